@@ -17,8 +17,9 @@ import statistics
 import subprocess
 import sys
 import tempfile
-from collections.abc import Sequence
-from contextlib import ExitStack
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,16 +27,24 @@ from benchmarks.command_rate import running
 from benchmarks.measure import extent, print_table
 from benchmarks.run_page import CUT_MM, FRAMES, moments_of_a_cut
 from benchmarks.stop_latency_line import CHARACTER_BITS, Card, Stopped, UiContext, bench, card_of
+from console.session.feed.place import connected, feeds
+from console.session.feed.request import MOST_HZ, request_line
 
 STOPS = extent(300, 2)
 AIM_S = 0.020
+STALL_S = 6.0  # longer than a feed waits for a reader
 SLOW_BAUD, FAST_BAUD = 9600, 115_200
 BASELINE = "one os.write (baseline)"
+STALLED_READERS = 10
+FEED, STALLED = "serial, polls, display, feed", f"serial, polls, display, feed, {STALLED_READERS} stalled readers"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Situation:
-    """What the link is, what its thread does, what the screen does. `rate` is how fast the far end takes bytes."""
+    """What the link is, what its thread does, what the screen does. `paced`: bytes go at the `baud`.
+
+    `readers` of the state feed do not read what they get; None where there is no feed.
+    """
 
     link: str = "serial"
     work: str = "looks"
@@ -43,6 +52,7 @@ class Situation:
     baud: int = FAST_BAUD
     paced: bool = False
     recorded: bool = False
+    readers: int | None = None
 
     @property
     def byte_s(self) -> float:
@@ -57,6 +67,8 @@ SITUATIONS = {
     "serial, gathered data": Situation(work="gather"),
     "serial, polls, display": Situation(screen="console"),
     "serial, polls, display, recorder": Situation(screen="console", recorded=True),
+    FEED: Situation(screen="console", readers=0),
+    STALLED: Situation(screen="console", readers=STALLED_READERS),
     "serial, gathered data, display": Situation(work="gather", screen="console"),
     "serial, gathered data, terminal stalled": Situation(work="gather", screen="stalled"),
     "TCP, gathered data, display": Situation(link="tcp", work="gather", screen="console"),
@@ -85,8 +97,9 @@ def measured(situation: Situation, card: Card, moments: Path, stops: int) -> lis
         at = bench(stack, situation.link, situation.baud, situation.byte_s, card)
         command = [sys.executable, "-m", "benchmarks.stop_latency_host", at.address, situation.work]
         command += [str(at.pipe), *([] if situation.screen == "none" else [str(moments)])]
-        if situation.recorded:
-            command.append(stack.enter_context(tempfile.TemporaryDirectory()))
+        data = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        if situation.recorded or situation.readers is not None:
+            command += [str(data), "recorder" if situation.recorded else "feed"]
         process = subprocess.Popen(
             command,
             stdin=at.terminal,
@@ -100,7 +113,28 @@ def measured(situation: Situation, card: Card, moments: Path, stops: int) -> lis
         ui: UiContext = at.ui
         ui.wait_until_ready()
         ui.stalled = situation.screen == "stalled"
+        stack.enter_context(stalling(data, situation.readers or 0))
         return ui.stops(stops)
+
+
+@contextmanager
+def stalling(data: Path, count: int) -> Iterator[None]:
+    """Have so many readers that ask for all a state feed gives, read nothing, and come again when dropped."""
+    over = threading.Event()
+
+    def stall() -> None:
+        while not over.is_set():
+            with suppress(OSError), connected(feeds(data)[0], STALL_S) as link:
+                link.sendall(request_line(MOST_HZ))
+                over.wait(STALL_S)
+
+    threads = [threading.Thread(target=stall, daemon=True) for _ in range(count)]
+    for thread in threads:
+        thread.start()
+    yield
+    over.set()
+    for thread in threads:
+        thread.join()
 
 
 def row(name: str, found: Sequence[Stopped], baseline_s: float) -> tuple[str, ...]:
@@ -117,6 +151,24 @@ def row(name: str, found: Sequence[Stopped], baseline_s: float) -> tuple[str, ..
     )
 
 
+def _ratios(found: Sequence[Stopped], beside: Sequence[Stopped]) -> str:
+    """Return how many times as long a stop takes, from its call and from its key."""
+    called, pressed = (
+        [sorted(stop.wire_s - since(stop) for stop in each) for each in (found, beside)]
+        for since in (_call, _press)
+    )
+    parts = (("median", called, 0.5), ("99 %", called, 0.99), ("from the key, median", pressed, 0.5))
+    return ", ".join(f"{name} x {_share(a, share) / _share(b, share):.2f}" for name, (a, b), share in parts)
+
+
+def _call(stop: Stopped) -> float:
+    return stop.called_s
+
+
+def _press(stop: Stopped) -> float:
+    return stop.pressed_s
+
+
 def _share(ordered: Sequence[float], share: float) -> float:
     return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
 
@@ -130,15 +182,18 @@ def main() -> None:
         file.flush()
         listeners = ("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0")
         card = card_of(stack.enter_context(running("-m", "console", "simulator", "--json", *listeners)))
-        before_all = like_hardware()
+        before_all, all_found = like_hardware(), {}
         for name, situation in list(SITUATIONS.items())[:: extent(1, 5)]:
             found = measured(situation, card, Path(file.name), stops)
             baseline_s = baseline_s or statistics.median(stop.wire_s - stop.called_s for stop in found)
             rows.append(row(name, found, baseline_s))
+            all_found[name] = found
     aim = f"the aim is {1e3 * AIM_S:.0f} ms at 99 %"
     title = f"From the call of a stop to its byte on the wire, ms, {stops} stops in each situation; {aim}"
     head = ("", "median", "90 %", "99 %", "max", "x baseline", "from the key, 99 %", "bytes in front")
     print_table(title, head, rows)
+    if FEED in all_found and STALLED in all_found:
+        print(f"{STALLED_READERS} stalled readers beside none: {_ratios(all_found[STALLED], all_found[FEED])}")
     if not before_all:
         print("The far end had no real-time priority: what it saw late is in these times, too.")
 

@@ -1,9 +1,10 @@
 """The console's side of `benchmarks.stop_latency`: a link under load, and a key that stops the machine.
 
-python -m benchmarks.stop_latency_host ADDRESS (bare|nothing|looks|gather) PIPE [FILE]: opens the link and works
-on it in a thread of its own. A byte from the terminal is a stop: with FILE, which holds the moments of a cut,
-pickled, through the console itself, which shows one of them at each tick; else through a thread that only reads.
-To PIPE goes a time when all is ready, and for each stop the time of its call: of CLOCK_MONOTONIC, in s, a double.
+python -m benchmarks.stop_latency_host ADDRESS (bare|nothing|looks|gather) PIPE [FILE [DATA (recorder|feed)]]:
+opens the link and works on it in a thread of its own. A byte from the terminal is a stop: with FILE, which holds
+the moments of a cut, pickled, through the console itself, which shows one of them at each tick, and with what
+runs beside it in the folder DATA; else through a thread that only reads. To PIPE goes a time when all is ready,
+and for each stop the time of its call: of CLOCK_MONOTONIC, in s, a double.
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from functools import partial
 from itertools import count
 from pathlib import Path
 
+from console.session.feed.observed import Observed
+from console.session.feed.server import FeedServer
 from console.session.flight.notes import Inbox
 from console.session.flight.recorded_control import RecordedControl
 from console.session.flight.recorded_forms import Moment, work_of
@@ -190,6 +194,17 @@ def recording(data: Path, inbox: Inbox) -> Callable[[Control], Control]:
     return record
 
 
+def publishing(data: Path) -> Callable[[Control], Control]:
+    """Return what publishes the state of a control on its feed."""
+
+    def publish(control: Control) -> Control:
+        machine = load_machine(MACHINE).machine
+        FeedServer(data, lambda: Observed(state=control.state, machine=machine, now_s=control.now_s())).launch()
+        return control
+
+    return publish
+
+
 def main() -> None:
     """Work until the process is ended."""
     where, load_of_link, pipe, *files = sys.argv[1:]
@@ -204,12 +219,13 @@ def main() -> None:
         stop = bare_stop(address.device, told)
     else:
         link = open_link(address)
-        if files[1:]:
+        if files[2:] == ["recorder"]:
             link = TappedLink(link, inbox.put)
         stop = real_stop(link, told)
         for_ever(work_on(link, load_of_link))
     if files:
-        record = recording(Path(files[1]), inbox) if files[1:] else None
+        beside = publishing if files[2:] == ["feed"] else partial(recording, inbox=inbox)
+        record = beside(Path(files[1])) if files[1:] else None
         show(pickle.loads(Path(files[0]).read_bytes()), stop, told, record)
         return
     told(time.monotonic())

@@ -27,6 +27,8 @@ COMMANDS = {
     "simulator": "console.cli.machine.simulator",
     "fault": "console.cli.machine.fault",
     "instruct": "console.cli.machine.instruct",
+    "watch": "console.cli.feed.watch",
+    "metrics": "console.cli.feed.metrics",
     "roundness": "console.cli.measured.roundness",
     "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",

@@ -101,7 +101,8 @@ class BoundedServer:
         try:
             if self._clients <= self._most_clients:
                 writer.transport.set_write_buffer_limits(high=self._unread_bytes)
-                with suppress(*GONE):
+                # Cancelled where the server ends; asyncio would write a traceback of that to the terminal.
+                with suppress(*GONE, asyncio.CancelledError):
                     await self._converse(reader, writer)
         finally:
             self._clients -= 1

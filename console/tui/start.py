@@ -28,6 +28,7 @@ from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
+from console.tui.application.published import ScreenFeed
 from console.tui.application.with_instructor import instructed
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
@@ -87,14 +88,15 @@ def main(options: Namespace, text: Catalogue) -> int:
         lambda: _open(machine, place, data, tracing, begins, trained),
         clock=trained,
     )
-    app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration))
+    feed = ScreenFeed(link, machine, data)
+    app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration), feed)
     app.ui.attempt = attempt
     app.ui.work = None if taken is None else taken.work
     with instructed(options.instructor, app, link, data):
-        return _run(link, app, control, tracing)
+        return _run(link, app, control, tracing, feed)
 
 
-def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: Tracing) -> int:
+def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: Tracing, feed: ScreenFeed) -> int:
     """Run the screens to their end, and leave the machine; return the exit code."""
     ending = _Ending(link, app)
     ending.install()
@@ -109,7 +111,7 @@ def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: T
         _leave(link, ending, text)
         if control.recorder is not None:
             control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
-        for problem in tracing.problems:
+        for problem in (*tracing.problems, *feed.close()):
             _say(text.problem(problem))
     if app.fault is not None:
         raise app.fault
@@ -174,6 +176,7 @@ def _recorded(
     machine: LoadedMachine,
     data: Path,
     looks: tuple[Catalogue, Appearance, Configuration],
+    feed: ScreenFeed,
 ) -> tuple[ConsoleApp, RecordedControl]:
     """Return the screens on the link, and their control, which has a recorder after the first paint."""
     control = RecordedControl(link, inbox)
@@ -183,6 +186,7 @@ def _recorded(
         link.open()
         control.recorder = _recorder(control, app, machine, data, inbox)
         control.recorder.start()
+        feed.launch(app.ui, lambda: control.state)
         if app.ui.attempt is not None:
             app.go(PageName.TRAIN)
 

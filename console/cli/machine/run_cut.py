@@ -26,6 +26,8 @@ from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError
+from console.session.feed.followed_run import FollowedRun, Run
+from console.session.feed.server import FeedServer
 from console.session.learning.learning import LearnResult, learn
 from console.session.operator import operator_name
 from console.session.signals import Interruption
@@ -33,6 +35,7 @@ from console.session.stages import Stage
 from console.session.station.actions import stopped_by
 from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
+from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
@@ -71,15 +74,20 @@ def cut_requested(
         timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
     tell_cut_with(options, request, text)
-    recorder = LogRecorder(record.log, partial(_keep_part, record, request))
-    tell = _teller(options, text, interruption, record, simulated=request.simulated)
+    recorder = FollowedRun(
+        _followed(request, record), LogRecorder(record.log, partial(_keep_part, record, request))
+    )
+    feed = FeedServer(data, recorder.observed)
+    feed.launch()
+    tell = _followed_by(recorder, _teller(options, text, interruption, record, simulated=request.simulated))
     try:
         result = _recorded(
             record, warnings, request, lambda: _cut(request, data, interruption, tracing, recorder, tell, text)
         )
     finally:
-        missing = record.log.problem
-        warnings += tell_problems((*tracing.problems, *(() if missing is None else (missing,))), text)
+        feed.close()
+        missing = () if record.log.problem is None else (record.log.problem,)
+        warnings += tell_problems((*tracing.problems, *missing, *feed.problems), text)
     if isinstance(result, LearnResult):
         warnings += tell_problems(result.warnings, text)
     show(
@@ -89,6 +97,26 @@ def cut_requested(
     )
     if isinstance(result, RunResult):
         _save_part(request, result)
+
+
+def _followed(request: RunRequest, record: RunRecord) -> Run:
+    return Run(
+        job=request.job.job.name,
+        machine=request.machine.machine,
+        run_id=record.run_id,
+        simulated=request.simulated,
+        air=request.plan.stage is Stage.AIR,
+    )
+
+
+def _followed_by(recorder: FollowedRun, tell: TellPart) -> TellPart:
+    """Return the same callback, of whose steps the state feed learns first."""
+
+    def followed(part: str, step: Step, detail: str) -> None:
+        recorder.told(step)
+        tell(part, step, detail)
+
+    return followed
 
 
 def _teller(
@@ -233,7 +261,7 @@ def _cut(
     data: Path,
     interruption: Interruption,
     tracing: Tracing,
-    recorder: Recorder,
+    recorder: FollowedRun,
     tell: TellPart,
     text: Catalogue,
 ) -> RunResult | LearnResult:
@@ -253,7 +281,13 @@ def _cut(
             return run(request.plan, open_machine, tell)
         return learn(request.plan, open_machine, tell, request.parts)
     stopping = Stopping(interruption, text)
-    reached = reach(request.machine, request.address, data, tracing, stopping.seen)
+
+    def seen(snapshot: Snapshot) -> None:
+        stopping.seen(snapshot)
+        recorder.seen(snapshot)
+
+    reached = reach(request.machine, request.address, data, tracing, seen)
+    recorder.stop = reached.stop
     try:
         guard(interruption, reached.lathe, reached.clock.now_s)
         with stopping.watching(reached.stop):

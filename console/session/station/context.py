@@ -88,7 +88,7 @@ class StationContext:
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
     trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor, for which it
-    is in `training`. `side` sends what worker
+    is in `training`. `parts` counts the cuts of this session that were made to their end. `side` sends what worker
     threads ask, between two polls. `begins` is how a simulated lathe is taken over, None at power-up.
     """
 
@@ -117,6 +117,7 @@ class StationContext:
     begins: Begins | None = None
     orders: deque[Instruct] = field(default_factory=deque)
     training: Training | None = None
+    parts: int = 0
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -262,7 +262,9 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
         context.note("held_at", z_mm=list(ended.holds_mm))
     # An air cut has not touched the part: it is as good a blank as before.
     ended = replace(ended, figures=end.figures, changed=watched.adjusting.changed)
-    context.tell(cut=ended, cut_done=not end.held and not ended.in_air)
+    done = not end.held and not ended.in_air
+    context.parts += done
+    context.tell(cut=ended, cut_done=done)
     made = {} if context.started is None else context.started.made.event()
     if end.figures is not None:
         made |= tool_lobe_event(end.figures.tool_lobe_um)

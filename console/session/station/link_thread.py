@@ -77,6 +77,16 @@ class LinkThread:
         """Where worker threads ask the controller; None before the machine is opened."""
         return None if (opened := self._opened) is None else opened.station.side
 
+    @property
+    def run_id(self) -> str | None:
+        """The record of the current run, None where there is none."""
+        return None if (opened := self._opened) is None else opened.station.run_id
+
+    @property
+    def parts(self) -> int:
+        """The number of parts that this session has cut to their end."""
+        return 0 if (opened := self._opened) is None else opened.station.parts
+
     def now_s(self) -> float:
         """Return machine time."""
         return time.monotonic() if self._clock is None else self._clock.now_s()

@@ -118,6 +118,17 @@ class Station:
         """Where worker threads ask the controller, between two polls."""
         return self._context.side
 
+    @property
+    def run_id(self) -> str | None:
+        """The record of the current run, None where there is none."""
+        record = self._context.record
+        return None if record is None else record.run_id
+
+    @property
+    def parts(self) -> int:
+        """The number of parts that were cut to their end."""
+        return self._context.parts
+
     def _moment(self, snapshot: Snapshot) -> Moment:
         """Return what requests beside the polls are judged by; with a command waiting, as in motion."""
         state, stopped = self._context.state, self._context.lathe.stop.reason is not None

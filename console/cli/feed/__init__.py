@@ -1,0 +1,1 @@
+"""The commands that read the state feed of running consoles."""

@@ -1,0 +1,135 @@
+"""`console watch`: the state of running consoles, line after line."""
+
+from __future__ import annotations
+
+import json
+import select
+import sys
+from argparse import Namespace
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from console.cli.arguments import number, within
+from console.cli.library import data_of
+from console.cli.parser import Parser
+from console.session.feed.request import LEAST_HZ, MOST_HZ
+from console.text.catalogue import Catalogue
+
+if TYPE_CHECKING:
+    from console.session.feed.client import Reader
+
+SILENT_S = 5.0  # a console sends a line a second at the least
+
+_Alarms = list[dict[str, Any]]
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the machine, the rate, and whether only to list."""
+    parser.add_argument("--machine", metavar="NAME", dest="watched", help=text("help.watch_machine"))
+    rate = within(number, LEAST_HZ, MOST_HZ, "usage.watch_rate", f"{LEAST_HZ:g} - {MOST_HZ:g}")
+    parser.add_argument("--rate", metavar="HZ", type=rate, default=LEAST_HZ, help=text("help.watch_rate"))
+    parser.add_argument("--list", action="store_true", dest="listing", help=text("help.watch_list"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Follow every console of the data folder, or of one machine, until all have ended or the user ends it."""
+    from console.session.feed.client import readers
+
+    following = readers(data_of(options), options.rate, options.watched)
+    try:
+        _follow(following, options, text)
+    except KeyboardInterrupt:  # the usual way to leave
+        pass
+    finally:
+        for reader in following:
+            reader.close()
+    return 0
+
+
+def _follow(following: list[Reader], options: Namespace, text: Catalogue) -> None:
+    alarms: dict[int, _Alarms] = {}
+    for reader in following:
+        for state in reader.waiting:
+            _show(state, alarms, options, text)
+    if options.listing:
+        return
+    open_ones = list(following)
+    while open_ones:
+        ready, _, _ = select.select(open_ones, [], [], SILENT_S)
+        if not ready:
+            print(f"console: {text('watch.silent', seconds=f'{SILENT_S:g}')}", file=sys.stderr)
+        for reader in ready:
+            try:
+                for state in reader.take():
+                    _show(state, alarms, options, text)
+            except ConnectionError:
+                open_ones.remove(reader)
+                _show_end(reader.last, options, text)
+
+
+def _show(state: dict[str, Any], alarms: dict[int, _Alarms], options: Namespace, text: Catalogue) -> None:
+    """Print a state: as it is, or a line, and one for each alarm that is new or has changed."""
+    if options.json:
+        print(json.dumps(state))
+        return
+    before = alarms.get(state["process"], [])
+    alarms[state["process"]] = state["alarms"]
+    lines = [state_line(state, text)]
+    lines += [_alarm_line(state, alarm, text) for alarm in state["alarms"] if alarm not in before]
+    print("\n".join(lines))
+
+
+def _show_end(state: dict[str, Any], options: Namespace, text: Catalogue) -> None:
+    named = {"schema": state["schema"], "machine": state["machine"], "process": state["process"]}
+    if options.json:
+        print(json.dumps({**named, "ended": True}))
+    else:
+        print(f"{_head(state, datetime.now(), text)}  {text('watch.ended')}")
+
+
+def state_line(state: dict[str, Any], text: Catalogue) -> str:
+    """Return a state on one line."""
+    said = [_head(state, datetime.fromisoformat(state["at_utc"]).astimezone(), text)]
+    said.append(text(f"activity.{state['activity']}"))
+    if state["stale"]:
+        said.append(text("watch.stale"))
+    said += [f"{name} {value}" for name, value in _positions(state, text)]
+    cut = state["cut"]
+    if cut is not None:
+        said.append(_cut_shown(cut, state["tool_error_um"], text))
+    said.append(text("watch.parts", parts=state["parts"]))
+    if state["job"] is not None:
+        said.append(state["job"])
+    by = state["controlled_by"]
+    said.append(text("watch.nobody") if by is None else text("watch.by", name=by["name"] or by["number"] or "?"))
+    if state["alarms"]:
+        said.append(text("watch.alarms", count=len(state["alarms"])))
+    return "  ".join(said)
+
+
+def _cut_shown(cut: dict[str, Any], error_um: float | None, text: Catalogue) -> str:
+    turns, error = f"{cut['turn']:.1f}/{cut['turns']:.1f}", "–" if error_um is None else f"{error_um:.1f}"
+    return text("watch.cut", turns=turns, left=f"{cut['left_s']:.0f}", error=error)
+
+
+def _head(state: dict[str, Any], at: datetime, text: Catalogue) -> str:
+    sim = f"{text('sim')}  " if state["simulated"] else ""
+    return f"{at:%H:%M:%S}  {sim}{state['machine']}@{state['process']}"
+
+
+def _positions(state: dict[str, Any], text: Catalogue) -> list[tuple[str, str]]:
+    axes, rpm = state["axes"], state["spindle_rpm"]
+    found = [
+        ("R", axes["tool_radius_mm"], "mm", 3),
+        ("Z", axes["carriage_mm"], "mm", 3),
+        ("C", axes["spindle_deg"], "°", 1),
+        ("S", rpm, "rpm", 0),
+    ]
+    return [(name, "–" if value is None else f"{value:z.{digits}f} {unit}") for name, value, unit, digits in found]
+
+
+def _alarm_line(state: dict[str, Any], alarm: dict[str, Any], text: Catalogue) -> str:
+    at = datetime.fromisoformat(state["at_utc"]).astimezone()
+    priority, word = text(f"alarms_page.priority.{alarm['priority']}"), text(f"watch.alarm.{alarm['state']}")
+    number = "" if alarm["number"] is None else f"{alarm['number']}  "
+    return f"{_head(state, at, text)}  {number}{priority}  {word}  {alarm['text']}"

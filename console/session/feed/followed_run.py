@@ -1,0 +1,145 @@
+"""What a feed observes of `console run`: who cuts leaves references, the thread of the feed does the rest."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from statistics import linear_regression
+
+from console.session.cut.engine import Step
+from console.session.cut.recording import PartName, Recorder
+from console.session.feed.observed import RUN, Observed, ShownCut
+from console.session.station.state import Activity, StationState, StopState
+from drivers.cutting.planning import CutPlan
+from drivers.cutting.sampling import Batch
+from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.standing import Standing
+from drivers.lathe.stop import StopPath
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.traces import Trace
+
+POLLS = 40  # about a second of polls, over which the speed is averaged
+
+_ACTIVITIES = {
+    Step.LOAD: Activity.WRITING,
+    Step.CHECK: Activity.VERIFYING,
+    Step.ALIGN: Activity.HOMING,
+    Step.ARM: Activity.ARMING,
+    Step.CUT: Activity.CUTTING,
+    Step.RETRACT: Activity.RETRACTING,
+    Step.MEASURE: Activity.MEASURING,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """What is cut: a job on a machine, recorded as `run_id`. In `air` nothing is cut."""
+
+    job: str
+    machine: MachineProfile
+    run_id: str
+    simulated: bool
+    air: bool = False
+
+
+class FollowedRun:
+    """A recorder that passes everything on to another one; `stop` is that of a machine behind a link.
+
+    Everything that the cutting thread calls returns at once.
+    """
+
+    def __init__(self, run: Run, recorder: Recorder) -> None:
+        self.stop: StopPath | None = None
+        self._run, self._recorder = run, recorder
+        self._state = StationState(machine=run.machine.name, simulated=run.simulated, standing=Standing.OBSERVER)
+        self._polls: deque[Snapshot] = deque(maxlen=POLLS)
+        self._cut: tuple[CutPlan, Job, MachineProfile] | None = None
+        self._parts = 0
+
+    def told(self, step: Step) -> None:
+        """Take a step of a part, which begins; the program of a cut that is retracted has made its part."""
+        self._parts += step is Step.RETRACT and not self._run.air
+        self._state = replace(self._state, activity=_ACTIVITIES[step], standing=Standing.OWNER)
+
+    def seen(self, snapshot: Snapshot) -> None:
+        """Take a status poll."""
+        if not self._polls or self._polls[-1] is not snapshot:
+            self._polls.append(snapshot)
+
+    def part(self, name: PartName) -> None:
+        """Pass on the name of the cuts that follow."""
+        self._recorder.part(name)
+
+    def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
+        """Begin a cut."""
+        self._cut = plan, job, machine
+        self._recorder.begin(plan, job, machine)
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Take a status poll of the program."""
+        self.seen(snapshot)
+        self._recorder.see(snapshot)
+
+    def end(self) -> None:
+        """End the cut."""
+        self._cut = None
+        self._recorder.end()
+
+    def gathered(self, batch: Batch) -> None:
+        """Pass on a window that the controller has sampled."""
+        self._recorder.gathered(batch)
+
+    def measured(self, job: Job, trace: Trace) -> None:
+        """Pass on the measured part."""
+        self._recorder.measured(job, trace)
+
+    def observed(self, now_s: Callable[[], float] = time.monotonic) -> Observed:
+        """Return this moment, in the thread of the feed. Simulated time that is not real has no age."""
+        polls, state, cut, run = list(self._polls), self._state, self._cut, self._run
+        newest = polls[-1] if polls else None
+        at_s = newest.at_s if newest is not None and self.stop is None else now_s()
+        stop = self.stop
+        if stop is not None and stop.reason is not None:
+            stopped = StopState(reason=stop.reason, killed=stop.killed, sent_s=at_s)
+            activity = Activity.STOPPED if stop.proven else Activity.STOPPING
+            state = replace(state, stop=stopped, activity=activity)
+        return Observed(
+            state=replace(state, snapshot=newest, spindle_rpm=_rpm(polls, run.machine), at_s=at_s),
+            machine=run.machine,
+            now_s=at_s,
+            program=RUN,
+            job=run.job,
+            run_id=run.run_id,
+            parts=self._parts,
+            cut=None if cut is None or newest is None else _shown(newest, *cut),
+        )
+
+
+def _rpm(polls: list[Snapshot], machine: MachineProfile) -> float | None:
+    """Return the speed over these polls; None for too few, or where a controller was homed between them."""
+    homed = polls[-1].spindle.flags & {"home_complete"} if polls else frozenset()
+    same = [poll for poll in polls if poll.spindle.flags & {"home_complete"} == homed]
+    if len(same) < 2 or same[-1].at_s == same[0].at_s:
+        return None
+    turns = [poll.spindle.position / machine.spindle.counts_per_rev for poll in same]
+    return 60.0 * linear_regression([poll.at_s for poll in same], turns).slope
+
+
+def _shown(snapshot: Snapshot, plan: CutPlan, job: Job, machine: MachineProfile) -> ShownCut:
+    """Return how far a program is, by the place of the carriage; the error of the tool against its target path."""
+    end = plan.carriage_start + plan.setup.carriage_counts
+    left_mm = (end - snapshot.carriage.position) / machine.carriage.counts_per_mm
+    z_mm = min(max(job.cut_length_mm - left_mm, 0.0), job.cut_length_mm)
+    angle_deg = 360.0 * snapshot.spindle.position / machine.spindle.counts_per_rev
+    infeed_um = (snapshot.tool.position - plan.setup.surface) * machine.tool.count_um
+    per_s = job.feed_mm_per_rev * plan.spindle_speed_rpm / 60.0
+    return ShownCut(
+        stage="cut" if 0.0 < z_mm < job.cut_length_mm else "run_up" if z_mm == 0.0 else "retract",
+        turn=z_mm / job.feed_mm_per_rev,
+        turns=job.cut_length_mm / job.feed_mm_per_rev,
+        left_s=(job.cut_length_mm - z_mm) / per_s if per_s else 0.0,
+        tool_error_um=infeed_um - float(plan.target.at_um(angle_deg)),
+    )

@@ -1,0 +1,106 @@
+"""What `console metrics` serves keeps to the exposition format of Prometheus, whatever the names of jobs are."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.session.feed.metrics import exposition
+from console.session.feed.observed import Observed
+from console.session.feed.report import report
+from console.session.station.state import Activity, StationState
+from profiles.store import load_machine
+from tests.tui import scenes
+
+MACHINE = load_machine("lee-2001-lathe").machine
+CUTTING = replace(scenes.machine(Activity.CUTTING), cut=scenes.cut(), spindle_rpm=1000.314)
+
+# https://prometheus.io/docs/instrumenting/exposition_formats/: the text format, version 0.0.4.
+NAME, LABEL = r"[a-zA-Z_:][a-zA-Z0-9_:]*", r"[a-zA-Z_][a-zA-Z0-9_]*"
+QUOTED = r'"((?:[^"\\\n]|\\["\\n])*)"'
+SAMPLE = re.compile(rf"({NAME})(?:\{{((?:{LABEL}={QUOTED},?)*)\}})? (\S+)")
+PAIR = re.compile(rf"({LABEL})={QUOTED}")
+UNESCAPED = {r"\\": "\\", r"\"": '"', r"\n": "\n"}
+Series = tuple[str, frozenset[tuple[str, str]]]
+
+
+def parsed(text: str) -> dict[Series, float]:
+    """The series of a text, which must keep every rule of the format."""
+    assert text.endswith("\n")
+    found: dict[Series, float] = {}
+    helped: set[str] = set()
+    typed: dict[str, str] = {}
+    for line in text.split("\n")[:-1]:
+        if line.startswith("# HELP "):
+            name = line.split(" ", 3)[2]
+            assert name not in helped  # only one for a name
+            helped.add(name)
+        elif line.startswith("# TYPE "):
+            _, _, name, kind = line.split(" ")
+            assert name not in typed and kind in ("gauge", "counter")
+            assert (kind == "counter") == name.endswith("_total")
+            typed[name] = kind
+        else:
+            match = SAMPLE.fullmatch(line)
+            assert match is not None, line
+            assert (
+                match[1] == list(typed)[-1] and match[1] in helped
+            )  # all lines of a name in one group, TYPE first
+            pairs = [
+                (key, re.sub(r"\\.", lambda m: UNESCAPED[m[0]], value))
+                for key, value in PAIR.findall(match[2] or "")
+            ]
+            assert len(dict(pairs)) == len(pairs)
+            series = match[1], frozenset(pairs)
+            assert series not in found  # each series once
+            found[series] = float(match[4])
+    return found
+
+
+def state(of: StationState, process: int = 7, **more: Any) -> dict[str, Any]:
+    observed = Observed(state=of, machine=MACHINE, now_s=of.at_s, **more)
+    return report(observed, process=process, operator="kim", at_utc="2026-01-01T00:00:00Z")
+
+
+def of_console(process: str, **more: str) -> frozenset[tuple[str, str]]:
+    return frozenset({"machine": MACHINE.name, "process": process, **more}.items())
+
+
+def test_a_cut_and_its_alarms_are_counted() -> None:
+    alarms, _ = scenes.alarmed()
+    found = parsed(
+        exposition([state(replace(CUTTING, alarms=alarms), parts=3), state(StationState(machine=MACHINE.name), 8)])
+    )
+    assert found["trilobe_consoles", frozenset()] == 2.0
+    assert found["trilobe_spindle_rpm", of_console("7")] == 1000.314
+    assert ("trilobe_spindle_rpm", of_console("8")) not in found  # not known: no series, and no zero
+    assert found["trilobe_cut_turn", of_console("7")] == 83.2
+    assert (found["trilobe_parts_total", of_console("7")], found["trilobe_parts_total", of_console("8")]) == (
+        3.0,
+        0.0,
+    )
+    counted = {labels: value for (name, labels), value in found.items() if name == "trilobe_alarms"}
+    assert sum(value for labels, value in counted.items() if ("process", "7") in labels) == len(alarms)
+    assert sum(value for labels, value in counted.items() if ("process", "8") in labels) == 0.0
+    assert counted[of_console("7", priority="high", state="new")] >= 1.0
+
+
+def test_without_a_console_there_is_their_number() -> None:
+    assert parsed(exposition([])) == {("trilobe_consoles", frozenset()): 0.0}
+
+
+@given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20))
+def test_any_name_of_a_job_comes_through(job: str) -> None:
+    found = parsed(exposition([state(CUTTING, job=job)]))
+    (labels,) = (dict(labels) for name, labels in found if name == "trilobe_state_info")
+    assert (labels["job"], labels["activity"]) == (job, "cutting")
+
+
+@pytest.mark.parametrize("job", ['a"b', "a\\nb", "a\nb", "가공"])
+def test_quotes_and_lines_in_a_name_are_escaped(job: str) -> None:
+    test_any_name_of_a_job_comes_through.hypothesis.inner_test(job)  # type: ignore[attr-defined]

@@ -1,0 +1,55 @@
+"""What `console run` publishes while it cuts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from console.session.cut.in_process import simulated_context
+from console.session.cut.recording import Unrecorded
+from console.session.cut.run import plan_run, run_once
+from console.session.feed.followed_run import FollowedRun, Run
+from console.session.feed.observed import Observed
+from console.session.station.state import Activity
+from drivers.cutting.strategy import Strategy
+from drivers.lathe.snapshot import Snapshot
+from tests.compact import compact_machine
+from tests.console.floor import experiment_1
+
+
+class Watched(Unrecorded):
+    """Looks at the feed at some polls of the program, as its thread would."""
+
+    def __init__(self) -> None:
+        self.followed: FollowedRun | None = None
+        self.moments: list[Observed] = []
+        self.polls = 0
+
+    def see(self, snapshot: Snapshot) -> None:
+        self.polls += 1
+        if self.followed is not None and self.polls % 5 == 0:
+            self.moments.append(self.followed.observed())
+
+
+def test_a_cut_is_followed_to_its_part() -> None:
+    machine, job = compact_machine().machine, experiment_1()
+    watched = Watched()
+    followed = FollowedRun(Run(job=job.name, machine=machine, run_id="r1", simulated=True), watched)
+    watched.followed = followed
+    assert followed.observed().state.activity is Activity.CONNECTING
+    context, _ = simulated_context(machine)
+    plan = plan_run(job, machine, Strategy.PVT, simulated=True)
+    run_once(plan, replace(context, recorder=followed), lambda part, step, detail: followed.told(step))
+    cuts = [moment.cut for moment in watched.moments if moment.cut is not None]
+    # 1.5 mm at 0.05 mm a turn, by the job: 30 turns, 1.8 s at 1000 rpm.
+    assert {cut.turns for cut in cuts} == {30.0}
+    turns = [cut.turn for cut in cuts]
+    assert turns == sorted(turns) and turns[0] == 0.0 and turns[-1] > 29.0
+    inside = [cut for cut in cuts if 2.0 < cut.turn < 28.0]
+    assert inside and all(abs(cut.left_s - (30.0 - cut.turn) * 0.06) < 0.1 for cut in inside)
+    assert all(abs(cut.tool_error_um) < 5.0 for cut in inside)
+    speeds = [moment.state.spindle_rpm for moment in watched.moments if moment.cut in inside]
+    assert all(rpm is not None and abs(rpm - 1000.0) < 20.0 for rpm in speeds)
+    assert {moment.state.activity for moment in watched.moments} == {Activity.CUTTING}
+    assert {(moment.run_id, moment.job, moment.parts) for moment in watched.moments} == {("r1", job.name, 0)}
+    after = followed.observed()
+    assert (after.parts, after.cut, after.state.activity) == (1, None, Activity.MEASURING)

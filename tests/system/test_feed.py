@@ -1,0 +1,273 @@
+"""The socket of a feed: who may read it, who is dropped, and what is left when its console ends."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import socket
+import stat
+import time
+from collections.abc import Iterator
+from contextlib import ExitStack, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.errors import SessionError
+from console.session.feed.client import readers
+from console.session.feed.observed import Observed
+from console.session.feed.place import claimed, connected, feeds
+from console.session.feed.server import MOST_READERS, FeedServer
+from console.session.station.state import Activity, StationState
+from profiles.store import load_machine
+from tests.system.accounts import STRANGER, A, B, as_account, become, lathe_folder, needs_root
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(60)]
+
+MACHINE = load_machine("lee-2001-lathe").machine
+STATE = StationState(activity=Activity.READY, machine=MACHINE.name)
+TIMEOUT_S = 20.0
+
+
+class Console:
+    """Is observed by its feed; counts how often."""
+
+    def __init__(self) -> None:
+        self.looks = 0
+
+    def observed(self) -> Observed:
+        self.looks += 1
+        return Observed(state=STATE, machine=MACHINE, now_s=0.0, parts=self.looks)
+
+
+@pytest.fixture
+def console() -> Console:
+    return Console()
+
+
+@pytest.fixture
+def data(tmp_path: Path, console: Console) -> Iterator[Path]:
+    server = FeedServer(tmp_path, console.observed)
+    server.launch()
+    wait_for_feed(tmp_path)
+    yield tmp_path
+    server.close()
+    assert os.listdir(tmp_path / "feed") == []
+    assert server.problems == ()
+
+
+def wait_for_feed(data: Path) -> Path:
+    """Wait until one listens."""
+    until_s = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < until_s:
+        for path in feeds(data):
+            try:
+                with connected(path, TIMEOUT_S) as link:
+                    lines(link, 1)
+            except OSError:
+                continue
+            return path
+        time.sleep(0.01)
+    raise TimeoutError("no feed")
+
+
+def joined(data: Path, line: bytes = b"") -> socket.socket:
+    (path,) = feeds(data)
+    link = connected(path, TIMEOUT_S)
+    if line:
+        link.sendall(line)
+    return link
+
+
+def lines(link: socket.socket, count: int) -> list[dict[str, Any]]:
+    with link.makefile("rb") as stream:
+        return [json.loads(stream.readline()) for _ in range(count)]
+
+
+def is_dropped(link: socket.socket) -> bool:
+    """Whether the connection ends; what came before is thrown away."""
+    try:
+        while link.recv(65_536):
+            pass
+    except ConnectionError:
+        pass
+    return True
+
+
+@pytest.mark.parametrize(("asked", "hz"), [(b"", 1.0), (b"rate 10\n", 10.0), (b"rate 2.5\r\n", 2.5)])
+def test_lines_come_at_the_rate_that_was_asked_for(asked: bytes, hz: float, data: Path) -> None:
+    with joined(data, asked) as link:
+        lines(link, 1)
+        began_s = time.monotonic()
+        found = lines(link, 4 if hz > 1.0 else 2)
+        took_s = time.monotonic() - began_s
+    assert all((line["schema"], line["machine"]) == (1, MACHINE.name) for line in found)
+    assert took_s >= 0.8 * len(found) / hz  # never more often than asked; a busy computer may be later
+
+
+def test_a_rate_may_be_said_later(data: Path) -> None:
+    with joined(data) as link:
+        lines(link, 1)
+        link.sendall(b"rate 10\n")
+        began_s = time.monotonic()
+        lines(link, 6)
+        assert time.monotonic() - began_s < 4.0  # six at the least rate take longer than that
+
+
+@pytest.mark.parametrize("sent", [b"rate 100\n", b"\xff\xfe\n", b"stop\n", b"GET / HTTP/1.1\r\n"])
+def test_garbage_is_answered_and_dropped(sent: bytes, data: Path) -> None:
+    with joined(data, sent) as link:
+        (line,) = lines(link, 1)
+        assert line == {"schema": 1, "refused": "rate HZ, 1 to 10"}
+        assert is_dropped(link)
+
+
+def test_a_line_without_an_end_is_dropped(data: Path) -> None:
+    with joined(data) as link:
+        with pytest.raises(ConnectionError):
+            for _ in range(1000):
+                link.sendall(b"x" * 10_000)
+    with joined(data) as another:
+        assert lines(another, 1)
+
+
+def test_who_does_not_read_is_dropped_and_holds_up_nobody(data: Path) -> None:
+    stalled = [joined(data, b"rate 10\n") for _ in range(10)]
+    with joined(data, b"rate 10\n") as reader:
+        began_s = time.monotonic()
+        found = lines(reader, 90)
+        assert time.monotonic() - began_s < 14.0  # 9 s at the rate; the stalled ones wait 5 s each
+    assert len({line["parts"] for line in found}) == 90
+    assert all(is_dropped(link) for link in stalled)  # else this would read for ever
+    for link in stalled:
+        link.close()
+
+
+def test_who_comes_beyond_the_most_is_dropped_until_another_leaves(data: Path) -> None:
+    with ExitStack() as held:
+        for _ in range(MOST_READERS):
+            lines(held.enter_context(joined(data)), 1)
+        with joined(data) as further:
+            assert is_dropped(further)
+    until_s = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < until_s:
+        with suppress(ConnectionError), joined(data) as link:
+            if link.recv(1):
+                return
+    raise AssertionError("nobody is let in any more")
+
+
+def test_a_console_that_ends_drops_its_readers_without_a_word(
+    tmp_path: Path, console: Console, capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture
+) -> None:
+    server = FeedServer(tmp_path, console.observed)
+    server.launch()
+    wait_for_feed(tmp_path)
+    with joined(tmp_path) as plain, joined(tmp_path, b"rate 10\n") as asked, joined(tmp_path, b"rate") as half:
+        for link in (plain, asked, half):
+            assert lines(link, 1)
+        server.close()
+        assert all(is_dropped(link) for link in (plain, asked, half))
+    assert (caplog.records, capfd.readouterr().err) == ([], "")
+
+
+def test_without_readers_nothing_is_observed(data: Path, console: Console) -> None:
+    with joined(data, b"rate 10\n") as link:
+        lines(link, 2)
+    time.sleep(0.5)  # for the feed to notice; nothing is simulated here
+    before = console.looks
+    time.sleep(1.0)
+    assert console.looks == before
+
+
+def test_the_folder_may_have_any_path(tmp_path: Path, console: Console) -> None:
+    deep = tmp_path / ("d" * 100) / ("e" * 100)
+    server = FeedServer(deep, console.observed)
+    server.launch()
+    wait_for_feed(deep)
+    (reader,) = readers(deep, 10.0)
+    assert reader.last["machine"] == MACHINE.name
+    reader.close()
+    server.close()
+    assert os.listdir(deep / "feed") == []
+
+
+def test_a_folder_that_cannot_have_a_feed_is_a_problem_and_no_fault(tmp_path: Path, console: Console) -> None:
+    (tmp_path / "feed").write_text("in the way")
+    server = FeedServer(tmp_path, console.observed)
+    server.launch()
+    until_s = time.monotonic() + TIMEOUT_S
+    while not server.problems and time.monotonic() < until_s:
+        time.sleep(0.01)
+    server.close()
+    assert [problem.code for problem in server.problems] == ["feed.not_served"]
+
+
+def test_feeds_of_consoles_on_one_folder_stand_beside_each_other(data: Path) -> None:
+    with ExitStack() as opened:
+        claimed(data, opened).listen()
+        assert len(feeds(data)) == 2
+    assert len(feeds(data)) == 1
+
+
+def test_what_is_no_feed_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SessionError, match="no console publishes"):
+        readers(tmp_path, 1.0)
+    with ExitStack() as opened:
+        server = claimed(tmp_path, opened)
+        server.listen()
+        (path,) = feeds(tmp_path)
+        with connected(path, TIMEOUT_S):  # it answers this one, before it answers that of the reader
+            pass
+        with pytest.raises(SessionError, match="sent no state"):
+            readers(tmp_path, 1.0)
+
+
+def publishing_as(account: int, folder: Path) -> int:
+    """A process of another account that publishes until it is killed; return its number."""
+    if pid := os.fork():
+        return pid
+    try:
+        become(account, 0o077)
+        FeedServer(folder, Console().observed).launch()
+        signal.pause()
+    finally:
+        os._exit(1)
+
+
+@needs_root
+def test_the_feed_of_a_shared_folder_is_for_its_group() -> None:
+    def reads() -> None:
+        (reader,) = readers(folder, 10.0)
+        assert reader.last["machine"] == MACHINE.name
+
+    def is_kept_out() -> None:
+        with pytest.raises(PermissionError):
+            feeds(folder)
+
+    def takes_over() -> None:
+        (left,) = feeds(folder)
+        with ExitStack() as opened:
+            claimed(folder, opened)
+            assert left not in feeds(folder)
+
+    with lathe_folder() as folder:
+        pid = publishing_as(A, folder)
+        try:
+            path = wait_for_feed(folder)
+            assert stat.S_IMODE(path.stat().st_mode) == 0o660
+            assert stat.S_IMODE(path.parent.stat().st_mode) == 0o2770
+            as_account(B, reads)
+            as_account(STRANGER, is_kept_out)
+        finally:
+            os.kill(pid, signal.SIGKILL)
+            os.waitpid(pid, 0)
+        as_account(B, takes_over)  # what the killed one has left
+
+
+def test_the_feed_of_any_other_folder_is_its_owners(data: Path) -> None:
+    (path,) = feeds(data)
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert stat.S_IMODE(path.parent.stat().st_mode) == 0o700
