@@ -90,12 +90,12 @@ def two_parts(pupil: Pupil, _: int) -> None:
     pupil.inspects("inspect_page.next_cut_with")
 
 
-def one_part(downs: int, then: str) -> Play:
+def one_part(downs: int) -> Play:
     def play(pupil: Pupil, _: int) -> None:
         pupil.begins(downs)
         pupil.sets_up()
         pupil.cuts()
-        pupil.inspects(then)
+        pupil.inspects()
 
     return play
 
@@ -194,7 +194,7 @@ def calibrate_a_lobe(pupil: Pupil, _: int) -> None:
 
 
 def read_a_plot(pupil: Pupil, right: int) -> None:
-    one_part(0, "inspect_page.next_question")(pupil, right)
+    one_part(0)(pupil, right)
     pupil.answers(right)
 
 
@@ -242,7 +242,7 @@ PLAYS: Mapping[str, Play] = MappingProxyType(
         "stop-in-mid-cut": stop_in_mid_cut,
         "feed-hold": feed_hold,
         "two-parts": two_parts,
-        "thin-ring": one_part(3, "inspect_page.next_cut_with"),
+        "thin-ring": one_part(3),
         "paper-experiment-1": paper,
         "alarm-that-matters": alarm_that_matters,
         "drive-fails": drive_fails,
