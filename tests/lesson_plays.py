@@ -163,7 +163,7 @@ def lost_index(pupil: Pupil, _: int) -> None:
             pupil.resets()
         elif pupil.shows("align_page.next.jaw_enable"):
             return
-        elif not pupil.shows("activity.homing"):
+        elif not pupil.is_doing("activity.homing"):
             pupil.press("f4")
     pupil.sees("align_page.next.jaw_enable", 60.0)
 

@@ -246,10 +246,13 @@ class Pupil(Trainee):
         self.press("down", pace_s=0.5)
         self._waits_for_rest_briefly()
 
+    def is_doing(self, activity: str) -> bool:
+        """Whether the first row names an activity; an alarm may have the same words."""
+        return re.search(self._pattern(activity), self.terminal.row(0)) is not None
+
     def _waits_for_rest_briefly(self) -> None:
-        ready = re.compile(self._pattern("activity.ready"))
         time.sleep(0.25)
-        self.terminal.wait_for(lambda _: ready.search(self.terminal.row(0)) is not None, 20.0)
+        self.terminal.wait_for(lambda _: self.is_doing("activity.ready"), 20.0)
 
     def _hears(self) -> bool:
         time.sleep(0.3)
