@@ -19,7 +19,7 @@ MOST_QUESTIONS = 10
 
 
 def begun(options: Namespace, data: Path, text: Catalogue) -> Attempt:
-    """Return a try of a lesson that begins now, or goes on.
+    """Return a try of a lesson that begins now, or is continued.
 
     Raises ProfileError: the lesson is unknown, or cannot be read, or the try that was left.
     """

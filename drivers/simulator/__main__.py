@@ -44,7 +44,7 @@ def main() -> None:
 
 
 def _go_on(lathe: SimulatedLathe, channel: socket.socket) -> None:
-    """Serve a copy of the lathe, from its checkpoint on: its time stands still until it is told to go on."""
+    """Serve a copy of the lathe, from its checkpoint on: its time stands still until it is told to continue."""
     lathe.disconnect_all()
     asyncio.run(_serve(lathe, channel, Pace(0.0)))
 

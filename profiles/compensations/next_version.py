@@ -311,7 +311,7 @@ def _of_others(cut: CutWith, part: PartHarmonics, gains: Mapping[int, float]) ->
 
 
 def _grown(contractions: Mapping[int, Contraction], lobes: int) -> dict[int, Problem]:
-    """Return the harmonics beside the lobe that certainly grow, with what is told of each."""
+    """Return the harmonics beside the lobe that certainly grow, each with its problem."""
     return {
         n: Problem(
             code="learned.harmonic_frozen",

@@ -1,1 +1,1 @@
-"""The instructor at another terminal: orders to a simulated lathe, and a look at the trainee's screen and log."""
+"""The instructor at another terminal: commands to a simulated lathe, a view of the trainee's screen and log."""

@@ -1,4 +1,4 @@
-"""What the console knows of a lathe at a checkpoint. It is as true of the lathe that goes on from there."""
+"""What the console knows of a lathe at a checkpoint. It is as true of the lathe that continues from there."""
 
 from __future__ import annotations
 

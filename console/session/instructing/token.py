@@ -61,5 +61,5 @@ def forget_token(path: Path, token: str) -> None:
 
 
 def is_token(given: str, token: str) -> bool:
-    """Whether it is the token; how long that takes tells nothing about it."""
+    """Whether it is the token; how long that takes reveals nothing about it."""
     return hmac.compare_digest(given.encode("utf-8", "replace"), token.encode("ascii"))

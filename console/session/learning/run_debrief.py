@@ -35,10 +35,10 @@ TOLD = frozenset(
     {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
     | {"cut", "held", "ended_early", "measured", "part", "result"}
 )
-"""Kinds of events that a debrief tells."""
+"""Kinds of events that a debrief shows."""
 
 COMMANDS = frozenset({"EndCut", "HoldFeed", "ResumeFeed", "Adjust", "Retract", "Recover"})
-"""Commands that it tells: what was done about a cut."""
+"""Commands that it shows: what was done about a cut."""
 
 
 class Advice(StrEnum):
@@ -66,7 +66,7 @@ class Told:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDebrief:
-    """What a record tells of a run. `causes` are those of a `part` that is not round enough, the largest first.
+    """What a record states of a run. `causes` are those of a `part` that is not round enough, the largest first.
 
     `off_um` is how far the diameter is off, None where it is within its tolerance or not judged. `unknown` is what
     the record does not have.

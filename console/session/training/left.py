@@ -99,7 +99,7 @@ def _rests(steps: Sequence[str], at: int) -> bool:
 
 
 def continued(left: Left, lesson: Lesson, now_s: float) -> Attempt | None:
-    """Return the try that goes on now; None where nothing can be continued, or the lesson is another one now."""
+    """Return the try that continues now; None where nothing can be continued, or the lesson is another one now."""
     made = tuple(name for name, _ in left.reached)
     if made != lesson.steps[: len(made)]:
         return None

@@ -38,7 +38,7 @@ class Look:
 
 
 class TraceListing:
-    """Looks without end while it is asked; each look begins when the one before has ended."""
+    """Polls the folder while it is asked; each poll begins when the one before has ended."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
@@ -54,7 +54,7 @@ class TraceListing:
     def look(
         self, file: Path | None, typed: tuple[Path, ...], part: Callable[[], CutPart | None]
     ) -> Look | Problems | None:
-        """Return the newest look; problems where nothing can be read at all, None before the first one."""
+        """Return the newest poll; problems where nothing can be read at all, None before the first one."""
         before = self._last if isinstance(self._last, Look) else None
         question = (self._turn, file, typed)
         found = self._looks.answer(question, lambda: _looked(self._data, before, file, typed, part))
@@ -75,7 +75,7 @@ class TraceListing:
 def _looked(
     data: Path, before: Look | None, file: Path | None, typed: tuple[Path, ...], part: Callable[[], CutPart | None]
 ) -> Look:
-    """Look once; the folder is listed again only where something in it has come or gone."""
+    """Poll once; the folder is listed again only where something in it has come or gone."""
     at = GONE if file is None else changed(file)
     if before is None:
         folder = trace_folder(data)

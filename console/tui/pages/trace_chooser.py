@@ -240,7 +240,7 @@ class TraceChooser(Horizontal):
         return [] if self._choice is None else fact_lines(self._choice, self._ui.text, width)
 
     def _with_files_of_now(self, choice: Choice) -> Choice | None:
-        """Return the choice with the files of the newest look; the selection stays on its file.
+        """Return the choice with the files of the newest poll; the selection stays on its file.
 
         None where nothing can be read: the answer says why, and the list is closed.
         """

@@ -66,7 +66,7 @@ class PlcHost(Protocol):
         """DISPLAY: text for the display port."""
 
     def switch_plc(self, enable: bool, numbers: tuple[int, ...], keeping: bool = False) -> None:
-        """ENABLE or DISABLE PLC, RESUME or PAUSE it; it may be the running one: its scan goes on to its end."""
+        """ENABLE or DISABLE PLC, RESUME or PAUSE it; it may be the running one: its scan continues to its end."""
 
 
 class PlcRun:

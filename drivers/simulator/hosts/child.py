@@ -152,7 +152,7 @@ class FrozenCopy:
         self._line = line
 
     def thawed(self, timeout_s: float) -> socket.socket:
-        """Return the channel to a fresh copy that goes on. Raises OSError."""
+        """Return the channel to a fresh copy that continues. Raises OSError."""
         self._line.settimeout(timeout_s)
         self._line.sendall(ASKED)
         said, channels, _, _ = socket.recv_fds(self._line, 1, 1)
