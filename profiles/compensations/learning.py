@@ -46,14 +46,12 @@ error: a real one is hardly better.
 class HarmonicFit:
     """Harmonics found in samples: the mean, coefficients by order, and the residual.
 
-    `amplitude_sd_um` is the standard deviation of each amplitude if the residual is white, `rest_rms_um` that
-    of the residual itself.
+    `amplitude_sd_um` is the standard deviation of each amplitude if the residual is white.
     """
 
     mean_um: float
     coefficients_um: Mapping[int, complex]
     amplitude_sd_um: float
-    rest_rms_um: float
 
     def significant(self) -> dict[int, complex]:
         """Return the coefficients above the noise."""
@@ -88,7 +86,6 @@ def fit_harmonics(angle_deg: ArrayLike, values_um: ArrayLike, orders: Sequence[i
         mean_um=float(found.coefficients[0]),
         coefficients_um=phasors(found.coefficients, orders),
         amplitude_sd_um=math.sqrt(2.0 * found.variance / values.size),
-        rest_rms_um=found.residual_sd,
     )
 
 

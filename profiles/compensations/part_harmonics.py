@@ -15,7 +15,6 @@ import numpy as np
 
 from profiles.arrays import Floats
 from profiles.calibration.lobe import INDEX, find_lobe
-from profiles.compensations.learning import SIGNIFICANT
 from profiles.job import Job
 from profiles.lobe.lobe_fit import FittedHarmonic, fit_lobe
 from profiles.metrology.turns import several_turns
@@ -56,10 +55,6 @@ class PartHarmonics:
         for n, coefficient in (less_um or {}).items():
             left_um -= np.real(coefficient * np.exp(1j * n * np.radians(spindle_deg)))
         return evaluate(self.angle_deg, left_um, self.filter_upr, radius_mm=self.radius_mm).ront_um
-
-    def significant_um(self) -> dict[int, complex]:
-        """Return the coefficients above the noise."""
-        return {n: c for n, c in self.coefficients_um.items() if abs(c) > SIGNIFICANT * self.sd_um[n]}
 
     def turned(self, by_deg: float) -> PartHarmonics:
         """Return the part as if mounted so many degrees of spindle further on, as `LobedPath.turned`."""

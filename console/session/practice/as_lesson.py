@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -15,9 +15,6 @@ from console.session.training.lesson import EVENTS, LANGUAGES, Lesson, Words
 MINUTES = 10.0
 PLACE = 900
 LONGEST_TITLE, LONGEST_GOAL = 60, 400
-
-TOLD = ("title", "goal")
-WordsOf = Callable[[str], Words]
 
 _LINK = ("link_lost", "reconnected", "drives_on")
 _STOPPED = ("recovered", "drives_on")
