@@ -99,8 +99,11 @@ def job_file(name: str, folder: Path) -> Path:
     return path
 
 
-def run(row: Row, seed: int) -> dict[str, Any]:
-    """Return the result of one row of parts, as `console run --json` gives it, with its computed floor."""
+def run(row: Row, seed: int) -> dict[str, Any] | None:
+    """Return the result of one row of parts, as `console run --json` gives it, with its computed floor.
+
+    None where the row was ended before its last part; the console has said why on stderr.
+    """
     learning.HOW = HOWS[row.how]
     said = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(said):
@@ -111,7 +114,8 @@ def run(row: Row, seed: int) -> dict[str, Any]:
         code = console([*words, "--learn", str(row.parts), "--json", "--data", folder])
         job, machine = load_job(str(path)).job, load_machine(MACHINE).machine
     if code:
-        raise RuntimeError(f"{row.job}, seed {seed}: exit code {code}")
+        print(f"{row.job}, {row.how}, seed {seed}: ended, exit code {code}", file=sys.stderr, flush=True)
+        return None
     floor = floor_um(job, machine, row.plant, seed, row.clamping_sd)
     result = {**json.loads(said.getvalue()), "floor_um": floor}
     parts = " ".join(f"{part['RONt_um']:.2f}" for part in result["passes"])
@@ -124,14 +128,24 @@ def lobe_um_pp(part: dict[str, Any]) -> float:
     return 2.0 * next(float(h["amplitude_um"]) for h in part["harmonics"] if h["n"] == 3)
 
 
-def cells(row: Row, results: Sequence[dict[str, Any]]) -> tuple[str, ...]:
+def cells(row: Row, rows: Sequence[dict[str, Any] | None]) -> tuple[str, ...]:
     """Return the row of the table."""
+    results = [each for each in rows if each is not None]
+    if not results:
+        return (row.job, row.how, "-", "-", "-", "-", "-", f"{len(rows)} of {len(rows)}")
     ront = [[float(part["RONt_um"]) for part in result["passes"]] for result in results]
     third = min(2, row.parts - 1)
     shown = [[each[number] for each in ront] for number in (0, third, row.parts - 1)]
     worse = sum(each[third] > each[0] for each in ront)
     floor = statistics.median(result["floor_um"] for result in results)
-    return (row.job, row.how, *map(_spread, shown), f"{floor:.2f}", f"{worse} of {len(results)}")
+    return (
+        row.job,
+        row.how,
+        *map(_spread, shown),
+        f"{floor:.2f}",
+        f"{worse} of {len(results)}",
+        f"{len(rows) - len(results)} of {len(rows)}",
+    )
 
 
 def _spread(values: Sequence[float]) -> str:
@@ -154,7 +168,7 @@ def main() -> None:
             for how in asked.how:
                 row = Row(job=job, how=how, plant=asked.plant, clamping_sd=asked.clamping_sd, parts=asked.parts)
                 rows.append(cells(row, list(pool.map(partial(run, row), range(1, asked.seeds + 1)))))
-    head = ("job", "how", "first", "third", "last", "floor", "worse")
+    head = ("job", "how", "first", "third", "last", "floor", "worse", "ended")
     print_table(f"{asked.plant}: um, median / worst", head, rows)
 
 
