@@ -32,6 +32,7 @@ NAMES = (
     "command_rate",
     "hostile_host",
     "roundness",
+    "confidence",
     "flight_recorder",
     "shift",
 )
