@@ -25,8 +25,9 @@ LOOK_S = 0.1  # between two looks at what is new
 class Adapter:
     """Serves what was given to `show` last."""
 
-    def __init__(self, host: str, port: int, heartbeat_s: float = HEARTBEAT_S) -> None:
-        self._host, self._port, self._heartbeat_s = host, port, heartbeat_s
+    def __init__(self, host: str, port: int, heartbeat_s: float = HEARTBEAT_S, unread_s: float = UNREAD_S) -> None:
+        self._host, self._port = host, port
+        self._heartbeat_s, self._unread_s = heartbeat_s, unread_s
         self._newest: Published | None = None
         self._server = BoundedServer(
             "mtconnect",
@@ -67,7 +68,7 @@ class Adapter:
             while last_ping_s is None or now_s() - last_ping_s < 2.0 * self._heartbeat_s:
                 newest = self._newest
                 if newest is not None and newest is not told:
-                    await _say(writer, shdr_lines(newest, told))
+                    await self._say(writer, shdr_lines(newest, told))
                     told = newest
                 await asyncio.wait({asked}, timeout=LOOK_S)
                 if asked.done():
@@ -76,17 +77,16 @@ class Adapter:
                         return  # it has left
                     if line.strip() == PING:
                         last_ping_s = now_s()
-                        await _say(writer, [pong_line(self._heartbeat_s)])
+                        await self._say(writer, [pong_line(self._heartbeat_s)])
                     asked = asyncio.create_task(reader.readline())
         finally:
             asked.cancel()
             asked.add_done_callback(_ended)
 
-
-async def _say(writer: asyncio.StreamWriter, lines: list[str]) -> None:
-    if lines:
-        writer.write("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
-        await asyncio.wait_for(writer.drain(), UNREAD_S)
+    async def _say(self, writer: asyncio.StreamWriter, lines: list[str]) -> None:
+        if lines:
+            writer.write("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
+            await asyncio.wait_for(writer.drain(), self._unread_s)
 
 
 def _ended(asked: asyncio.Task[bytes]) -> None:
