@@ -12,14 +12,14 @@ from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import number, within
-from console.cli.library import DEFAULT_MACHINE, data_of
+from console.cli.library import data_of, profile_of
 from console.cli.output import tell
 from console.cli.parser import Parser
 from console.session.feed.request import LEAST_HZ, MOST_HZ
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from console.session.exchange.data_items import Published
+    from console.session.exchange.data_items import Published, State
     from console.session.exchange.following import Follower
 
 DEFAULT_HZ = 5.0
@@ -34,9 +34,8 @@ def add_rate(parser: Parser, text: Catalogue) -> None:
 
 
 def machine_name(options: Namespace) -> str:
-    """Return the name of the machine whose state is published."""
-    name: str = options.machine or DEFAULT_MACHINE
-    return name
+    """Return the name of the machine whose state is published: that in its profile, by which consoles call it."""
+    return profile_of(options).machine.name
 
 
 def is_loopback(host: str) -> bool:
@@ -48,14 +47,14 @@ def is_loopback(host: str) -> bool:
 
 
 @contextmanager
-def followed(options: Namespace, text: Catalogue) -> Iterator[Follower]:
+def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Follower]:
     """Yield who follows the consoles of the machine; what is wrong with one is a warning."""
     from console.session.exchange.following import Follower
 
     follower = Follower(
         data_of(options),
         options.rate,
-        machine_name(options),
+        machine,
         bool(options.sim),
         lambda problem: tell([problem], text),
     )
@@ -65,13 +64,15 @@ def followed(options: Namespace, text: Catalogue) -> Iterator[Follower]:
         follower.close()
 
 
-def changes_of(follower: Follower, options: Namespace, text: Catalogue) -> Iterator[Published]:
-    """Yield what is to be published, again and again; say when a console comes and when the last one is gone."""
+def changes_of(
+    follower: Follower, machine: str, options: Namespace, text: Catalogue
+) -> Iterator[tuple[Published, State | None]]:
+    """Yield what is to be published, with its state, again and again; say when consoles come and are gone."""
     from console.session.data.kept_files import utc_now
     from console.session.exchange.data_items import published
 
     shown = published(None, utc_now())
-    yield shown
+    yield shown, None
     while True:
         heard = follower.wait(WAIT_S)
         before, newest = shown, None if heard is None else heard.published
@@ -82,15 +83,15 @@ def changes_of(follower: Follower, options: Namespace, text: Catalogue) -> Itera
         if shown is before:
             continue
         if (shown.conditions is None) != (before.conditions is None):
-            _say(shown, options, text)
-        yield shown
+            _say(shown, machine, options, text)
+        yield shown, None if heard is None else heard.state
 
 
-def _say(shown: Published, options: Namespace, text: Catalogue) -> None:
+def _say(shown: Published, machine: str, options: Namespace, text: Catalogue) -> None:
     running = shown.conditions is not None
     if options.json:
         print(json.dumps({"schema": 1, "at_utc": shown.at_utc, "console": running}))
     else:
         word = text("exchange.found" if running else "exchange.gone")
-        print(f"{datetime.now():%H:%M:%S}  {machine_name(options)}  {word}")
+        print(f"{datetime.now():%H:%M:%S}  {machine}  {word}")
     sys.stdout.flush()

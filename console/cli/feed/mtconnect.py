@@ -39,6 +39,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.session.exchange.adapter import Adapter
 
     data_of(options)  # refuses a folder that this account may not read, before anybody connects
+    machine = machine_name(options)
     address = options.listen or host_port(LISTEN)
     adapter = Adapter(address.host, address.port)
     try:
@@ -48,9 +49,9 @@ def main(options: Namespace, text: Catalogue) -> int:
         raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=value)) from error
     if not is_loopback(address.host):
         print(f"console: {text('warning')}: {text('mtconnect.open', address=bound)}", file=sys.stderr)
-    _tell_address(bound, options, text)
+    _tell_address(bound, machine, options, text)
     try:
-        _serve(adapter, options, text)
+        _serve(adapter, machine, options, text)
     except KeyboardInterrupt:  # the usual way to end it
         pass
     finally:
@@ -58,9 +59,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 0
 
 
-def _serve(adapter: Adapter, options: Namespace, text: Catalogue) -> None:
-    with followed(options, text) as follower:
-        for published in changes_of(follower, options, text):
+def _serve(adapter: Adapter, machine: str, options: Namespace, text: Catalogue) -> None:
+    with followed(machine, options, text) as follower:
+        for published, _ in changes_of(follower, machine, options, text):
             adapter.show(published)
 
 
@@ -75,8 +76,7 @@ def _show_devices(options: Namespace) -> int:
     return 0
 
 
-def _tell_address(bound: str, options: Namespace, text: Catalogue) -> None:
-    machine = machine_name(options)
+def _tell_address(bound: str, machine: str, options: Namespace, text: Catalogue) -> None:
     if options.json:  # a line each: the reader cannot wait for the end of the output
         print(json.dumps({"schema": 1, "listening": bound, "machine": machine, "simulated": bool(options.sim)}))
     else:

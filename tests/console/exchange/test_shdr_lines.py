@@ -224,10 +224,10 @@ def test_the_words_of_the_description_are_those_of_the_model_of_the_standard() -
 
 
 def test_the_simulated_device_cannot_be_taken_for_the_real_one(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["mtconnect", "--devices", "--machine", "lathe-3", "--sim"]) == 0
+    assert main(["mtconnect", "--devices", "--machine", "turbo-ethernet-lathe", "--sim"]) == 0
     simulated = capsys.readouterr().out
-    assert 'name="lathe-3-SIM"' in simulated and "SIMULATED" in simulated
-    assert main(["mtconnect", "--devices", "--machine", "lathe-3"]) == 0
+    assert 'name="turbo-ethernet-lathe-SIM"' in simulated and "SIMULATED" in simulated
+    assert main(["mtconnect", "--devices", "--machine", "turbo-ethernet-lathe"]) == 0
     real = capsys.readouterr().out
     assert "SIM" not in real
     ids = [{item.get("id") for item in data_items(each)} for each in (simulated, real)]
