@@ -12,6 +12,7 @@ from console.cli.parser import Parser
 from console.text.catalogue import LANGUAGES, Catalogue
 
 if TYPE_CHECKING:
+    from drivers.link.address import TcpAddress
     from drivers.simulator.hosts.control_address import ControlAddress
 
 Value = TypeVar("Value")
@@ -161,6 +162,14 @@ def control_address(word: str) -> ControlAddress:
 
     with problems_as_usage():
         return parse_control_address(word)
+
+
+def host_port(word: str) -> TcpAddress:
+    """Parse an address to listen at, or to connect to: HOST:PORT."""
+    from drivers.link.address import parse_host_port
+
+    with problems_as_usage():
+        return parse_host_port(word)
 
 
 def _plant(word: str) -> str:

@@ -29,6 +29,8 @@ COMMANDS = {
     "instruct": "console.cli.machine.instruct",
     "watch": "console.cli.feed.watch",
     "metrics": "console.cli.feed.metrics",
+    "mtconnect": "console.cli.feed.mtconnect",
+    "mqtt": "console.cli.feed.mqtt",
     "roundness": "console.cli.measured.roundness",
     "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",

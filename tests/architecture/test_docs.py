@@ -32,6 +32,8 @@ DOCUMENTS = (
     "docs/identification.md",
     "docs/learning.md",
     "docs/links.md",
+    "docs/mqtt.md",
+    "docs/mtconnect.md",
     "docs/ownership.md",
     "docs/paper-program.md",
     "docs/paper.md",

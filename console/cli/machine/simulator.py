@@ -13,14 +13,13 @@ from console.cli.arguments import (
     WRONG_USAGE,
     add_shared,
     control_address,
+    host_port,
     number_or_nan,
-    problems_as_usage,
     within,
 )
 from console.cli.library import profile_of
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
-from drivers.link.address import TcpAddress, parse_host_port
 
 DIALECTS = ("pmac", "turbo")
 SLOWEST, FASTEST = 0.01, 100.0
@@ -33,8 +32,8 @@ SET_UP_BY_HAND = ("mounted", "steady", "easy", "realistic", "hard")
 
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the address to listen on, the machine, its actual plant, and its time scale."""
-    parser.add_argument("--tcp", metavar="HOST:PORT", type=_host_port, help=text("help.tcp"))
-    parser.add_argument("--ethernet", metavar="HOST:PORT", type=_host_port, help=text("help.ethernet"))
+    parser.add_argument("--tcp", metavar="HOST:PORT", type=host_port, help=text("help.tcp"))
+    parser.add_argument("--ethernet", metavar="HOST:PORT", type=host_port, help=text("help.ethernet"))
     parser.add_argument("--pty", action="store_true", help=text("help.pty"))
     parser.add_argument("--control", metavar="ADDRESS", type=control_address, help=text("help.control"))
     add_shared(parser, text, "machine")
@@ -75,8 +74,3 @@ def main(options: Namespace, text: Catalogue) -> int:
     listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty, control=options.control)
     serve(lathe, listeners, ready, options.speed)
     return 0
-
-
-def _host_port(word: str) -> TcpAddress:
-    with problems_as_usage():
-        return parse_host_port(word)

@@ -18,18 +18,13 @@ LONGEST_LINE = 1_000_000
 CHUNK = 65_536
 
 
-class Reader:
-    """A connection to one feed. `last` is the state that came last."""
+class Stream:
+    """A connection to one feed, which is asked for a rate."""
 
     def __init__(self, path: Path, link: socket.socket, hz: float) -> None:
-        """Ask for a rate, and wait for the first state. Raises OSError, and SessionError `feed.not_one`."""
+        """Ask for a rate; wait for nothing. Raises OSError."""
         self._path, self._link, self._kept = path, link, b""
         link.sendall(request_line(hz))
-        first: list[dict[str, Any]] = []
-        while not first:
-            first = self.take()
-        self.last = first[-1]
-        self.waiting = first
 
     def fileno(self) -> int:
         """Return the descriptor, for a selector."""
@@ -47,10 +42,7 @@ class Reader:
         *lines, self._kept = (self._kept + data).split(b"\n")
         if len(self._kept) > LONGEST_LINE:
             raise self._not_one(f"> {LONGEST_LINE} bytes")
-        found = [self._state(line) for line in lines]
-        if found:
-            self.last = found[-1]
-        return found
+        return [self._state(line) for line in lines]
 
     def _state(self, line: bytes) -> dict[str, Any]:
         try:
@@ -65,6 +57,26 @@ class Reader:
     def _not_one(self, value: str) -> SessionError:
         problem = Problem(code="feed.not_one", where=printable(str(self._path)), value=value, limit=str(SCHEMA))
         return SessionError(problem)
+
+
+class Reader(Stream):
+    """A connection to a feed that has sent its first state. `last` is the state that came last."""
+
+    def __init__(self, path: Path, link: socket.socket, hz: float) -> None:
+        """Ask for a rate, and wait for the first state. Raises OSError, and SessionError `feed.not_one`."""
+        super().__init__(path, link, hz)
+        first: list[dict[str, Any]] = []
+        while not first:
+            first = super().take()
+        self.last = first[-1]
+        self.waiting = first
+
+    def take(self) -> list[dict[str, Any]]:
+        """Return the states that have come, as `Stream.take`, and keep the last one."""
+        found = super().take()
+        if found:
+            self.last = found[-1]
+        return found
 
 
 def readers(data: Path, hz: float, machine: str | None = None) -> list[Reader]:

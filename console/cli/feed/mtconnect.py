@@ -1,0 +1,85 @@
+"""`console mtconnect`: the state of a machine for MTConnect agents, as an adapter that speaks SHDR."""
+
+from __future__ import annotations
+
+import json
+import sys
+from argparse import Namespace
+from typing import TYPE_CHECKING
+
+from console.cli.arguments import add_shared, host_port
+from console.cli.feed.followed_machine import add_rate, changes_of, followed, is_loopback, machine_name
+from console.cli.library import data_of
+from console.cli.output import print_json
+from console.cli.parser import Parser
+from console.text.catalogue import Catalogue
+from drivers.errors import LinkError
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    from console.session.exchange.adapter import Adapter
+
+LISTEN = "127.0.0.1:7878"  # the port that agents expect an adapter at
+
+
+def add(parser: Parser, text: Catalogue) -> None:
+    """Add the machine, the address, the rate, and whether only to print the description for an agent."""
+    add_shared(parser, text, "machine", command="mtconnect")
+    add_shared(parser, text, "sim", command="mtconnect")
+    listen_help = text("help.mtconnect_listen", default=LISTEN)
+    parser.add_argument("--listen", metavar="HOST:PORT", type=host_port, help=listen_help)
+    add_rate(parser, text)
+    parser.add_argument("--devices", action="store_true", help=text("help.mtconnect_devices"))
+
+
+def main(options: Namespace, text: Catalogue) -> int:
+    """Serve agents until the user ends it; LinkError `link.cannot_listen`."""
+    if options.devices:
+        return _show_devices(options)
+    from console.session.exchange.adapter import Adapter
+
+    data_of(options)  # refuses a folder that this account may not read, before anybody connects
+    machine = machine_name(options)
+    address = options.listen or host_port(LISTEN)
+    adapter = Adapter(address.host, address.port)
+    try:
+        bound = adapter.start()
+    except OSError as error:
+        value = error.strerror or str(error)
+        raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=value)) from error
+    if not is_loopback(address.host):
+        print(f"console: {text('warning')}: {text('mtconnect.open', address=bound)}", file=sys.stderr)
+    _tell_address(bound, machine, options, text)
+    try:
+        _serve(adapter, machine, options, text)
+    except KeyboardInterrupt:  # the usual way to end it
+        pass
+    finally:
+        adapter.close()
+    return 0
+
+
+def _serve(adapter: Adapter, machine: str, options: Namespace, text: Catalogue) -> None:
+    with followed(machine, options, text) as follower:
+        for published, _ in changes_of(follower, machine, options, text):
+            adapter.show(published)
+
+
+def _show_devices(options: Namespace) -> int:
+    from console.session.exchange.device import devices_xml
+
+    document = devices_xml(machine_name(options), options.sim)
+    if options.json:
+        print_json({"schema": 1, "devices": document})
+    else:
+        print(document)
+    return 0
+
+
+def _tell_address(bound: str, machine: str, options: Namespace, text: Catalogue) -> None:
+    if options.json:  # a line each: the reader cannot wait for the end of the output
+        print(json.dumps({"schema": 1, "listening": bound, "machine": machine, "simulated": bool(options.sim)}))
+    else:
+        sim = f"{text('sim')}  " if options.sim else ""
+        print(f"{sim}{machine}  {text('mtconnect.listening', address=bound)}")
+    sys.stdout.flush()

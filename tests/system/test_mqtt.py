@@ -1,0 +1,233 @@
+"""`console mqtt` at a real broker: retained values, last will, a broker that goes and comes, TLS, passwords."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.exchange.data_items import ITEMS
+from console.session.exchange.device import device_name
+from console.session.exchange.topics import topic_of
+from console.session.feed.observed import Observed
+from console.session.feed.server import FeedServer
+from console.session.station.state import Activity, StationState
+from profiles.store import load_machine
+from tests.preloaded import Preloaded, completed
+from tests.system.mosquitto import Subscriber, broker, free_port, needs_mosquitto
+
+pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
+
+MACHINE = load_machine("lee-2001-lathe").machine
+READY = StationState(activity=Activity.READY, machine=MACHINE.name)
+TOPIC = "trilobe/lee-2001-lathe-SIM/"
+PASSWORD = "hunter2-of-lathe-3"
+
+
+class Shown:
+    """Is observed by a feed; a test changes what it is."""
+
+    def __init__(self) -> None:
+        self.state, self.parts = READY, 0
+
+    def observed(self) -> Observed:
+        return Observed(state=self.state, machine=MACHINE, now_s=0.0, job="ring", parts=self.parts)
+
+
+@contextmanager
+def publishing(
+    data: Path, port: int, *more: str, environment: dict[str, str] | None = None
+) -> Iterator[subprocess.Popen[str]]:
+    """Run `console mqtt`; its output is read through `told`."""
+    words = ["mqtt", "--broker", f"127.0.0.1:{port}", "--sim", "--rate", "10", "--data", str(data), *more]
+    command = [sys.executable, "-m", "console", *words]
+    out = subprocess.PIPE
+    with Preloaded(command, stdout=out, stderr=subprocess.STDOUT, text=True, env=environment) as process:
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def told(process: subprocess.Popen[str], word: str) -> str:
+    """Read lines of the program until one has a word; return it."""
+    assert process.stdout is not None
+    for line in process.stdout:
+        if word in line:
+            return line
+    raise AssertionError(f"the program has ended without {word!r}")
+
+
+@pytest.fixture
+def shown(tmp_path: Path) -> Iterator[Shown]:
+    found = Shown()
+    server = FeedServer(tmp_path, found.observed)
+    server.launch()
+    yield found
+    server.close()
+
+
+@needs_mosquitto
+def test_who_subscribes_later_has_every_value_and_a_killed_publisher_is_unavailable(
+    tmp_path: Path, shown: Shown
+) -> None:
+    port = free_port()
+    with broker(tmp_path, port):
+        with publishing(tmp_path, port) as process:
+            assert TOPIC in told(process, "connected: mqtt://127.0.0.1")
+            first = Subscriber(port)
+            first.until(f"{TOPIC}avail", b"AVAILABLE")
+            shown.parts = 3
+            first.until(f"{TOPIC}state", lambda payload: json.loads(payload)["parts"] == 3)
+            later = Subscriber(port)
+            later.until(f"{TOPIC}part_count", b"3")
+            later.until(f"{TOPIC}avail", b"AVAILABLE")
+            later.until(f"{TOPIC}state", bool)
+            keys = {item.key for item in ITEMS} | {"communications", "motion", "system", "state"}
+            assert {topic.removeprefix(TOPIC) for topic in later.retained} == keys
+            assert later.kept[f"{TOPIC}program"] == b"ring"
+            state: dict[str, Any] = json.loads(later.kept[f"{TOPIC}state"])
+            assert (state["schema"], state["parts"], state["simulated"]) == (1, 3, True)
+            assert json.loads(later.kept[f"{TOPIC}system"]) == {"level": "NORMAL", "active": []}
+            process.send_signal(signal.SIGKILL)
+            later.until(f"{TOPIC}avail", b"UNAVAILABLE")  # the last will
+            gone = Subscriber(port)
+            gone.until(f"{TOPIC}avail", b"UNAVAILABLE")  # and it is retained
+        with publishing(tmp_path, port):
+            gone.until(f"{TOPIC}avail", b"AVAILABLE")
+        for each in (first, later, gone):
+            each.close()
+
+
+@needs_mosquitto
+def test_a_console_that_ends_is_unavailable_and_its_state_is_gone(tmp_path: Path) -> None:
+    port, found = free_port(), Shown()
+    with broker(tmp_path, port), publishing(tmp_path, port) as process:
+        told(process, "connected")
+        reader = Subscriber(port)
+        reader.until(f"{TOPIC}avail", b"UNAVAILABLE")
+        for _ in range(2):  # it comes back by itself
+            server = FeedServer(tmp_path, found.observed)
+            server.launch()
+            reader.until(f"{TOPIC}avail", b"AVAILABLE")
+            assert reader.kept[f"{TOPIC}state"]
+            server.close()
+            reader.until(f"{TOPIC}avail", b"UNAVAILABLE")
+            reader.until(f"{TOPIC}state", b"")
+            reader.until(f"{TOPIC}execution", b"UNAVAILABLE")
+        reader.close()
+        process.send_signal(signal.SIGINT)
+        assert process.wait(20.0) == 0
+
+
+@needs_mosquitto
+def test_a_broker_that_goes_and_comes_gets_everything_anew(tmp_path: Path, shown: Shown) -> None:
+    port = free_port()
+    with publishing(tmp_path, port) as process:
+        told(process, "not connected")  # there is no broker yet: it is no fault
+        for parts in (1, 2):
+            with broker(tmp_path, port):
+                told(process, " connected: ")
+                shown.parts = parts
+                reader = Subscriber(port)
+                reader.until(f"{TOPIC}part_count", str(parts).encode())
+                reader.until(f"{TOPIC}program", b"ring")
+                reader.close()
+            told(process, "not connected")
+
+
+def certificates(folder: Path) -> tuple[Path, Path, Path]:
+    """A CA, and a certificate of 127.0.0.1 with its key."""
+    openssl = shutil.which("openssl")
+    if openssl is None:
+        pytest.skip("openssl, which makes the certificates of this test, is not installed")
+    ca, ca_key, key, request, made = (
+        folder / name for name in ("ca.pem", "ca.key", "key.pem", "request.pem", "made.pem")
+    )
+    names = folder / "names.cnf"
+    names.write_text("subjectAltName=IP:127.0.0.1\n")
+    new_key = ["-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1", "-nodes"]
+    signed = ["-extfile", names, "-out", made]
+    for words in (
+        ["req", "-x509", *new_key, "-subj", "/CN=test CA", "-days", "2", "-keyout", ca_key, "-out", ca],
+        ["req", *new_key, "-subj", "/CN=127.0.0.1", "-keyout", key, "-out", request],
+        ["x509", "-req", "-in", request, "-CA", ca, "-CAkey", ca_key, "-CAcreateserial", "-days", "2", *signed],
+    ):
+        subprocess.run([openssl, *map(str, words)], check=True, capture_output=True)
+    return ca, made, key
+
+
+@needs_mosquitto
+def test_tls_and_a_password_that_is_in_no_output(tmp_path: Path, shown: Shown) -> None:
+    ca, certificate, key = certificates(tmp_path)
+    passwords = tmp_path / "passwords"
+    made = ["mosquitto_passwd", "-b", "-c", str(passwords), "lathe", PASSWORD]
+    subprocess.run(made, check=True, capture_output=True)
+    settings = [f"cafile {ca}", f"certfile {certificate}", f"keyfile {key}"]
+    settings += ["allow_anonymous false", f"password_file {passwords}"]
+    secret, port = tmp_path / "mqtt-secret", free_port()
+    secret.touch(0o600)
+    secret.write_text(f"lathe\n{PASSWORD}\n")
+    with broker(tmp_path, port, *settings):
+        said = []
+        with publishing(tmp_path, port, "--ca", str(ca), "--credentials", str(secret)) as process:
+            said.append(told(process, " connected: mqtts://"))
+
+            def prepare(client: Any) -> None:
+                client.tls_set(str(ca))
+                client.username_pw_set("lathe", PASSWORD)
+
+            reader = Subscriber(port, prepare)
+            reader.until(f"{TOPIC}avail", b"AVAILABLE")
+            reader.close()
+            said.append(Path(f"/proc/{process.pid}/cmdline").read_text())
+        secret.write_text(f"lathe\nwrong-{PASSWORD}\n")
+        with publishing(tmp_path, port, "--ca", str(ca), "--credentials", str(secret)) as process:
+            said.append(told(process, "not connected"))
+            assert "authori" in said[-1].lower() or "user name or password" in said[-1].lower()
+        with publishing(tmp_path, port, "--tls") as process:  # the system does not know this CA
+            said.append(told(process, "not connected"))
+            assert "certificate" in said[-1].lower()
+    assert all(PASSWORD not in line for line in said)
+
+
+@needs_mosquitto
+def test_user_and_password_from_the_environment(tmp_path: Path, shown: Shown) -> None:
+    passwords, port = tmp_path / "passwords", free_port()
+    made = ["mosquitto_passwd", "-b", "-c", str(passwords), "lathe", PASSWORD]
+    subprocess.run(made, check=True, capture_output=True)
+    environment = {"PATH": "/usr/bin", "TRILOBE_MQTT_USER": "lathe", "TRILOBE_MQTT_PASSWORD": PASSWORD}
+    with broker(tmp_path, port, "allow_anonymous false", f"password_file {passwords}"):
+        with publishing(tmp_path, port, environment=environment) as process:
+            told(process, " connected: ")
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        (["--broker", "nowhere:99999"], 2, "65535"),
+        (["--broker", "nowhere:0"], 2, "port 0"),
+        (["--broker", "127.0.0.1", "--topic", "a/#"], 2, "cannot begin a topic"),
+        (["--broker", "127.0.0.1", "--credentials", "missing"], 1, "missing cannot be read"),
+        (["--broker", "127.0.0.1", "--ca", "missing.pem"], 1, "missing.pem"),
+        ([], 2, "--broker"),
+    ],
+)
+def test_what_is_wrong_is_said_in_one_line(words: list[str], code: int, said: str, tmp_path: Path) -> None:
+    refused = completed(["mqtt", *words, "--data", str(tmp_path)], 30.0)
+    assert (refused.returncode, refused.stdout, refused.stderr.count("\n")) == (code, "", 1)
+    assert said in refused.stderr
+
+
+def test_a_simulated_state_goes_to_topics_of_its_own() -> None:
+    assert topic_of("trilobe", device_name("lathe-3", False)) == "trilobe/lathe-3/"
+    assert topic_of("trilobe", device_name("lathe-3", True)) == "trilobe/lathe-3-SIM/"
+    assert topic_of("trilobe", "a/b+#") == "trilobe/a%2Fb%2B%23/"
