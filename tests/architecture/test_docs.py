@@ -41,6 +41,7 @@ DOCUMENTS = (
     "docs/records.md",
     "docs/report.md",
     "docs/screens.md",
+    "docs/shop.md",
     "docs/strategies.md",
     "docs/traces.md",
 )
