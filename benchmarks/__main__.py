@@ -30,6 +30,7 @@ NAMES = (
     "run_page",
     "simulation_speed",
     "records",
+    "ship",
     "records_page",
     "jobs_page",
     "command_start",

@@ -43,6 +43,7 @@ DOCUMENTS = (
     "docs/records.md",
     "docs/report.md",
     "docs/screens.md",
+    "docs/shop.md",
     "docs/strategies.md",
     "docs/traces.md",
 )
