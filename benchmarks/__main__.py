@@ -30,6 +30,7 @@ NAMES = (
     "run_page",
     "simulation_speed",
     "records",
+    "study",
     "ship",
     "records_page",
     "jobs_page",

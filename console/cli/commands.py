@@ -22,6 +22,7 @@ COMMANDS = {
     "preview": "console.cli.part.preview",
     "predict": "console.cli.part.predict",
     "program": "console.cli.part.program",
+    "study": "console.cli.part.study",
     "check-program": "console.cli.part.check_program",
     "run": "console.cli.machine.run",
     "simulator": "console.cli.machine.simulator",

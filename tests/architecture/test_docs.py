@@ -45,6 +45,7 @@ DOCUMENTS = (
     "docs/screens.md",
     "docs/shop.md",
     "docs/strategies.md",
+    "docs/study.md",
     "docs/traces.md",
 )
 COMMANDS = (

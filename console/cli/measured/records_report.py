@@ -26,12 +26,14 @@ from console.session.data.run_reader import (
 from console.session.data.run_story import POLLED
 from console.session.stages import Stage
 from console.session.station.commands import Command
+from console.session.versioning.cut_from import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from profiles.axis.response import Source
 from profiles.files import printable
 
 ID_DIGITS = 8
+COMMIT_DIGITS = 12
 WIDTH = 78
 INDENT = 2
 
@@ -217,12 +219,24 @@ def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
         "controller": " · ".join(filter(None, (found.controller, found.family))),
         "job_hash": found.job_sha256[:16],
         "machine_hash": found.machine_sha256[:16],
+        "commit": _commit(found, text),
         "force": _with_unit(setup, "force_n", "N", ".0f", "clamped_at"),
         "jaw": _with_unit(setup, "jaw_1_deg", "deg", ".2f", "jaw_1_at"),
         "radius": _with_unit(setup, "zero_radius_mm", "mm", ".3f", "touch_off_at"),
         "diameter": _diameter(found.row, text),
     }
     return [(text(f"records.{name}"), value) for name, value in rows.items() if value]
+
+
+def _commit(found: RunStory, text: Catalogue) -> str:
+    """Return the commit that the texts of a cut are from, and which of them differ from it."""
+    event = next((event.data for event in found.events if event.kind == VERSIONED), None)
+    if event is None:
+        return ""
+    commit = event.get("commit")
+    differing = [text(f"records.{name}_differs") for name in ("job", "machine") if event.get(f"{name}_differs")]
+    shown = commit[:COMMIT_DIGITS] if isinstance(commit, str) else text("records.no_commit")
+    return " · ".join((shown, *differing))
 
 
 def _with_unit(setup: Mapping[str, Any], key: str, unit: str, digits: str, stamp: str) -> str:
