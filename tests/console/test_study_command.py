@@ -231,9 +231,9 @@ def test_a_cell_that_ends_its_process_is_a_row_and_the_others_are_made(
     assert "process ended" in str(rows[DIES - 1]["reason"])
 
 
+@pytest.mark.long
 def test_the_command_writes_tables_that_agree(console: Console, tmp_path: Path, quick: list[int]) -> None:
-    from pyarrow import parquet
-
+    parquet = pytest.importorskip("pyarrow.parquet", reason="the extra parquet is not installed")
     path = study_file(tmp_path, seeds="[1, 13, 3]")
     rows = carried_out(path, tmp_path / "small.study")  # what remains for the command is to write them
     said = console("study", str(path), "--parquet", "--data", str(tmp_path / "data"))
@@ -295,7 +295,7 @@ def test_two_processes_make_the_same_bytes_also_after_a_kill(by_one: bytes, tmp_
 @pytest.mark.timeout(240)
 @pytest.mark.filterwarnings("default")
 def test_a_dask_cluster_makes_the_same_bytes(by_one: bytes, tmp_path: Path) -> None:
-    distributed = pytest.importorskip("distributed")
+    distributed = pytest.importorskip("distributed", reason="the extra dask is not installed")
     path = study_file(tmp_path, **SIX)
     with distributed.LocalCluster(
         n_workers=2, threads_per_worker=1, dashboard_address=None, local_directory=str(tmp_path)
@@ -303,10 +303,11 @@ def test_a_dask_cluster_makes_the_same_bytes(by_one: bytes, tmp_path: Path) -> N
         assert table_by(path, tmp_path, "--scheduler", made.scheduler_address) == by_one
 
 
+@pytest.mark.long
 def test_a_scheduler_that_is_not_there_is_told(
     console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pytest.importorskip("distributed")
+    pytest.importorskip("distributed", reason="the extra dask is not installed")
     from console.session.study import workers
 
     monkeypatch.setattr(workers, "CONNECT_S", 0.3)
