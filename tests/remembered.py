@@ -1,8 +1,8 @@
 """What depends on nothing but what is asked, found out once: most tests cut a few parts on a few lathes.
 
-To run a program through takes a tenth of a short cut in simulation; to read what another process has found of it
-takes a third of that. To measure how a simulated lathe stops, which each process does before its first cut, takes more than
-that cut; so does the summary of its servo loop.
+To run a program through takes a tenth of a short cut in simulation; to read what another process has found of
+it, a third as long. To measure how a simulated lathe stops, which each process does before its first cut, takes
+more than that cut; so does the summary of its servo loop.
 """
 
 from __future__ import annotations
