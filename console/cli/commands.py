@@ -38,6 +38,7 @@ COMMANDS = {
     "config": "console.cli.site.config",
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
+    "completion": "console.cli.site.completion",
     "identify": "console.cli.machine.identify",
     "health": "console.cli.machine.health",
     "tune": "console.cli.machine.tune",
