@@ -6,7 +6,6 @@ import shlex
 from argparse import Namespace
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from importlib.metadata import version
 
 from console.session.data.kept_files import data_folder
 from profiles.problem import ProblemError
@@ -14,18 +13,21 @@ from profiles.problem import ProblemError
 LOGGED = frozenset(
     {
         None,  # the screens
-        *("run", "doctor", "controller", "identify", "health", "tune", "restore"),
+        *("run", "doctor", "controller", "identify", "health", "tune"),
         *("simulator", "metrics", "mtconnect", "mqtt"),
     }
 )
-"""Commands that work a machine, change what is kept, or serve others. A fault of the program is in it anyway."""
+"""Commands that work a machine, or serve others. A fault of the program is in it anyway.
+
+Not `restore`: its folder has to be empty.
+"""
 
 
 def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[str]) -> int:
     """Carry out a command; log its begin and its end, and what ends it."""
     is_logged = options.command in LOGGED
     if is_logged:
-        _note(options, f"begin  trilobe {version('trilobe')}: {shlex.join(words)}")
+        _note(options, f"begin  {shlex.join(words)}")
     try:
         code = command()
     except ProblemError as error:
@@ -33,15 +35,21 @@ def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[
             _note(options, "refused  " + "; ".join(each.facts for each in error.problems), is_warning=True)
         raise
     except Exception as error:
-        _note(options, f"fault  {shlex.join(words)}", error=error)
+        _note(options, f"fault  {_version()}: {shlex.join(words)}", error=error)
         raise
     except BaseException as ended:  # Ctrl-C, or wrong usage that the command has told
         if is_logged:
             _note(options, f"ended  {type(ended).__name__}: {ended}")
         raise
     if is_logged:
-        _note(options, f"end  exit code {code}")
+        _note(options, f"end  exit code {code}  {_version()}")
     return code
+
+
+def _version() -> str:
+    from importlib.metadata import version  # slow, and the first picture waits for the line of the begin
+
+    return f"trilobe {version('trilobe')}"
 
 
 def _note(options: Namespace, text: str, *, is_warning: bool = False, error: Exception | None = None) -> None:

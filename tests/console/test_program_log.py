@@ -28,7 +28,7 @@ def test_a_command_that_works_a_machine_is_in_it_with_its_end(console: Console, 
     assert console("run", "no-such-job", "--sim", "--data", str(tmp_path)).code == 1
     begin, refused = lines(tmp_path)
     assert all(LINE.fullmatch(line) for line in (begin, refused))
-    assert "begin  trilobe " in begin and begin.endswith(f": run no-such-job --sim --data {tmp_path}")
+    assert begin.endswith(f" begin  run no-such-job --sim --data {tmp_path}")
     assert "WARNING" in refused and "job.unknown" in refused
 
 
