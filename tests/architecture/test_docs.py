@@ -30,6 +30,7 @@ DOCUMENTS = (
     "docs/flight-recorder.md",
     "docs/heartbeat.md",
     "docs/identification.md",
+    "docs/install.md",
     "docs/learning.md",
     "docs/links.md",
     "docs/mqtt.md",
