@@ -211,6 +211,13 @@ def test_a_mistake_in_the_file_is_told_in_both_languages(
     assert not (tmp_path / "small.study").exists()
 
 
+def test_the_documented_study_is_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "study.md").read_text(encoding="utf-8")
+    path = tmp_path / "documented.toml"
+    path.write_text(text.split("```toml\n", 1)[1].split("```", 1)[0], encoding="utf-8")
+    assert read_study(path).size == 2 * 1 * 2 * 2 * 40
+
+
 def test_what_needs_an_optional_part_says_so_before_it_begins(
     console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
