@@ -270,6 +270,19 @@ def test_a_restored_backup_is_refused_and_then_gone_over_again(shop: ShopServer,
     assert {row[1:] for row in rows_here(backup)["events"]} <= set(events)
 
 
+def test_rows_that_the_shop_has_already_are_not_taken_for_a_lost_connection(
+    shop: ShopServer, tmp_path: Path
+) -> None:
+    record_runs(tmp_path, 2)
+    ship(tmp_path, shop.dsn(SHIPPER))
+    shop.sql("UPDATE shop.progress SET last_row = 0, last_mark = ''")
+    with pytest.raises(SessionError) as refused:
+        ship(tmp_path, shop.dsn(SHIPPER))
+    assert code_of(refused) == "ship.diverged"
+    ship(tmp_path, shop.dsn(SHIPPER), again=True)
+    assert_all_there(shop, tmp_path)
+
+
 def test_a_lathe_can_add_rows_and_nothing_else(shop: ShopServer, tmp_path: Path) -> None:
     import psycopg
 

@@ -131,11 +131,27 @@ def ship_over(
             link.execute(_AGAIN, keys)
         sent.left = 1
         while sent.left:
-            with link.transaction():
-                _send_some(link, box, keys, sent, data, most_rows)
-            sent.transactions += 1
+            _send_transaction(link, box, keys, sent, data, most_rows)
             told(sent)
     return sent
+
+
+def _send_transaction(
+    link: psycopg.Connection[Values], box: Outbox, keys: tuple[str, str], sent: Sent, data: Path, most_rows: int
+) -> None:
+    """Send the next rows.
+
+    Raises SessionError `ship.diverged`: the shop has one of them already, which the progress does not know of.
+    """
+    from psycopg.errors import UniqueViolation
+
+    try:
+        with link.transaction():
+            _send_some(link, box, keys, sent, data, most_rows)
+    except UniqueViolation as error:
+        where, value = printable(str(data / FILE_NAME)), printable(str(error.diag.table_name))
+        raise SessionError(Problem(code="ship.diverged", where=where, value=value)) from None
+    sent.transactions += 1
 
 
 def _send_some(
