@@ -37,8 +37,8 @@ PARTS: Mapping[str, Sequence[str]] = {
         "controller-page",
         "data",
     ),
-    "Other systems": ("feed", "mtconnect", "mqtt", "flight-recorder"),
-    "The simulator": ("training", "plant", "faults", "fault-matrix", "pmac-emulation"),
+    "Other systems": ("feed", "mtconnect", "mqtt", "shop", "flight-recorder"),
+    "The simulator": ("training", "plant", "faults", "fault-matrix", "study", "pmac-emulation"),
     "The paper": ("paper", "paper-program"),
     "The code": ("screens", "../CONTRIBUTING", "../benchmarks/README", "../CHANGELOG"),
 }

@@ -35,6 +35,7 @@ __all__ = [
     "RunStory",
     "Telemetry",
     "measured_parts",
+    "recorded_date",
     "run_of_trace",
     "runs",
     "story",
@@ -185,13 +186,13 @@ def _conditions(filters: RunFilters) -> tuple[list[str], list[object]]:
     for sign, date in ((">=", filters.since), ("<", filters.until)):
         if date is not None:
             conditions.append(f"runs.started_utc {sign} ?")
-            keys.append(_as_recorded(date))
+            keys.append(recorded_date(date))
     if filters.failed:
         conditions.append(FAILED)
     return conditions, keys
 
 
-def _as_recorded(date: datetime) -> str:
+def recorded_date(date: datetime) -> str:
     """Return a date as the records have it: as text in the order of time."""
     return date.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
