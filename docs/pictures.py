@@ -2,7 +2,7 @@
 
 python -m docs.pictures
 
-All in one go through the job: those of the README at 100x30, the others at 160x48.
+All in one go through the job: Preview, Run and Inspect at 100x30, and all others at 160x48.
 
 A picture is the grid of the terminal and nothing else. It needs no font but a monospace one: what is not plain
 text (plots in braille, bars, frames) is drawn, so that it stands on the grid with every font.
@@ -160,12 +160,17 @@ def svg(cells: Sequence[Sequence[Cell]]) -> str:
             f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="-8 -8 {width + 16} {height + 16}"'
             f' width="{width + 16}" height="{height + 16}" font-family="{FONTS}" font-size="{FONT_SIZE}">',
             f'<rect x="-8" y="-8" width="{width + 16}" height="{height + 16}" rx="6" fill="{BACKGROUND}"/>',
-            *_backgrounds(cells),
-            *_drawings(cells),
-            *_texts(cells),
+            *drawn(cells),
             "</svg>\n",
         )
     )
+
+
+def drawn(cells: Sequence[Sequence[Cell]]) -> Iterator[str]:
+    """Yield what is drawn of some rows, from the back to the front."""
+    yield from _backgrounds(cells)
+    yield from _drawings(cells)
+    yield from _texts(cells)
 
 
 def _colours(cell: Cell) -> tuple[str, str]:

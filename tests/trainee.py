@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -41,6 +41,7 @@ def console(
     *,
     short_ways: bool = False,
     plant: str = "mounted",
+    words: Sequence[str] = (),
     **environment: str,
 ) -> Terminal:
     """The program in a terminal of its own, its first job half as long: to plan it takes half the time.
@@ -53,7 +54,7 @@ def console(
         text = load_job(FIRST_JOB).path.read_text(encoding="utf-8")
         own.write_text(re.sub(r"(?m)^cut_length_mm = 8.0", "cut_length_mm = 4.0", text), encoding="utf-8")
     command = [sys.executable, "-m", "console", "--sim", "--plant", plant, "--data", str(data), "--lang", language]
-    command += save_compact(data) if short_ways else ()
+    command += [*words, *(save_compact(data) if short_ways else ())]
     return Terminal(command, columns=columns, rows=rows, environment=environment or None)
 
 
