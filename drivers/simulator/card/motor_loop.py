@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+from drivers.pmac.reported_velocity import averaged_velocity
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
@@ -59,8 +60,7 @@ class MotorLoop:
         self._last_actual = 0.0
         self._followed_since_scan = 0.0
         self._correction_at_scan = 0.0
-        self._lost_counts = 0.0
-        self._losing = False
+        self._lost_counts, self._losing = 0.0, False
         self._variables = variables
         self._home = home
         self.jog = JogMotion(number, variables)
@@ -68,6 +68,7 @@ class MotorLoop:
         self._poller = 0
         self._track, self._machine, self._origin = list[float](), list[float](), 0.0
         self.replay = Replay()
+        self._averaged = averaged_velocity(variables)
         self._guard = read_guard(variables, number)
         self._guard_revision = variables.i_revision
 
@@ -95,6 +96,11 @@ class MotorLoop:
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
         return self.encoder - read_encoder(self._last_actual + self.scale.before)
+
+    @property
+    def reported_velocity(self) -> float:
+        """What V reports, counts per servo cycle."""
+        return self.encoder_step if self._averaged is None else self._averaged.counts_per_cycle
 
     @property
     def following_error(self) -> float:
@@ -160,6 +166,9 @@ class MotorLoop:
         start, machine = self.true_position, self._in_machine(track, axis.origin)
         self.true_position = machine[-1]
         self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
+        if self._averaged is not None:
+            for at in self._averaged.kept(cycles, self.cycles_run):
+                self._averaged.keep(self.encoder if self._losing else read_encoder(track[at] + self.scale.now))
         self.cycles_run += cycles
         if self._losing:
             self._last_actual = self.actual
@@ -298,6 +307,8 @@ class MotorLoop:
     def _rebase(self, offset: float) -> None:
         """Make `offset` the new zero; the axis does not move."""
         self.axis.rebase(offset)
+        if self._averaged is not None:
+            self._averaged.rebase(offset)
         self.desired -= offset
         self.actual -= offset
         self._last_actual -= offset
