@@ -114,9 +114,9 @@ def check_program(
         PmacError: the controller refuses the program as a whole.
         DriverError: `program.start_axis`, `program.start_too_far`.
     """
-    refused: list[RefusedLine] = []
-    dialect = DIALECTS[machine.controller.family]
-    read = _with_times(read_program(text, refused, dialect.motor_count, include), ta_ms, ts_ms)
+    refused, dialect = list[RefusedLine](), DIALECTS[machine.controller.family]
+    as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=dialect.kinematics is not None)
+    read = _with_times(as_typed, ta_ms, ts_ms)
     # The axes of the machine, replaced by those of the text; each motor has one definition.
     own = (*read_definitions(machine.controller.axis_definitions), *read.definitions)
     definitions = {definition.motor: definition for definition in own}.values()

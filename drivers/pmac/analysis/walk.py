@@ -16,8 +16,9 @@ from typing import NamedTuple
 
 from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
 from drivers.pmac.analysis.timeline import Step
-from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
+from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins, refuse_inverse
 from drivers.pmac.dialect import PMAC, Dialect, Setting
+from drivers.pmac.execution.kinematics import kinematics_of, with_kinematics
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -201,7 +202,9 @@ class _Walker:
         self._written = variables.written if isinstance(variables, WatchedVariables) else None
         self._variables = variables
         self._text = text
-        self._definitions = tuple(sorted(definitions, key=lambda definition: definition.motor))
+        kinematics = kinematics_of(text.kinematics, variables, 1)
+        ordered = sorted(definitions, key=lambda definition: definition.motor)
+        self._definitions = tuple([with_kinematics(definition, kinematics) for definition in ordered])
         self._origins: dict[str, float] = {}
         self._start = tuple(float(start[d.motor]) for d in self._definitions)
         self._run = _WatchedRun(
@@ -288,6 +291,7 @@ class _Walker:
             ends = [d.counts(event.targets) for d in shifted]
             at = tuple(end if moves else p for end, moves, p in zip(ends, moved, at, strict=True))
         if isinstance(event, PresetRequest):
+            refuse_inverse(definitions, "PSET")
             self._origins = preset_origins(self._origins, self._positions(shifted, at), event.positions)
             shifted = tuple(d.shifted(self._origins) for d in definitions)
         self._planner.relocate(at, shifted)

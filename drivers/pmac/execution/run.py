@@ -124,6 +124,17 @@ class ProgramRun:
             for number in (id(frame.unit), frame.counter, frame.arguments.taken if frame.arguments else 0)
         )
 
+    def rewind(self) -> None:
+        """Begin again at the first statement."""
+        del self._frames[1:]
+        self._frame = self._frames[0]
+        self._frame.counter = self._depth = 0
+
+    @property
+    def positions(self) -> Mapping[str, float]:
+        """The axis positions at the end of the last request."""
+        return self._moves.positions
+
     def relocate(self, positions: Mapping[str, float]) -> None:
         """Set the axes to `positions`: after a HOME, a PSET or a motion commanded elsewhere."""
         self._moves.relocate(positions)
