@@ -25,7 +25,6 @@ from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.language.errors import NoResultError
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
@@ -40,11 +39,11 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
         lines = (subject.place_of(walk.steps[-1].program, walk.steps[-1].line),)
-        if isinstance(walk.error, NoResultError):
-            findings.append(finding(Code.NO_RESULT, lines, error=walk.error.detail))
-        else:
-            error, number = str(walk.error), int(walk.error.code)
-            findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
+        error, number = str(walk.error), int(walk.error.code)
+        findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
+    for each in walk.substitutes:
+        place = subject.place_of(each.program, each.line) if each.program else each.line
+        findings.append(finding(Code.NO_RESULT, (place,), error=each.detail))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
         findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))

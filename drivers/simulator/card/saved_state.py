@@ -173,8 +173,8 @@ def _put_back(state: SavedState, controller: Memories) -> None:
         int(number): [kept for line in lines for kept in stored_plc_lines(line)]
         for number, lines in state.plcs.items()
     }
-    for number, system in controller.systems.items():
-        kept = state.kinematics.get(str(number), {})
+    for index, system in controller.systems.items():
+        kept = state.kinematics.get(str(index), {})
         system.kinematic_lines = {kind: [stored_line(line) for line in lines] for kind, lines in kept.items()}
     controller.programs.clear()
     controller.programs.update(programs)
