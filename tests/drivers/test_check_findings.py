@@ -171,6 +171,11 @@ def test_a_tool_that_is_left_in(machine: MachineProfile) -> None:
     assert codes(out) & {Code.ENDS_DEEPER, Code.PLUNGE} == set()
 
 
+def test_a_tool_that_is_left_in_by_a_move_until_a_trigger(machine: MachineProfile) -> None:
+    finding = only(checked("RAPID X500^-5", machine), Code.ENDS_DEEPER)
+    assert (finding.values["counts"], finding.lines) == (500, (4,))
+
+
 def test_a_run_time_error_is_told_with_its_line(machine: MachineProfile) -> None:
     found = checked("TA10 TS5 TM20\nX100\nGOTO77\nX200", machine)
     finding = only(found, Code.RUN_TIME_ERROR)
