@@ -150,8 +150,8 @@ def test_a_cut_on_the_screens_keeps_the_commit_too(aligned: Floor) -> None:
     by_git(folder, "init", "-q")
     by_git(folder, "commit", "-q", "--allow-empty", "-m", "nothing yet")
     loaded = load_job(EXPERIMENT)
-    for more in ({"loaded": loaded}, {}):
-        aligned.arm(loaded.job, **more)
+    for source in (loaded, None):
+        aligned.arm(loaded.job, loaded=source)
         aligned.do(Disarm())
         aligned.context.end_record()
         newest = story(folder, runs(folder)[0].run_id)
