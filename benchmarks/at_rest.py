@@ -1,17 +1,20 @@
-"""What the screens send to the terminal while the machine rests and nobody presses a key, page by page.
+"""What the screens send to the terminal, and take of a processor, while the machine rests and no key is pressed.
 
 python -m benchmarks.at_rest
 
-The console itself on a terminal of its own, with its simulator and an open job. The aim is less than 200 bytes a
-second: a slow line then has room for a key, and a terminal that is recorded stays short.
+The console itself on a terminal of its own, with its simulator and an open job, page by page. The aims are less
+than 200 bytes a second, since a slow line then has room for a key, and 1 % of one processor, the simulator apart.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from benchmarks.first_paint import commands
 from benchmarks.measure import extent, print_table
@@ -28,13 +31,21 @@ MOST_BYTES_PER_S = 200.0
 PAGES = tuple(PageName)[: extent(len(PageName), 2)]
 
 
-def bytes_per_s(command: Sequence[str], columns: int, rows: int) -> dict[PageName, float]:
-    """Return what each page sends at rest, bytes/s.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Rest:
+    """A page at rest: what it sends, and its share of one processor."""
+
+    bytes_per_s: float
+    cpu_percent: float
+
+
+def at_rest(command: Sequence[str], columns: int, rows: int) -> dict[PageName, Rest]:
+    """Return each page at rest.
 
     Raises:
         AssertionError: the machine was not at rest in time; with the screen.
     """
-    text, found = load("en"), dict[PageName, float]()
+    text, found = load("en"), dict[PageName, Rest]()
     with Terminal(command, columns=columns, rows=rows) as terminal:
         terminal.wait_for(text("frame.at_rest"), WITHIN_S)
         terminal.press("enter")
@@ -44,10 +55,20 @@ def bytes_per_s(command: Sequence[str], columns: int, rows: int) -> dict[PageNam
                 terminal.wait_until_read(WITHIN_S)
                 time.sleep(0.3)  # keys that come together are no keys of a person
             time.sleep(SETTLED_S)
-            before, began_s = terminal.bytes_seen, time.perf_counter()
+            sent, cpu_s, began_s = terminal.bytes_seen, cpu_s_of(terminal.pid), time.perf_counter()
             time.sleep(WATCHED_S)
-            found[page] = (terminal.bytes_seen - before) / (time.perf_counter() - began_s)
+            passed_s = time.perf_counter() - began_s
+            found[page] = Rest(
+                bytes_per_s=(terminal.bytes_seen - sent) / passed_s,
+                cpu_percent=100.0 * (cpu_s_of(terminal.pid) - cpu_s) / passed_s,
+            )
     return found
+
+
+def cpu_s_of(pid: int) -> float:
+    """Return the processor time of a process so far, without its children, s (proc(5), stat)."""
+    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def main() -> int:
@@ -56,13 +77,18 @@ def main() -> int:
     for columns, lines in SIZES:
         with tempfile.TemporaryDirectory() as folder:
             _, (_, command), *_ = commands(folder)
-            found = bytes_per_s(command, columns, lines)
+            found = at_rest(command, columns, lines)
         rows += [
-            (f"{columns} x {lines}, {page}", f"{rate:.1f}", f"{rate / MOST_BYTES_PER_S:.2f}")
-            for page, rate in found.items()
+            (
+                f"{columns} x {lines}, {page}",
+                f"{rest.bytes_per_s:.1f}",
+                f"{rest.bytes_per_s / MOST_BYTES_PER_S:.2f}",
+                f"{rest.cpu_percent:.1f} %",
+            )
+            for page, rest in found.items()
         ]
-    title = f"Bytes to the terminal at rest, mean of {WATCHED_S:.0f} s a page"
-    print_table(title, ("", "bytes/s", f"x {MOST_BYTES_PER_S:.0f}"), rows)
+    title = f"Pages at rest, mean of {WATCHED_S:.0f} s each"
+    print_table(title, ("", "bytes/s", f"x {MOST_BYTES_PER_S:.0f}", "CPU"), rows)
     return 0
 
 

@@ -6,6 +6,7 @@ can be compared between machines.
 
 from __future__ import annotations
 
+import json
 import os
 import statistics
 import time
@@ -16,6 +17,9 @@ from typing import TypeVar
 KIB_PER_MIB = 1024.0
 
 Number = TypeVar("Number", int, float)
+
+TABLES = "BENCHMARKS_TABLES"
+"""An environment variable: the file to which each printed table is added as a line of JSON."""
 
 SHORT = "BENCHMARKS_SHORT"
 """An environment variable: where it is set, a benchmark shows that it works, and its figures mean little."""
@@ -72,7 +76,7 @@ def median_process_cost(arguments: Sequence[str], runs: int) -> ProcessCost:
 
 
 def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table: the first column to the left, numbers to the right."""
+    """Print a table: the first column to the left, numbers to the right; keep it, too, where `TABLES` says so."""
     widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
     print(title)
     for row in (head, *rows):
@@ -81,3 +85,8 @@ def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) 
             for column, (cell, w) in enumerate(zip(row, widths, strict=True))
         ]
         print("  ".join(cells).rstrip())
+    if kept := os.environ.get(TABLES):
+        with open(kept, "a", encoding="utf-8") as file:
+            file.write(
+                json.dumps({"title": title, "head": list(head), "rows": [list(row) for row in rows]}) + "\n"
+            )

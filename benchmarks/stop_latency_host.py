@@ -34,6 +34,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
+from console.tui.start import SWITCH_INTERVAL_S
 from console.tui.theme import COLOUR
 from drivers.beside.side_line import SideLine
 from drivers.clock import RealClock
@@ -224,6 +225,7 @@ def main() -> None:
         stop = real_stop(link, told)
         for_ever(work_on(link, load_of_link))
     if files:
+        sys.setswitchinterval(SWITCH_INTERVAL_S)
         beside = publishing if files[2:] == ["feed"] else partial(recording, inbox=inbox)
         record = beside(Path(files[1])) if files[1:] else None
         show(pickle.loads(Path(files[0]).read_bytes()), stop, told, record)

@@ -28,6 +28,7 @@ from profiles.problem import Problem, refused
 _MOST_OVALITY_UM = 0.05
 OFF_AXIS = "trace.off_axis"  # code of the warning that a part is off the axis and its radius is not stated
 SMALLEST_MM = 5.0  # smallest assumed part radius where a trace does not state it
+_EXAMPLE_MM = 25.0  # the radius for which a warning gives the size of the oval
 # Fraction of the radius: further off centre the angles about the axis say little about those of the part.
 _MOST_ECCENTRIC = 0.1
 
@@ -244,7 +245,8 @@ def _off_axis(centred: _Centred, radius_mm: float | None) -> tuple[Problem, ...]
         return ()
     needed_mm = seen_oval_um_pp(eccentricity_um, 1.0) / _MOST_OVALITY_UM
     value, limit = f"{eccentricity_um:.3g} um", f"{needed_mm:.3g} mm"
-    return (Problem(code=OFF_AXIS, key="radius_mm", value=value, limit=limit),)
+    size = f"{seen_oval_um_pp(eccentricity_um, _EXAMPLE_MM):.3g} um (R = {_EXAMPLE_MM:g} mm)"
+    return (Problem(code=OFF_AXIS, where=size, key="radius_mm", value=value, limit=limit),)
 
 
 def _sampling(points: int, filter_upr: float | None) -> tuple[Problem, ...]:

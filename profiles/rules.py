@@ -4,7 +4,8 @@ Codes, with what is refused:
 
 - `rule.wall_over_radius`      a wall thicker than the radius (equal: a solid bar)
 - `rule.depth_over_wall`       a cut that, with the lobe on top, leaves less than `LEAST_WALL_MM` of the wall
-- `rule.depth_under_lobe`      a depth that does not hold the lobe: between its maxima the tool leaves the part
+- `rule.depth_under_lobe`      a depth that does not hold the lobe and `LEAST_CHIP_MM`: between its maxima
+                               the tool leaves the part, or rubs
 - `rule.clamp_stress`          a thin part that yields under the jaws
 - `rule.length_over_overhang`  a cut that comes nearer to the jaws than their clearance
 - `rule.speed_over_machine`    a spindle speed above the machine's
@@ -57,6 +58,9 @@ from profiles.problem import Problem
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
 # Of the wall left where the tool is deepest. A thinner one yields to the chip, not to the jaws.
 LEAST_WALL_MM = 0.2
+# Of the depth left where the tool is shallowest (choice). A carbide edge of 20 um cuts from a quarter of its
+# radius on; below that it rubs and burnishes, and no model of the cut is valid.
+LEAST_CHIP_MM = 0.005
 
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
@@ -116,11 +120,20 @@ def _part(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
         ),
         # The initial surface was turned in this clamping, and is round there. Where the tool is out of it nothing
         # is removed, and the released part keeps that much of its lobe.
-        _finding("rule.depth_under_lobe", "depth_of_cut_mm", depth_mm > lobe_mm, depth_mm, ">", lobe_mm),
+        _depth_holds(depth_mm, lobe_mm),
         _at_most("rule.length_over_overhang", "cut_length_mm", job.cut_length_mm, free_mm, "mm"),
         _at_most("rule.speed_over_machine", "spindle_speed_rpm", speed_rpm, machine.spindle.max_speed_rpm, "rpm"),
         _at_most("rule.force_over_chuck", "chucking_force_n", force_n, machine.chuck.max_force_n, "N"),
     )
+
+
+def _depth_holds(depth_mm: float, lobe_mm: float) -> Finding:
+    """Check that the tool cuts all round; the limit is rounded up, so that it is accepted when it is typed."""
+    least_mm = math.ceil(round((lobe_mm + LEAST_CHIP_MM) * 1e4, 6)) / 1e4
+    value, limit = f"{depth_mm:.6g} mm", f">= {least_mm:.6g} mm"
+    chip = f"{LEAST_CHIP_MM:g} mm"
+    problem = Problem(code="rule.depth_under_lobe", where=chip, key="depth_of_cut_mm", value=value, limit=limit)
+    return judged(depth_mm >= least_mm, problem)
 
 
 def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import DEFAULT_PLANT
-from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.kept_files import data_folder, jobs_folder, machines_folder, refuse_closed
 from console.session.errors import SessionError
 from drivers.link.address import LinkAddress, SimulatedAddress, parse_address
@@ -20,6 +19,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
 if TYPE_CHECKING:
+    from console.session.data.calibrated_chuck import CalibratedMachine
     from console.text.catalogue import Catalogue
     from drivers.simulator.plant.true_parameters import TrueParameters
 
@@ -53,6 +53,8 @@ def machine_of(options: Namespace) -> LoadedMachine:
 
 def judged_of(options: Namespace) -> CalibratedMachine:
     """Load the machine named on the command line with its newest calibrations, to judge a job on it."""
+    from console.session.data.calibrated_chuck import calibrated
+
     return calibrated(profile_of(options), data_of(options))
 
 

@@ -22,6 +22,7 @@ from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
+from profiles.rules import LEAST_CHIP_MM
 
 STEADY_FEED = 0.999999  # fraction of the longest feed in a loop from which a move belongs to the steady cut
 
@@ -82,7 +83,7 @@ def cut_findings(
 
 
 def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
-    """Check that a path keeps the tool in the part, at every angle and over the length of the cut.
+    """Check that a path keeps the edge cutting, at every angle and over the length of the cut.
 
     The part comes out at the depth of the job, whatever mean a learned path commands for that. Where the tool
     leaves the surface it removes nothing, and the material stays on the part.
@@ -91,10 +92,10 @@ def leaving_findings(job: Job, target: LobedPath) -> tuple[Finding, ...]:
     half_mm = 0.5 * job.cut_length_mm
     path_um = [target.at_um(angle_deg, end_mm) - target.mean_um for end_mm in (-half_mm, half_mm)]
     least_um = 1000.0 * job.depth_of_cut_mm + float(np.min(path_um))
-    if least_um > 0.0:
+    if least_um >= 1000.0 * LEAST_CHIP_MM:
         return ()
-    needed_mm = job.depth_of_cut_mm - least_um / 1000.0
-    value, limit = f"{-least_um:.2f} um", f"> {needed_mm:.6g} mm"
+    needed_mm = math.ceil(round((job.depth_of_cut_mm + LEAST_CHIP_MM - least_um / 1000.0) * 1e4, 6)) / 1e4
+    value, limit = f"{least_um:.2f} um", f">= {needed_mm:.6g} mm"
     return (_refusal("cut.leaves_part", "depth_of_cut_mm", value, limit),)
 
 

@@ -9,9 +9,10 @@ from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Self
 
-from drivers.cutting.traits import AngleZero, Made, Planning, Traits
+from drivers.cutting.traits import AngleZero, Traits
 
 if TYPE_CHECKING:
+    from drivers.cutting.made import Made, Planning
     from profiles.compensations.path import LobedPath
     from profiles.job import Job
     from profiles.machine import MachineProfile
@@ -29,6 +30,7 @@ def _hold_from(planning: Planning) -> float:
 
 def _by_pvt(planning: Planning, command: LobedPath) -> Made:
     """Make segments of PVT, with the spindle turned by the program."""
+    from drivers.cutting.made import Made
     from drivers.pmac.programs.pvt import pvt_program
 
     return Made(
@@ -41,6 +43,7 @@ def _by_pvt(planning: Planning, command: LobedPath) -> Made:
 
 def _cam(planning: Planning) -> Made:
     """Make a compensation table by the angle of the spindle."""
+    from drivers.cutting.made import Made
     from drivers.pmac.programs.cam import cam_program, correction_register
     from drivers.pmac.programs.cam_table import make_cam
     from drivers.pmac.programs.setup import SERVO
@@ -61,6 +64,7 @@ def _cam(planning: Planning) -> Made:
 
 def _timebase(planning: Planning) -> Made:
     """Make the segments of `pvt`; in each servo cycle time advances by the spindle's turn in the cycle before."""
+    from drivers.cutting.made import Made
     from drivers.pmac.programs import timebase
 
     job, machine, setup, dialect = planning.job, planning.machine, planning.setup, planning.dialect
@@ -77,6 +81,7 @@ def _timebase(planning: Planning) -> Made:
 
 def _paper(planning: Planning) -> Made:
     """Make Prog. 1 of Lee and Lee (2001), as printed."""
+    from drivers.cutting.made import Made
     from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program
     from drivers.pmac.programs.setup import refuse_endless
 

@@ -18,6 +18,7 @@ from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_an
 from drivers.pmac.expected_replies import expected_replies, opens_buffer
 from drivers.pmac.framing import (
     QUIET_S,
+    SILENCE_S,
     FaultError,
     FaultKind,
     FramingError,
@@ -27,6 +28,7 @@ from drivers.pmac.framing import (
     awaited,
 )
 from drivers.pmac.reserved import MARKER
+from drivers.pmac.saving import SAVE_TIMEOUT_S, saves
 from profiles.problem import Problem
 
 CR, FLUSH = b"\r", b"\x18"
@@ -142,12 +144,14 @@ class Exchange:
     def reply(self, line: str, timeout_s: float, lines: int | None) -> Reply:
         """Return the reply to the line that was sent, with `lines` lines of data where that is not None.
 
+        A SAVE has its seconds, and the NUL of a board that gives up over it is no failure, see `_saved`.
+
         Raises:
             LinkTimeoutError: `link.silent`, no complete reply in time.
             LinkError: the link broke, or `link.out_of_step`; and `link.outcome_unknown` if it may have had effect.
         """
         try:
-            reply = self._await(timeout_s)
+            reply = self._saved(line, timeout_s) if saves(line) else self._await(timeout_s)
             accepted = reply.error_number is None
             # A refusal may follow the replies of earlier commands in the line, which may be anything.
             if accepted and lines is not None and len(reply.lines) != lines:
@@ -317,8 +321,29 @@ class Exchange:
         except FaultError:
             return None
 
-    def _await(self, timeout_s: float) -> Reply:
-        reply = awaited(self._reader, self.link, self._clock, timeout_s)
+    def _saved(self, line: str, timeout_s: float) -> Reply:
+        """Return the reply to a line with SAVE. Over a NUL it is accepted once the controller is in step again.
+
+        A refusal would have come as one; raises as `resynchronise` does, when the controller stays away.
+        """
+        deadline = self._clock.now_s() + max(2.0 * timeout_s, SAVE_TIMEOUT_S)
+        try:
+            return self._await(self._left(deadline), SAVE_TIMEOUT_S)
+        except FaultError as fault:
+            if fault.kind is not FaultKind.NUL:
+                raise
+        self._flush()
+        self.in_step = False
+        while not self.in_step:
+            try:
+                self.resynchronise()
+            except LinkTimeoutError:
+                if self._left(deadline) <= 0.0:
+                    raise
+        return Reply(lines=())
+
+    def _await(self, timeout_s: float, silence_s: float = SILENCE_S) -> Reply:
+        reply = awaited(self._reader, self.link, self._clock, timeout_s, silence_s)
         self.messages += reply.messages
         return reply
 

@@ -226,8 +226,10 @@ class FaultError(Exception):
         self.kind, self.actual, self.allowed = kind, actual, allowed
 
 
-def awaited(reader: ReplyReader, link: Link, clock: Clock, timeout_s: float) -> Reply:
-    """Return the next reply on a link.
+def awaited(
+    reader: ReplyReader, link: Link, clock: Clock, timeout_s: float, silence_s: float = SILENCE_S
+) -> Reply:
+    """Return the next reply on a link, which may be silent for `silence_s`.
 
     Raises:
         FaultError: none in time, or something else.
@@ -236,8 +238,8 @@ def awaited(reader: ReplyReader, link: Link, clock: Clock, timeout_s: float) -> 
     began_s = last_s = clock.now_s()
     count = 0
     while True:
-        end_s = began_s + min(timeout_s, SILENCE_S + count / SLOWEST_BYTES_S)
-        deadline = min(end_s, last_s + SILENCE_S)
+        end_s = began_s + min(timeout_s, silence_s + count / SLOWEST_BYTES_S)
+        deadline = min(end_s, last_s + silence_s)
         try:
             reply = reader.take()
         except FramingError as error:

@@ -111,7 +111,7 @@ class SimulatedLathe:
 
     def attend(self, port: Port) -> None:
         """Let the controller serve one host now, between two background cycles; no time passes."""
-        if not self.lines.slow:
+        if not (self.lines.slow or self.controller.saving):
             port.obey()
             port.service()
 

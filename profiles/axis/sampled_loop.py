@@ -8,7 +8,9 @@ P(z) = (n1 z + n0) / ((z - 1) (z - d)),    d = exp(-b T)
     F(z) = kp + ki T z / (z - 1) + kvff (z - 1) / (T z) + kaff ((z - 1) / (T z))^2     on the command
     L = P B / z,    closed loop P F / z / (1 + L)
 
-An extra delay of the plant, such as that of the current loop, multiplies P by exp(-j w delay).
+A flexible mode adds a c / (s^2 + 2 z w s + w^2) to the plant, as its step-invariant sampling (K. J. Astrom and
+B. Wittenmark, Computer-Controlled Systems, table 2.1). An extra delay of the plant, such as that of the current
+loop, multiplies P by exp(-j w delay).
 """
 
 from __future__ import annotations
@@ -28,12 +30,28 @@ LOWEST_HZ = 1e-6  # replaces 0 Hz, where the integrators have their poles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FlexibleMode:
+    """A resonance of the axis: frequency, damping ratio, and its fraction of the rigid axis' acceleration.
+
+    The fraction is negative where the scale and the motor are on either side of what bends.
+    """
+
+    hz: float
+    damping_ratio: float
+    fraction: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AxisPlant:
-    """The moved axis a / (s (s + b)): a in m/s2 per V of the output, b in 1/s, and a delay beyond the period."""
+    """The moved axis a / (s (s + b)): a in m/s2 per V of the output, b in 1/s, and a delay beyond the period.
+
+    `modes` are what else the scale sees of it, above the rigid motion.
+    """
 
     acceleration_per_v: float
     damping_per_s: float
     delay_s: float = 0.0
+    modes: tuple[FlexibleMode, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,8 +71,11 @@ class SampledLoop:
         """Return P / z with its extra delay, m/V."""
         z, hz = self._z(frequency_hz)
         n1, n0, decay = self._held()
-        held = (n1 * z + n0) / ((z - 1.0) * (z - decay)) / z
-        return complexes(held * np.exp(-2j * np.pi * hz * self.plant.delay_s))
+        held = (n1 * z + n0) / ((z - 1.0) * (z - decay))
+        for mode in self.plant.modes:
+            above, below = self._held_mode(mode)
+            held = held + np.polyval(above, z) / np.polyval(below, z)
+        return complexes(held / z * np.exp(-2j * np.pi * hz * self.plant.delay_s))
 
     def feedback(self, frequency_hz: ArrayLike) -> Complexes:
         """Return B, V/m."""
@@ -88,7 +109,7 @@ class SampledLoop:
         and 1 without, it is N Fn / (z (z^2 c D + N Bn)).
         """
         gains, period_s = self.gains, self.period_s
-        n1, n0, decay = self._held()
+        plant_above, plant_below = self._plant_polynomials()
         integrating = gains.ki_v_per_m_s != 0.0
         common = [1.0, -1.0] if integrating else [1.0]
         shared = np.polymul([gains.kp_v_per_m, 0.0], common)
@@ -103,12 +124,32 @@ class SampledLoop:
             np.polyadd([velocity, -velocity, 0.0], [acceleration, -2 * acceleration, acceleration]), common
         )
         forward = np.polyadd(np.polymul(shared, [1.0, 0.0]), ahead)
-        own = np.polymul(np.polymul([1.0, 0.0, 0.0], common), np.polymul([1.0, -1.0], [1.0, -decay]))
-        closed = np.polyadd(own, np.polymul([n1, n0], np.polyadd(shared, derivative)))
+        own = np.polymul(np.polymul([1.0, 0.0, 0.0], common), plant_below)
+        closed = np.polyadd(own, np.polymul(plant_above, np.polyadd(shared, derivative)))
         denominator = np.polymul(closed, [1.0, 0.0])
-        numerator = np.polymul([n1, n0], forward)
+        numerator = np.polymul(plant_above, forward)
         padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
         return floats(padded), floats(denominator)
+
+    def _plant_polynomials(self) -> tuple[Floats, Floats]:
+        """Return numerator and denominator of the plant behind its hold, modes included."""
+        n1, n0, decay = self._held()
+        above, below = floats([n1, n0]), floats(np.polymul([1.0, -1.0], [1.0, -decay]))
+        for mode in self.plant.modes:
+            own_above, own_below = self._held_mode(mode)
+            above = floats(np.polyadd(np.polymul(above, own_below), np.polymul(own_above, below)))
+            below = floats(np.polymul(below, own_below))
+        return above, below
+
+    def _held_mode(self, mode: FlexibleMode) -> tuple[Floats, Floats]:
+        """Return numerator and denominator of a mode behind its hold: e = exp(-z w T), d = w sqrt(1 - z^2)."""
+        omega, ratio = 2.0 * math.pi * mode.hz, mode.damping_ratio
+        damped = omega * math.sqrt(1.0 - ratio**2)
+        fade, turn = math.exp(-ratio * omega * self.period_s), damped * self.period_s
+        skew = ratio * omega / damped * math.sin(turn)
+        scale = mode.fraction * self.plant.acceleration_per_v / omega**2
+        above = [scale * (1.0 - fade * (math.cos(turn) + skew)), scale * fade * (fade + skew - math.cos(turn))]
+        return floats(above), floats([1.0, -2.0 * fade * math.cos(turn), fade**2])
 
     def scaled(self, factor: float) -> SampledLoop:
         """Return the loop with its gain multiplied."""

@@ -26,7 +26,7 @@ from profiles.chucking.grip import (
     wrench_force_sd_n,
 )
 from profiles.chucking.holding import Wrench, holding_of, torque_n_m
-from profiles.chucking.ring import Ring, bending_stress_mpa, is_thin
+from profiles.chucking.ring import Ring, is_thin, jaw_stress_mpa
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
@@ -163,7 +163,7 @@ def _limits(job: Job, machine: MachineProfile) -> dict[str, float]:
 
 
 def wall_stress_mpa(job: Job, machine: MachineProfile, force_per_jaw_n: float) -> float | None:
-    """Return the bending stress under a jaw; None of a part that does not bend, or of an unknown material."""
+    """Return the stress under a jaw; None of a part that does not bend, or of an unknown material."""
     material = material_or_none(job.material)
     if material is None or not is_thin(job.wall_thickness_mm, job.radius_mm):
         return None
@@ -173,4 +173,4 @@ def wall_stress_mpa(job: Job, machine: MachineProfile, force_per_jaw_n: float) -
         length_mm=holding_of(machine).jaw_length_mm,
         material=material,
     )
-    return bending_stress_mpa(ring, job.jaws, force_per_jaw_n)
+    return jaw_stress_mpa(ring, job.jaws, force_per_jaw_n)

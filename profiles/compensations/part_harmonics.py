@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from profiles.arrays import Floats
-from profiles.calibration.lobe import INDEX, find_lobe
+from profiles.calibration.lobe import INDEX, OVAL, find_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_fit import FittedHarmonic, fit_lobe
 from profiles.metrology.turns import several_turns
@@ -92,6 +92,8 @@ def part_harmonics(
     fitted = {each.n: each for each in (*_beside(trace, job, beside, robust=robust), *found.fit.harmonics)}
     for harmonic in fitted.values():
         own = complex(harmonic.cos_um, -harmonic.sin_um)
+        if harmonic.n == OVAL:
+            own -= _oval_off_axis(fitted[1], header.radius_of(job))
         seen = own.conjugate() if header.against_spindle else own
         placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
     return PartHarmonics(
@@ -107,6 +109,11 @@ def part_harmonics(
         reasons=tuple(reasons),
         warnings=found.warnings,
     )
+
+
+def _oval_off_axis(once: FittedHarmonic, radius_mm: float) -> complex:
+    """Return the second harmonic, um, of a circle this far off the gauge's axis: c^2 / (4 R), not of the part."""
+    return complex(once.cos_um, -once.sin_um) ** 2 / (4000.0 * radius_mm)
 
 
 def _beside(trace: Trace, job: Job, orders: Sequence[int], *, robust: bool) -> Sequence[FittedHarmonic]:

@@ -18,8 +18,8 @@ from profiles.compensations.path import misalignment, residual_um_pp
 from profiles.lobe.cut_error import cut_error
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
+from profiles.paper.causes_left import models
 from profiles.paper.experiments import Experiments
-from profiles.paper.parts import models
 from profiles.paper.record import Record, Section
 from profiles.paper.residual import left_um_pp
 

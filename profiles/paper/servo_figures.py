@@ -70,7 +70,7 @@ def _table_5(machine: MachineProfile) -> tuple[Record, ...]:
     }
     return (
         *_rows("eq9", actual, why="feedforward", facts=facts),
-        *_rows("fitted", fitted, basis=Basis.FITTED),
+        *_rows("fitted", fitted, why="circular", facts={"chi2": fit.chi2}, basis=Basis.FITTED),
         _chi_square(fit.chi2),
     )
 

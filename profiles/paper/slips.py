@@ -15,13 +15,28 @@ _SECOND_PERCENT = 57.0  # improvement of experiment 2, section 5.2.3
 _NO_GAIN_DEG = 20.0
 """A path off by this spindle angle leaves the whole lobe of three jaws: |1 - exp(-j 60 deg)| = 1."""
 
+_TURNED_DEG = 10.0  # from which angles are counted, beside jaw 1
+
 _meant = partial(Record, tolerance=1e-9, basis=Basis.CONSTRUCTION, why="meant")
 """The correction of a misprint: it was chosen to give the paper's result."""
 
 
 def section(paper: Experiments) -> Section:
     """Return the paper's computations beside the correct results."""
-    return Section("slips", (*_gains(paper.errors_um_pp), *_program(paper), *_motor(paper.machine)))
+    parts = (*_symbols(paper.jobs[0]), *_gains(paper.errors_um_pp), *_program(paper), *_motor(paper.machine))
+    return Section("slips", parts)
+
+
+def _symbols(job: Job) -> tuple[Record, ...]:
+    """Return R taken for the diameter, as Table 1 has it, and b1 of a reaction that is periodic."""
+    inside_mm = job.radius_mm - job.depth_of_cut_mm
+    lost, taken = 1 - (inside_mm / job.radius_mm) ** 3, 1 - (inside_mm / job.diameter_mm) ** 3
+    b1 = math.tan(math.radians(3 * _TURNED_DEG))
+    size = {"times": taken / lost, "depth_mm": job.depth_of_cut_mm, "diameter_mm": job.diameter_mm}
+    return (
+        Record("slip.diameter", lost, expected=taken, tolerance=1e-3, why="diameter_as_r", facts=size),
+        Record("slip.b1", b1, expected=0.0, tolerance=1e-3, why="periodic", facts={"turned_deg": _TURNED_DEG}),
+    )
 
 
 def _gains(errors_um_pp: tuple[float, float]) -> tuple[Record, ...]:
@@ -74,6 +89,21 @@ def _motor(machine: MachineProfile) -> tuple[Record, ...]:
     current_a = tool.peak_force_n / tool.thrust_constant_n_per_a
     return (
         Record("motor.current", current_a, "A", expected=tool.peak_current_a, tolerance=0.2),
+        *_powers(machine),
         Record("motor.constants", tool.thrust_constant_n_per_a / tool.back_emf_v_s_per_m, why="constants"),
         Record("motor.output", tool.peak_current_a / tool.amplifier_gain_a_per_v, "V"),
+    )
+
+
+def _powers(machine: MachineProfile) -> tuple[Record, ...]:
+    """Return the copper losses I^2 R at continuous and at peak thrust beside the powers of Table 2."""
+    tool = machine.tool
+    thrusts = {"continuous": (tool.continuous_force_n, 226.0), "largest": (tool.peak_force_n, 6700.0)}
+    squares = {at: (force_n / tool.thrust_constant_n_per_a) ** 2 for at, (force_n, _) in thrusts.items()}
+    facts = {f"{at}_ohm": power_w / squares[at] for at, (_, power_w) in thrusts.items()}
+    facts["cold_ohm"] = tool.coil_resistance_ohm
+    lost = partial(Record, "motor.power", unit="W", why="hot", facts=facts)
+    return tuple(
+        lost(squares[at] * tool.coil_resistance_ohm, at=at, expected=power_w, tolerance=0.05 * power_w)
+        for at, (_, power_w) in thrusts.items()
     )

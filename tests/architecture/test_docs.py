@@ -44,7 +44,9 @@ DOCUMENTS = (
     "docs/records.md",
     "docs/report.md",
     "docs/screens.md",
+    "docs/shop.md",
     "docs/strategies.md",
+    "docs/study.md",
     "docs/traces.md",
 )
 COMMANDS = (

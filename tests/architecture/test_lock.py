@@ -45,5 +45,6 @@ def test_every_requirement_has_a_hash() -> None:
 
 def test_every_direct_dependency_is_locked() -> None:
     project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-    target = {normal(item) for item in (*project["dependencies"], *project["optional-dependencies"]["test"])}
+    extras = [item for items in project["optional-dependencies"].values() for item in items]
+    target = {normal(item) for item in (*project["dependencies"], *extras)}
     assert sorted(target - set(requirements())) == []

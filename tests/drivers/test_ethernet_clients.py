@@ -37,10 +37,13 @@ def test_a_library_that_receives_once_for_each_command_is_never_one_reply_behind
         assert board.raw(bytes.fromhex("40bf000000000003") + b"UUU") == [b"\x07ERR003\r"]
 
 
-def test_a_library_that_saves_is_acknowledged(board: BoardWire) -> None:
-    """It takes the NUL of a board that waits for the flash for a failure; this card saves at once."""
+def test_a_library_that_saves_gets_a_nul_in_the_time_that_it_doubles_for_it(board: BoardWire) -> None:
+    """It waits 6 s for this line, and its next command gets its own answer."""
     connected(board)
-    assert board.raw(bytes.fromhex("40bf000000000004") + b"SAVE") == [b"\x06"]
+    began_s = board.sim.now_s()
+    assert board.raw(bytes.fromhex("40bf000000000004") + b"SAVE") == [b"\x00"]
+    assert 3.0 < board.sim.now_s() - began_s < 6.0
+    assert board.raw(bytes.fromhex("40bf000000000003") + b"P99") == [b"0\r\x06"]
 
 
 def test_a_library_whose_longest_line_is_255_characters(board: BoardWire) -> None:

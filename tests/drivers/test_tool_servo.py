@@ -7,10 +7,12 @@ import math
 
 import numpy as np
 import pytest
+from scipy import signal
 
 from drivers.simulator.card.servo import ServoAxis, ServoGains
 from drivers.simulator.plant.axis import IdealAxis
 from drivers.simulator.plant.driven_mass import linear_motor
+from drivers.simulator.plant.flexible_mode import FlexibleMode
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 MASS, DAMPING, FORCE_N_PER_V = 4.74, 201.6, 11.45 * 54.5
@@ -35,13 +37,15 @@ def held(**changed: float) -> ServoAxis:
     return axis
 
 
-def response(frequency_hz: float, amplitude: float = 20_000.0, **changed: float) -> complex:
+def response(
+    frequency_hz: float, amplitude: float = 20_000.0, axis: ServoAxis | None = None, **changed: float
+) -> complex:
     """Return position over command of the running loop, from whole periods after it has settled."""
     cycles = round(4.0 / CYCLE_S)
     time_s = np.arange(cycles) * CYCLE_S
     # Smoothly grown over half a second, so that no limit is met.
     command = amplitude * np.minimum(time_s / 0.5, 1.0) * np.sin(2 * np.pi * frequency_hz * time_s)
-    position = np.array(held(**changed).follow([float(place) for place in command]))
+    position = np.array((axis or held(**changed)).follow([float(place) for place in command]))
     tail = slice(round(1.5 / CYCLE_S), cycles)
     harmonics = np.column_stack(
         [np.sin(2 * np.pi * frequency_hz * time_s), np.cos(2 * np.pi * frequency_hz * time_s), np.ones(cycles)]
@@ -201,3 +205,26 @@ def test_number_11_a_hundred_counts_of_error_are_36_6_bits() -> None:
     bits = 2 * track[101] / (100 * CYCLE_S) ** 2
     assert bits == pytest.approx(36.62, abs=0.01)
     assert bits / BITS_PER_V * 1000 == pytest.approx(11.2, abs=0.05)
+
+
+@pytest.mark.parametrize("fraction", [0.3, -0.3])
+@pytest.mark.parametrize("hz", [50.0, 250.0, 420.0])
+def test_a_flexible_axis_responds_as_another_program_says(hz: float, fraction: float) -> None:
+    """Rigid axis and mode of 300 Hz with 2 % of damping, sampled by scipy; the loop from textbook parts."""
+    omega, period_s = 2.0 * math.pi * 300.0, CYCLE_S
+    z = cmath.exp(2j * math.pi * hz * period_s)
+    plant = 0.0 + 0.0j
+    for above, below in (
+        ([1.0], [1.0, DAMPING / MASS, 0.0]),
+        ([fraction], [1.0, 2.0 * 0.02 * omega, omega**2]),
+    ):
+        (numerator,), denominator, _ = signal.cont2discrete((above, below), period_s, "zoh")
+        plant += complex(np.polyval(numerator, z) / np.polyval(denominator, z))
+    kp = 528 * 96 / 2**19
+    slope = 1.0 - 1.0 / z
+    kd, ki = kp * 4905 / 128, kp * 811 / 2**23
+    control = kp + ki / slope + kd * slope
+    opened = plant * FORCE_N_PER_V / BITS_PER_V / MASS * 5e6 * control / z
+    axis = ServoAxis(PLANT, gains(), CYCLE_S, mode=FlexibleMode(300.0, 0.02, fraction, CYCLE_S))
+    axis.close_loop()
+    assert response(hz, 300.0, axis) == pytest.approx(opened / (1.0 + opened), abs=2e-3)

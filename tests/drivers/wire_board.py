@@ -22,7 +22,7 @@ class BoardWire:
     sim: SimulatedLathe
     session: EthernetSession
 
-    def raw(self, sent: bytes, most_cycles: int = 200) -> list[bytes]:
+    def raw(self, sent: bytes, most_cycles: int = 2000) -> list[bytes]:
         """Send bytes and return the replies, each as it is sent. Time passes only where the card wants it to."""
         self.session.receive(sent)
         replies = self.session.turn()

@@ -28,13 +28,19 @@ class Wire:
         return self.sim.controller
 
     def raw(self, data: str | bytes) -> bytes:
-        """Send bytes and return what the card says at once, without time passing."""
+        """Send bytes and return what the card says at once; time passes only over a SAVE."""
         self.port.receive(data.encode("latin-1") if isinstance(data, str) else data)
+        self._attend()
+        while self.card.saving:
+            self.sim.wait(CYCLE_S)
+            self._attend()
+        return self.port.take_output()
+
+    def _attend(self) -> None:
         while not self.port.idle or self.port.ready:
             self.sim.attend(self.port)
             if not self.port.ready:
                 break
-        return self.port.take_output()
 
     def ask(self, line: str) -> list[str]:
         """Return the lines of data that a line answers."""

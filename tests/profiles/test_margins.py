@@ -11,9 +11,10 @@ import pytest
 
 from profiles.arrays import floats
 from profiles.axis.margins import is_stable, loop_margins
-from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
+from profiles.axis.sampled_loop import AxisPlant, FlexibleMode, SampledLoop, loop_of, profile_plant
 from profiles.axis.servo import sampled_response
 from profiles.axis.step_figures import error_figures, modelled, step_figures
+from profiles.axis.stiffness import compliance_um_per_n, lobe_stiffness
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_machine
@@ -29,6 +30,12 @@ def with_variables(machine: MachineProfile, **changes: float) -> MachineProfile:
     return replace(machine, controller=replace(machine.controller, variables=variables))
 
 
+def flexible(hz: float, ratio: float, fraction: float, *more: FlexibleMode) -> AxisPlant:
+    mode = FlexibleMode(hz=hz, damping_ratio=ratio, fraction=fraction)
+    return replace(profile_plant(MACHINE), modes=(mode, *more))
+
+
+SECOND = FlexibleMode(hz=700.0, damping_ratio=0.03, fraction=0.2)
 LOOPS = {
     "the paper's": loop_of(MACHINE),
     "four times the gain": loop_of(with_variables(MACHINE, I130=2112)),
@@ -36,7 +43,13 @@ LOOPS = {
     "a strong integrator": loop_of(with_variables(MACHINE, I133=400_000)),
     "unstable": loop_of(with_variables(MACHINE, I130=40_000)),
     "without friction": loop_of(MACHINE, AxisPlant(acceleration_per_v=131.6, damping_per_s=0.0)),
+    "a small mode": loop_of(MACHINE, flexible(300.0, 0.02, 0.05)),
+    "two modes": loop_of(MACHINE, flexible(300.0, 0.05, -0.1, SECOND)),
+    "a mode that swings up": loop_of(MACHINE, flexible(300.0, 0.02, 1.0)),
 }
+
+
+UNSTABLE = ("unstable", "a mode that swings up")
 
 
 def opened_by_control(loop: SampledLoop) -> control.TransferFunction:
@@ -44,7 +57,12 @@ def opened_by_control(loop: SampledLoop) -> control.TransferFunction:
     import control
 
     a, b, period_s = loop.plant.acceleration_per_v, loop.plant.damping_per_s, loop.period_s
-    plant = control.c2d(control.ss(control.TransferFunction([a], [1.0, b, 0.0])), period_s, method="zoh")
+    moved = control.ss(control.TransferFunction([a], [1.0, b, 0.0]))
+    for mode in loop.plant.modes:
+        omega = 2.0 * math.pi * mode.hz
+        bends = control.TransferFunction([mode.fraction * a], [1.0, 2.0 * mode.damping_ratio * omega, omega**2])
+        moved = moved + control.ss(bends)
+    plant = control.c2d(moved, period_s, method="zoh")
     gains = loop.gains
     delay = control.TransferFunction([1.0], [1.0, 0.0], period_s)
     slope = control.TransferFunction([1.0, -1.0], [period_s, 0.0], period_s)
@@ -64,11 +82,11 @@ def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: st
     expected = np.array([other(np.exp(2j * np.pi * f * loop.period_s)) for f in hz])
     assert loop.opened(hz) == pytest.approx(expected, rel=1e-6)
     poles = control.feedback(other, 1).poles()
-    assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name != "unstable")
+    assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name not in UNSTABLE)
 
 
 @pytest.mark.first(2)
-@pytest.mark.parametrize("name", [name for name in LOOPS if name != "unstable"])
+@pytest.mark.parametrize("name", [name for name in LOOPS if name not in UNSTABLE])
 def test_the_margins_are_those_of_another_program(name: str) -> None:
     import control
 
@@ -190,3 +208,48 @@ def test_the_figures_of_a_step_are_those_of_the_textbook() -> None:
         step_figures(time_s, floats(0.0 * reference), reference, least_um=0.4)
     error = error_figures(np.array([3.0, 0.0, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 4.0]))
     assert (error.peak_um, error.rms_um) == (4.0, 2.5)
+
+
+@pytest.mark.parametrize("hz", [10.0, 50.0, 150.0])
+def test_the_compliance_is_what_a_sine_of_force_does_to_the_loop_in_time(hz: float) -> None:
+    """1 N at the tool, integrated at a hundredth of the period beside the controller's difference equation."""
+    loop, thrust = LOOPS["the paper's"], MACHINE.tool.loop_gain_n_per_v
+    gains, plant, period_s, fine = loop.gains, loop.plant, loop.period_s, 100
+    step_s, mass = period_s / fine, thrust / plant.acceleration_per_v
+    x = v = volts = waiting = integral = last = 0.0
+    seen = []
+    cycles = int(1.5 / period_s)
+    for cycle in range(cycles):
+        integral -= x * period_s
+        output = -gains.kp_v_per_m * x + gains.ki_v_per_m_s * integral - gains.kd_v_s_per_m * (x - last) / period_s
+        last, volts, waiting = x, waiting, output
+        for part in range(fine):
+            time_s = cycle * period_s + part * step_s
+            force = math.cos(2.0 * math.pi * hz * (time_s + 0.5 * step_s))
+            v += step_s * (plant.acceleration_per_v * volts - plant.damping_per_s * v + force / mass)
+            x += step_s * v
+        if cycle * period_s > 1.5 - 5.0 / hz:
+            seen.append(((cycle + 1) * period_s, x))
+    time, moved = np.array(seen).T
+    wave = np.stack([np.cos(2 * np.pi * hz * time), np.sin(2 * np.pi * hz * time), np.ones_like(time)], axis=1)
+    amplitude = np.hypot(*np.linalg.lstsq(wave, moved, rcond=None)[0][:2])
+    assert compliance_um_per_n(loop, thrust, [hz])[0] == pytest.approx(1e6 * amplitude, rel=0.01)
+
+
+def test_the_published_gains_are_soft_at_the_lobe_and_stiffer_ones_are_not() -> None:
+    """Steadily 1 / (624 x 147.5) m/N, and 1.75 um/N at 50 Hz; with Kp 1100, Ki 22000, Kd 4.75 at most 1.5."""
+    thrust, loop = MACHINE.tool.loop_gain_n_per_v, LOOPS["the paper's"]
+    soft = lobe_stiffness(loop, thrust, 50.0)
+    assert soft.hz == (50.0, 100.0, 150.0)
+    assert soft.most_um_per_n == pytest.approx(10.86, abs=0.03)
+    assert soft.um_per_n[0] == pytest.approx(1.75, abs=0.01)
+    stiff = replace(
+        loop.gains,
+        kp_v_per_m=1100.0,
+        ki_v_per_m_s=22_000.0,
+        kd_v_s_per_m=4.75,
+        velocity_feedforward_v_s_per_m=4.75,
+    )
+    hard = lobe_stiffness(replace(loop, gains=stiff), thrust, 50.0)
+    assert hard.most_um_per_n == pytest.approx(1.5, abs=0.02)
+    assert loop_margins(replace(loop, gains=stiff)).sensitivity_peak == pytest.approx(1.9, abs=0.02)

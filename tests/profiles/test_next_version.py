@@ -189,6 +189,18 @@ def test_a_part_is_the_same_however_it_was_measured(offset: int, against: bool, 
     assert found.ront_um(spindle) == pytest.approx(0.0, abs=1e-9)
 
 
+def test_the_oval_of_a_part_off_the_axis_of_the_gauge_is_not_of_the_part() -> None:
+    """A circle of 26 mm, 500 um off at 40 deg, by rays: 2.4 um of second harmonic, of which nothing is left."""
+    angle = np.arange(360.0)
+    away = np.radians(angle - 40.0)
+    seen = 500.0 * np.cos(away) + np.sqrt(26_000.0**2 - (500.0 * np.sin(away)) ** 2) - 26_000.0
+    meta = {"state": "free", "direction": "spindle", "start_mark": "spindle index", "radius_mm": "26"}
+    for true_um in (0.0, 1.5 - 0.7j):
+        oval = np.real(true_um * np.exp(2j * np.radians(angle)))
+        found = part_harmonics(Trace(angle_deg=angle, deviation_um=seen + oval, meta=meta), JOB, filter_upr=50.0)
+        assert found.coefficients_um[2] == pytest.approx(true_um, abs=2e-3)
+
+
 def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
     assert JOB.lobe_phase_deg == 90.0 and "lobe_phase_deg" in JOB.assumed
     cut = CutWith(path=MODEL, fraction=1.0, version=None)

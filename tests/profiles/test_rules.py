@@ -55,8 +55,8 @@ def test_two_thirds_rule_speed() -> None:
         ({"wall_thickness_mm": 26.1}, "rule.wall_over_radius"),
         ({"wall_thickness_mm": 0.327}, "rule.depth_over_wall"),
         ({"wall_thickness_mm": 0.328}, None),
-        ({"depth_of_cut_mm": 0.0275}, "rule.depth_under_lobe"),
-        ({"depth_of_cut_mm": 0.0276}, None),
+        ({"depth_of_cut_mm": 0.0324}, "rule.depth_under_lobe"),
+        ({"depth_of_cut_mm": 0.0325}, None),
         ({"chucking_force_n": 6594.0}, "rule.force_over_chuck"),
         ({"feed_mm_per_rev": 0.41}, "rule.feed_over_land"),
         ({"diameter_mm": 152.1}, "rule.tool_travel"),
@@ -84,25 +84,28 @@ def told(job: Job, code: str) -> tuple[Severity, str, str]:
 
 
 def test_a_depth_that_does_not_hold_the_lobe_at_the_end_where_it_is_largest_is_refused() -> None:
-    """27.5 um that grow by 10 % a mm over the 4 mm to either end of the cut: 38.5 um."""
+    """27.5 um that grow by 10 % a mm over the 4 mm to either end of the cut, 38.5 um, and 5 um for the edge."""
     grown = replace(ONE, lobe_growth_percent_per_mm=-10.0)
-    for depth_mm, severity in ((0.0384, Severity.REFUSAL), (0.0386, Severity.OK)):
+    for depth_mm, severity in ((0.0434, Severity.REFUSAL), (0.0435, Severity.OK)):
         met = told(replace(grown, depth_of_cut_mm=depth_mm), "rule.depth_under_lobe")
-        assert met == (severity, f"{depth_mm:g} mm", "> 0.0385 mm")
+        assert met == (severity, f"{depth_mm:g} mm", ">= 0.0435 mm")
     assert told(grown, "rule.depth_over_wall")[1] == "2.3615 mm"
 
 
 def test_a_wall_that_yields_under_the_jaws_or_is_cut_through_is_refused_with_what_would_pass() -> None:
-    """OD 52, wall 0.15: mean radius 25.925, W = 438 N, M = W R (3/pi - cot 60 deg) / 2, over 40 x 0.15^2 / 6."""
+    """OD 52, wall 0.15: mean radius 25.925, W = 438 N, M = W R (3/pi - cot 60 deg) / 2, over 40 x 0.15^2 / 6.
+
+    The hoop force W cot 60 deg / 2 adds its part over 40 x 0.15.
+    """
     thin = replace(ONE, wall_thickness_mm=0.15)
     moment_n_mm = 438 * 25.925 / 2 * (0.954930 - 0.577350)
-    stress_mpa = moment_n_mm / (40 * 0.15**2 / 6)
+    stress_mpa = moment_n_mm / (40 * 0.15**2 / 6) + 438 * 0.577350 / 2 / (40 * 0.15)
     severity, value, limit = told(thin, "rule.clamp_stress")
     assert float(value.removesuffix(" MPa")) == pytest.approx(stress_mpa, rel=1e-4)
     assert (severity, limit) == (Severity.REFUSAL, "<= 120 MPa (11 N)")
     assert told(thin, "rule.depth_over_wall") == (Severity.REFUSAL, "0.0225 mm", ">= 0.2 mm")
-    assert told(replace(ONE, chucking_force_n=3210.0), "rule.clamp_stress")[0] is Severity.OK
-    assert told(replace(ONE, chucking_force_n=3211.0), "rule.clamp_stress")[0] is Severity.REFUSAL
+    assert told(replace(ONE, chucking_force_n=3129.0), "rule.clamp_stress")[0] is Severity.OK
+    assert told(replace(ONE, chucking_force_n=3130.0), "rule.clamp_stress")[0] is Severity.REFUSAL
 
 
 def test_a_cut_stays_clear_of_the_jaws() -> None:

@@ -165,6 +165,14 @@ def test_what_is_seen_is_told_as_simulated() -> None:
     assert "touches, 0.000 mm deep" in just
 
 
+def test_a_tool_in_its_own_scratch_is_not_said_to_touch() -> None:
+    scratched = WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.0, collisions=("standing_part",))
+    found = replace(VALID, touch_off=None)
+    page = shown(state(found, snapshot=look(carriage_mm=172.0), seen=scratched))
+    assert "in a scratch it has made" in page.text
+    assert "touch off there" in page.next_step and "Enter takes" not in page.next_step
+
+
 def test_a_real_machine_has_no_simulated_view() -> None:
     page = shown(state(simulated=False, seen=None), size=(100, 30))
     assert "SIM" not in page.text

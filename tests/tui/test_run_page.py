@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
-from console.session.work import edited, with_strategy
+from console.session.work import edited, opened, with_strategy
 from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages.cut_lines import bar, gauge, mean_error_um
@@ -20,6 +21,7 @@ from console.tui.pages.run import RunPage
 from console.tui.pages.run_lines import input_lines
 from drivers.cutting.bounds import Changed, Trim
 from drivers.cutting.planning import Strategy
+from profiles.store import load_job, save_job
 from tests.tui.machine_states import ON
 from tests.tui.page_stage import shown_in_turn, too_wide
 from tests.tui.run_stage import (
@@ -36,7 +38,7 @@ from tests.tui.run_stage import (
     state,
     stopped,
 )
-from tests.tui.stage import LANGUAGES, SIZES, experiment
+from tests.tui.stage import LANGUAGES, SIZES, experiment, lathe
 
 
 @pytest.mark.first(2)
@@ -101,6 +103,19 @@ def test_f5_arms_what_is_in_hand() -> None:
     assert isinstance(order, Arm)
     made = Arm(job=work.job, job_sha256=sha256, strategy=Strategy.PAPER, loaded=work.loaded)
     assert replace(order, valid_s=made.valid_s) == made
+
+
+def test_a_job_whose_file_was_changed_since_it_was_opened_is_not_armed(tmp_path: Path) -> None:
+    file = tmp_path / "ring.toml"
+    save_job(experiment().job, file)
+    work = opened(load_job(str(file)), lathe())
+    assert len(shown(state(), "run.arm", work=work).orders) == 1
+    file.write_text(file.read_text(encoding="utf-8").replace("depth_of_cut_mm = ", "depth_of_cut_mm = 1"))
+    page = shown(state(), "run.arm", work=work)
+    assert (page.orders, page.said) == ([], ["job.changed_on_disk"])
+    assert len(shown(state(), "run.arm", work=edited(work, "depth_of_cut_mm", "0.05")).orders) == 1
+    file.unlink()
+    assert len(shown(state(), "run.arm", work=work).orders) == 1
 
 
 def test_an_edited_job_is_not_recorded_as_its_file() -> None:

@@ -187,6 +187,7 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
         job=plan.job,
         job_sha256=request.job.sha256,
         job_text=request.job.text,
+        job_path=request.job.path,
         stage=plan.stage.value,
         compensation=plan.compensation,
         setup={

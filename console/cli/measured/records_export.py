@@ -15,7 +15,7 @@ from pathlib import Path
 from console.cli.library import data_of
 from console.cli.measured.records_report import filters_of, row_fields, story_fields
 from console.cli.output import SCHEMA, show, tell
-from console.session.data.kept_files import make_folder
+from console.session.data.kept_files import make_folder, there
 from console.session.data.run_reader import RunFilters, RunRow, RunStory, Telemetry, runs, story
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
@@ -32,7 +32,7 @@ def export(options: Namespace, text: Catalogue) -> None:
     data, folder = data_of(options), Path(options.folder)
     make_folder(folder)
     for name in (TABLE, LINES):
-        if (folder / name).exists():
+        if there(folder / name):
             raise SessionError(Problem(code="file.exists", where=printable(str(folder / name))))
     rows, lines, files, damaged = list[dict[str, object]](), list[str](), 0, list[Problem]()
     for row in islice(_selected(data, filters_of(options)), options.limit):

@@ -26,12 +26,14 @@ from console.session.data.run_reader import (
 from console.session.data.run_story import POLLED
 from console.session.stages import Stage
 from console.session.station.commands import Command
+from console.session.versioning.cut_from import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from profiles.axis.response import Source
 from profiles.files import printable
 
 ID_DIGITS = 8
+COMMIT_DIGITS = 12
 WIDTH = 78
 INDENT = 2
 
@@ -54,24 +56,33 @@ def list_runs(options: Namespace, text: Catalogue) -> None:
     shown, more = found[:limit], len(found) > limit
     show(
         options,
-        lambda: {"runs": [row_fields(row) for row in shown], "more": more},
-        lambda: _list_lines(shown, more, text),
+        lambda: {"runs": [_listed(row, options.lathes) for row in shown], "more": more},
+        lambda: _list_lines(shown, more, options.lathes, text),
     )
 
 
-def _list_lines(shown: tuple[RunRow, ...], more: bool, text: Catalogue) -> list[str]:
+def _listed(row: RunRow, lathes: Mapping[str, str]) -> dict[str, object]:
+    return {**row_fields(row), **({"lathe": lathes[row.run_id]} if row.run_id in lathes else {})}
+
+
+def _list_lines(shown: tuple[RunRow, ...], more: bool, lathes: Mapping[str, str], text: Catalogue) -> list[str]:
     if not shown:
         return [text("records.none")]
-    lines = [line for row in shown for line in row_lines(row, text)]
+    lines = [line for row in shown for line in row_lines(row, text, lathes.get(row.run_id, ""))]
     return [text("records.head"), "", *lines, *(["", text("records.more", count=len(shown))] if more else [])]
 
 
-def row_lines(row: RunRow, text: Catalogue) -> list[str]:
-    """Return a run on a line with its id, and what became of it on those below; nothing is cut off."""
+def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
+    """Return a run on a line with its id, and what became of it on those below; nothing is cut off.
+
+    `lathe` is named where the runs are of several.
+    """
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], _local(row.started), *sim, row.job])
     facts = [_result(row, text), _ended(row, text), row.machine, row.strategy]
     facts += [each for each in (_stage(row, text), _compensation(row, text), row.operator or "") if each]
+    if lathe:
+        facts.insert(2, text("records.of_lathe", name=lathe))
     if row.damaged:
         facts.append(text("records.damaged_row"))
     below = broken(" · ".join(filter(None, facts)), WIDTH - INDENT)
@@ -125,7 +136,9 @@ def row_fields(row: RunRow) -> dict[str, object]:
 def show_run(options: Namespace, text: Catalogue) -> None:
     """Print one run in full."""
     found = story(data_of(options), options.run)
-    show(options, lambda: story_fields(found), lambda: _story_lines(found, text))
+    lathe = options.lathes.get(found.row.run_id, "")
+    of_lathe = {"lathe": lathe} if lathe else {}
+    show(options, lambda: {**story_fields(found), **of_lathe}, lambda: _story_lines(found, text, lathe))
 
 
 def story_fields(found: RunStory) -> dict[str, object]:
@@ -173,9 +186,9 @@ def _iso(date: datetime | None) -> str | None:
     return None if date is None else date.isoformat()
 
 
-def _story_lines(found: RunStory, text: Catalogue) -> list[str]:
+def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     row = found.row
-    lines = [*row_lines(row, text), "", *table(_facts(found, text))]
+    lines = [*row_lines(row, text, lathe), "", *table(_facts(found, text))]
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),
@@ -206,12 +219,24 @@ def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
         "controller": " · ".join(filter(None, (found.controller, found.family))),
         "job_hash": found.job_sha256[:16],
         "machine_hash": found.machine_sha256[:16],
+        "commit": _commit(found, text),
         "force": _with_unit(setup, "force_n", "N", ".0f", "clamped_at"),
         "jaw": _with_unit(setup, "jaw_1_deg", "deg", ".2f", "jaw_1_at"),
         "radius": _with_unit(setup, "zero_radius_mm", "mm", ".3f", "touch_off_at"),
         "diameter": _diameter(found.row, text),
     }
     return [(text(f"records.{name}"), value) for name, value in rows.items() if value]
+
+
+def _commit(found: RunStory, text: Catalogue) -> str:
+    """Return the commit that the texts of a cut are from, and which of them differ from it."""
+    event = next((event.data for event in found.events if event.kind == VERSIONED), None)
+    if event is None:
+        return ""
+    commit = event.get("commit")
+    differing = [text(f"records.{name}_differs") for name in ("job", "machine") if event.get(f"{name}_differs")]
+    shown = commit[:COMMIT_DIGITS] if isinstance(commit, str) else text("records.no_commit")
+    return " · ".join((shown, *differing))
 
 
 def _with_unit(setup: Mapping[str, Any], key: str, unit: str, digits: str, stamp: str) -> str:

@@ -1,4 +1,4 @@
-"""`console jobs`: the saved jobs."""
+"""`console jobs`: the saved jobs, and what differs from the commit of a data folder under git."""
 
 from __future__ import annotations
 
@@ -18,16 +18,24 @@ from profiles.lobe.lobe_conditions import lobe_source
 from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
+STATUS = "status"
+
 Listed: TypeAlias = tuple[LibraryEntry, LoadedJob | tuple[Problem, ...]]
 """An entry with its job, or why it is unreadable."""
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add nothing: the command has only the common options."""
+    """Add what is to be shown."""
+    parser.add_argument("action", metavar="status", nargs="?", choices=(STATUS,), help=text("help.jobs.status"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """List every job by the name that other commands take; an unreadable one with its reason."""
+    """List every job by the name that other commands take, an unreadable one with its reason; or what differs."""
+    if options.action == STATUS:
+        from console.cli.part.jobs_status import show_status
+
+        show_status(options, text)
+        return 0
     listed = [_loaded(entry) for entry in list_jobs(jobs_folder(data_of(options)))]
     show(options, lambda: {"jobs": [_fields(each, text) for each in listed]}, lambda: _lines(listed, text))
     return 0

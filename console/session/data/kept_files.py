@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import stat
 from collections.abc import Iterable, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -110,11 +111,13 @@ def data_folder(given: str | None = None) -> Path:
 def refuse_closed(data: Path) -> None:
     """Refuse a data folder that is there and closed to this account, or one in it: SessionError `data.closed`.
 
-    What is read from would look empty, and a cut would silently do without what was learned.
+    What is read from would look empty, and a cut would silently do without what was learned. A file in place of a
+    folder is `data.no_folder`.
     """
     for folder in (data, *(data / name for name in READ_FROM)):
         try:
-            os.stat(folder)
+            if not stat.S_ISDIR(os.stat(folder).st_mode):
+                raise SessionError(Problem(code="data.no_folder", where=printable(str(folder))))
             closed = not os.access(folder, os.R_OK | os.X_OK)
         except (FileNotFoundError, NotADirectoryError):
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sqlite3
 import time
 from collections.abc import Callable, Sequence
@@ -70,6 +71,10 @@ def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -
         return database.execute(query, keys).fetchall()
 
 
+_NO_COORDINATION = (sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_READONLY)
+"""How SQLite says that it cannot put the file by which it coordinates with writers beside the records."""
+
+
 def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
     """Open an existing file for reading alone; other writers are not locked out. sqlite3.Error.
 
@@ -82,7 +87,11 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
     except sqlite3.OperationalError as error:
         database.close()
         journal = path.with_name(f"{FILE_NAME}-wal")
-        if error.sqlite_errorcode & 0xFF != sqlite3.SQLITE_CANTOPEN or journal.exists():
+        if (
+            error.sqlite_errorcode & 0xFF not in _NO_COORDINATION
+            or journal.exists()
+            or not os.access(path, os.R_OK)
+        ):
             raise
         return sqlite3.connect(f"{uri}&immutable=1", uri=True, timeout=timeout_s, isolation_level=None)
     except BaseException:

@@ -24,6 +24,8 @@ from console.session.data.record_file import FILE_NAME, is_damage, opened, recor
 from console.session.data.run_log import EVENT, RunLog, shown
 from console.session.errors import SessionError
 from console.session.operator import operator_name
+from console.session.versioning.cut_from import VERSIONED, cut_from
+from console.session.versioning.git import is_clone
 from drivers.cutting.plan import CutPlan
 from profiles.files import made_locked, make_private_folder, printable, taken_if_left
 from profiles.folder_rights import rights_in
@@ -44,7 +46,8 @@ LEAST_FREE_BYTES = 50_000_000
 class RunFacts:
     """What a run rests on. `job_text` is the TOML of the job as cut, `job_sha256` that of the file it is from.
 
-    `compensation` is the learned version, None the model's. `controller` is kind and version as the controller
+    `job_path` is that file, None for a job that was edited and not saved. `compensation` is the learned version,
+    None the model's. `controller` is kind and version as the controller
     reports them, None before it was asked. `setup` has the forces and the alignment.
     """
 
@@ -54,6 +57,7 @@ class RunFacts:
     stage: str
     compensation: int | None
     controller: str | None = None
+    job_path: Path | None = None
     setup: Mapping[str, object] = field(default_factory=dict)
 
 
@@ -93,7 +97,11 @@ def begin_record(
         "setup": shown(facts.setup),
     }
     # The file was checked when the console started; that takes too long where polls must not wait.
-    return RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s, checked=False)
+    record = RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s, checked=False)
+    if is_clone(folder):
+        texts = {"job": (facts.job_path, facts.job_text), "machine": (machine.path, machine.text)}
+        record.log.event_of(VERSIONED, lambda: cut_from(folder, texts))
+    return record
 
 
 def refuse_full(folder: Path) -> None:

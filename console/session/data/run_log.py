@@ -51,6 +51,13 @@ class _Event:
 
 
 @dataclass(frozen=True, slots=True)
+class _Late:
+    at_utc: str
+    kind: str
+    work: Callable[[], Mapping[str, object] | None]
+
+
+@dataclass(frozen=True, slots=True)
 class _Begin:
     at_utc: str
     part: str
@@ -69,7 +76,7 @@ class _End:
     at_utc: str
 
 
-_Item = _Event | _Begin | _Gathered | _End | Poll
+_Item = _Event | _Late | _Begin | _Gathered | _End | Poll
 _Statement = tuple[str, tuple[object, ...]]
 
 
@@ -97,6 +104,10 @@ class RunLog:
     def event(self, kind: str, data: Mapping[str, object]) -> None:
         """Add an event that need not be on disk before the run continues."""
         self._put(_Event(utc_now(), kind, data))
+
+    def event_of(self, kind: str, work: Callable[[], Mapping[str, object] | None]) -> None:
+        """Add an event whose values are worked out in the thread, within some seconds; None is no event."""
+        self._put(_Late(utc_now(), kind, work))
 
     def begin_cut(self, part: str, make_rows: MakeRows) -> None:
         """Begin the telemetry of a cut."""
@@ -177,6 +188,9 @@ class RunLog:
             polls = []
             if isinstance(item, _Event):
                 found.append(self._event(item))
+            elif isinstance(item, _Late):
+                values = item.work()
+                found += [] if values is None else [self._event(_Event(item.at_utc, item.kind, values))]
             elif isinstance(item, _Begin):
                 self._cut, self._kept = item, 0
             elif isinstance(item, _Gathered):

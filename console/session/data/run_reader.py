@@ -5,6 +5,7 @@ Nothing here writes, or locks out a console that records a cut. A file of an old
 
 from __future__ import annotations
 
+import os
 import sqlite3
 from collections.abc import Iterator, Sequence
 from contextlib import closing, contextmanager
@@ -13,6 +14,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from console.session.data.home import account_name
 from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, present, record_error
 from console.session.data.run_rows import FAILED, MODEL, Ending, How, RunRow, date_of, inverted_of, rows_where
 from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
@@ -33,6 +35,7 @@ __all__ = [
     "RunStory",
     "Telemetry",
     "measured_parts",
+    "recorded_date",
     "run_of_trace",
     "runs",
     "story",
@@ -183,13 +186,13 @@ def _conditions(filters: RunFilters) -> tuple[list[str], list[object]]:
     for sign, date in ((">=", filters.since), ("<", filters.until)):
         if date is not None:
             conditions.append(f"runs.started_utc {sign} ?")
-            keys.append(_as_recorded(date))
+            keys.append(recorded_date(date))
     if filters.failed:
         conditions.append(FAILED)
     return conditions, keys
 
 
-def _as_recorded(date: datetime) -> str:
+def recorded_date(date: datetime) -> str:
     """Return a date as the records have it: as text in the order of time."""
     return date.astimezone(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
@@ -205,5 +208,8 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection | None]:
         with closing(present(opened_to_read(path, READ_TIMEOUT_S), path)) as database:
             yield database
     except (OSError, sqlite3.Error) as error:
+        if not os.access(path, os.R_OK):
+            closed = Problem(code="data.closed", where=printable(str(path)), value=account_name())
+            raise SessionError(closed) from error
         code = "record.damaged" if isinstance(error, sqlite3.Error) and is_damage(error) else "record.not_readable"
         raise record_error(code, path, error) from error

@@ -83,7 +83,7 @@ FAILED_HOW = frozenset({How.HELD, How.EARLY, How.STOPPED, How.FAILED, How.KILLED
 _INVERTED, _MODEL_RESPONSE = "inverted", "model"
 COMPLETE = ("result", "cut")
 ENDS = (*COMPLETE, "held", "ended_early", "stopped", "ended")
-_STARTS = ("armed", "started")
+STARTS = ("armed", "started")
 
 _COLUMNS = (
     "runs.run_id, runs.started_utc, runs.job, runs.machine, runs.simulated, runs.strategy, runs.operator,"
@@ -129,7 +129,7 @@ Event = tuple[str, str]
 
 def _ends(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, list[Event]]:
     """Return, for each run, the events that say how it was begun and ended, in their order."""
-    kinds = (*ENDS, *_STARTS)
+    kinds = (*ENDS, *STARTS)
     query = (
         "SELECT run_id, kind, data FROM events INDEXED BY events_by_kind"
         f" WHERE kind IN ({_marks(kinds)}) AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"

@@ -11,8 +11,8 @@ from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.cutting import cutting_force
 from profiles.materials import material_named
+from profiles.paper.causes_left import WITHIN_UM
 from profiles.paper.experiments import COMPENSATED_UM, Experiments
-from profiles.paper.parts import WITHIN_UM
 from profiles.paper.record import Record, Relation
 from profiles.paper.table_5 import with_measured_servo
 

@@ -302,6 +302,7 @@ def _facts(context: StationContext, command: Arm) -> RunFacts:
         stage=Stage(command.stage).value,
         compensation=None if learned is None else learned.version,
         controller=context.state.controller or None,
+        job_path=None if loaded is None else loaded.path,
         setup={
             "force_n": job.chucking_force_n,
             "clamped_at": None if clamping is None else clamping.at,

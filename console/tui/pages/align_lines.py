@@ -253,12 +253,14 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
 
 
 def touch_word(state: StationState, machine: MachineProfile) -> str:
-    """Return where the tool is: "" beside the part, "_over" over it; "_touching" in the simulator alone."""
+    """Return where the tool is: "" beside the part, "_over" it; simulated also "_touching", "_scratched"."""
     if not is_over_part(state, machine):
         return ""
     seen = state.seen
     if seen is None:
         return "_over"
+    if seen.in_scratch:
+        return "_scratched"
     heard = seen.dials is not None and seen.dials.contact
     return "_touching" if heard or (seen.tool_gap_mm is not None and seen.tool_gap_mm <= 0.0) else "_over"
 

@@ -180,6 +180,8 @@ def gap_words(text: Catalogue, seen: WorkshopView) -> str:
         return text("align_page.tool_beside")
     if gap > 0:
         return text("align_page.gap", gap=text.units.show(gap, "mm", 3))
+    if seen.in_scratch:
+        return text("align_page.touches_scratched")
     return text("align_page.touches", depth=text.units.show(abs(gap), "mm", 3))
 
 

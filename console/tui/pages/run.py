@@ -24,6 +24,7 @@ from console.session.station.commands import (
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity
+from console.session.versioning.cut_from import changed_since_opened
 from console.session.work import Work
 from console.tui.keymap import PageName, actions_of
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
@@ -296,7 +297,8 @@ class RunPage(Page):
         if state.armed is not None:
             self.ui.control.post(Disarm())
             return
-        if not self.ui.answers(self.why_not("run.arm", self.ui.view)) and work is not None:
+        problems = self.why_not("run.arm", self.ui.view) or changed_since_opened(work)
+        if not self.ui.answers(problems) and work is not None:
             # The record must not name a file as the source of a job that differs from it.
             sha256 = f"{work.loaded.sha256} edited" if work.edited else work.loaded.sha256
             command = Arm(

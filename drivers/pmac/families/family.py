@@ -133,7 +133,8 @@ class Dialect:
     the others follow.
 
     `timer_numbers` are the Ix-numbers of a coordinate system that count down, for the systems up to the value of
-    I`system_activation` + 1; `timer_words` are memory words that do, by space and address.
+    I`system_activation` + 1; `timer_words` are memory words that do, by space and address. `velocity_average` are
+    the I-variables over which V is averaged, period less one and shift.
     """
 
     name: str
@@ -175,6 +176,7 @@ class Dialect:
     timer_numbers: tuple[int, ...] = ()
     timer_words: tuple[tuple[str, int], ...] = ()
     no_line_feeds_switch: int | None = None
+    velocity_average: tuple[int, int] | None = None
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""

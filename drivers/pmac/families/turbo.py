@@ -131,6 +131,7 @@ TURBO = Dialect(
     definitions_address=0x4000,
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
+    velocity_average=(60, 61),
     timer_numbers=_TIMERS,
     global_bits=bit_table(
         {

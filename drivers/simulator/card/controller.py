@@ -14,6 +14,7 @@ from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.listing import StoredLine
 from drivers.pmac.language.structure import Code, link
+from drivers.pmac.saving import SAVE_S
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
@@ -54,6 +55,7 @@ class Controller:
         self.servo_period_ms = servo_period_ms
         self.dialect = dialect
         self.cycles, self.watchdog_tripped = 0, False
+        self._saved_at_cycle = 0
         self.variables = TimedVariables(i_variables, dialect, lambda: self.cycles)
         self.host = CardHost(self.switch_plc)
         self.plcs = PlcPrograms(self.variables, self.host)
@@ -90,6 +92,11 @@ class Controller:
     def now_ms(self) -> float:
         """Time since the start, as a count of servo cycles."""
         return self.cycles * self.servo_period_ms
+
+    @property
+    def saving(self) -> bool:
+        """Whether it writes its flash memory: servo, programs and PLC 0 continue, the background waits."""
+        return self.cycles < self._saved_at_cycle
 
     @property
     def any_program_running(self) -> bool:
@@ -183,6 +190,11 @@ class Controller:
             refuse_singular({**self.systems[system].frame.definitions, motor: definition}.values())
         self.systems[system].define(motor, definition)
 
+    def save(self) -> None:
+        """Keep what is there now, and begin the seconds of writing. Raises ProfileError: it cannot be written."""
+        self.flash.save(self)
+        self._saved_at_cycle = self.cycles + round(1000.0 * SAVE_S / self.servo_period_ms)
+
     def read_absolute_position(self, motor: int) -> None:
         """`$*`: there is no absolute encoder; the motor is killed, not homed, and at 0, with its axes unshifted.
 
@@ -222,7 +234,7 @@ class Controller:
         self.kill_all()
         for motor in self.motors.values():
             motor.reset()
-        self.watchdog_tripped = False
+        self.watchdog_tripped, self._saved_at_cycle = False, 0
         self.open_buffer = None
         self.gather.clear()
         self.tables.leave()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
+from drivers.pmac.reported_velocity import AveragedVelocity
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
@@ -68,6 +69,8 @@ class MotorLoop:
         self._poller = 0
         self._track, self._machine, self._origin = list[float](), list[float](), 0.0
         self.replay = Replay()
+        average = variables.dialect.velocity_average
+        self._averaged = AveragedVelocity(variables, average) if average is not None else None
         self._guard = read_guard(variables, number)
         self._guard_revision = variables.i_revision
 
@@ -95,6 +98,11 @@ class MotorLoop:
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
         return self.encoder - read_encoder(self._last_actual + self.scale.before)
+
+    @property
+    def reported_velocity(self) -> float:
+        """What V reports, counts per servo cycle."""
+        return self.encoder_step if self._averaged is None else self._averaged.counts_per_cycle
 
     @property
     def following_error(self) -> float:
@@ -160,6 +168,8 @@ class MotorLoop:
         start, machine = self.true_position, self._in_machine(track, axis.origin)
         self.true_position = machine[-1]
         self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
+        if self._averaged is not None and self._averaged.due(cycles, self.cycles_run):
+            self._averaged.pass_by(self._counted(track), self.cycles_run)
         self.cycles_run += cycles
         if self._losing:
             self._last_actual = self.actual
@@ -171,6 +181,13 @@ class MotorLoop:
         if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
+
+    def _counted(self, track: Sequence[float]) -> list[float]:
+        """Return what the encoder counts along a track; one that is lost stays where it was."""
+        if self._losing:
+            return [self.encoder] * len(track)
+        noise = self.scale.now
+        return [float(read_encoder(place + noise)) for place in track]
 
     @property
     def undisturbed(self) -> bool:
@@ -298,6 +315,8 @@ class MotorLoop:
     def _rebase(self, offset: float) -> None:
         """Make `offset` the new zero; the axis does not move."""
         self.axis.rebase(offset)
+        if self._averaged is not None:
+            self._averaged.rebase(offset)
         self.desired -= offset
         self.actual -= offset
         self._last_actual -= offset

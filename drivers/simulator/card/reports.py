@@ -32,7 +32,7 @@ def position(controller: Controller, motor: Motor) -> str:
 
 def velocity(motor: Motor) -> str:
     """Actual velocity in counts per servo cycle."""
-    return _in_steps(motor.encoder_step, VELOCITY_STEP)
+    return _in_steps(motor.reported_velocity, VELOCITY_STEP)
 
 
 def following_error(motor: Motor) -> str:

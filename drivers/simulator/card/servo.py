@@ -8,6 +8,7 @@ from math import copysign
 
 from drivers.simulator.plant.axis import EncoderAxis, Ends, Scale
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
+from drivers.simulator.plant.flexible_mode import FlexibleMode
 from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.tip_load import TipLoad
 
@@ -59,13 +60,15 @@ class ServoAxis(EncoderAxis):
         scale: Scale | None = None,
         lag_s: float = 0.0,
         load: TipLoad | Presliding | None = None,
+        mode: FlexibleMode | None = None,
     ) -> None:
-        """Take `lag_s`, the current's time constant, `scale`, the encoder, and `load`, an additional force."""
+        """Take the current's time constant `lag_s`, the encoder `scale`, an additional force, a flexible mode."""
         super().__init__(origin)
+        self._mode = mode
+        self._per_bit, self._lags = mass.acceleration_per_bit, lag_s > 0.0
         self.scale = scale or Scale()
         self._load = load
-        self._ends = ends
-        self._cycle_s = cycle_s
+        self._ends, self._cycle_s = ends, cycle_s
         self._most_acceleration = mass.peak_output_bits * mass.acceleration_per_bit
         self._peak_bits = mass.peak_output_bits
         self._plant = plant = mass.held(cycle_s)
@@ -74,8 +77,7 @@ class ServoAxis(EncoderAxis):
         self._v = 0.0  # counts/s
         self.output_bits = 0.0  # output of the previous cycle, DAC bits
         self._command = 0.0
-        self._command_step = 0.0
-        self._integral = 0.0
+        self._command_step = self._integral = 0.0
         self._last_commands: Sequence[float] | None = None
         self._still: list[float] | None = None  # the last block, if the next one with its commands is the same
         self._rest: list[float] = []
@@ -117,7 +119,7 @@ class ServoAxis(EncoderAxis):
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Close the loop over the block."""
         self.at_end = False
-        if self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
+        if self._mode is not None or self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
             return self._follow_by_cycle(commands)
         again = commands is self._last_commands
         if again and self._still is not None:
@@ -236,7 +238,7 @@ class ServoAxis(EncoderAxis):
     def _drift(self, held: float, cycles: int) -> list[float]:
         """Run in open loop."""
         self.at_end, self._still = False, None
-        if self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
+        if self._mode is not None or self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
             return self._drift_by_cycle(held, cycles)
         if self._slide is None:
             positions = self._fall(held, cycles)
@@ -309,7 +311,7 @@ class ServoAxis(EncoderAxis):
         if self._load is not None:
             self._load.begin()
         for _ in range(cycles):
-            positions.append(self._x)
+            positions.append(self._place())
             self._read()
             self._move()
             self.output_bits = held
@@ -322,7 +324,7 @@ class ServoAxis(EncoderAxis):
         if self._load is not None:
             self._load.begin()
         for command in commands:
-            positions.append(self._x)
+            positions.append(self._place())
             before = self._reading
             self._read()
             output = self._respond(command, self._reading - before)
@@ -348,13 +350,18 @@ class ServoAxis(EncoderAxis):
             self._integral += error
         return output
 
+    def _place(self) -> float:
+        """Return where scale and tip are: the rigid position and what a mode bends."""
+        return self._x if self._mode is None else self._x + self._mode.bend
+
     def _read(self) -> None:
         self._blind = self.encoder_lost
         if not self._blind:
-            self._reading = float(self.scale.read(self._x))
+            self._reading = float(self.scale.read(self._place()))
 
     def _move(self) -> None:
         """Advance the mass for a cycle under its present force."""
+        before = 0.0 if self._slide is None else self._slide.driven
         if self.jammed:
             self._v = 0.0
         elif self._slide:
@@ -364,6 +371,9 @@ class ServoAxis(EncoderAxis):
             plant, v, force = self._plant, self._v, self.output_bits
             self._x = self._x + plant.glide * v + plant.push_x * force
             self._v = plant.decay * v + plant.push_v * force
+        if self._mode is not None:
+            slide, pull = self._slide, self._per_bit * self.output_bits
+            self._mode.step(0.5 * (before + slide.driven) if slide is not None and self._lags else pull)
         ends = self._ends
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:
             self._x, self._v = self._hold(self._x, ends)

@@ -45,6 +45,9 @@ class Background:
         if self.tripped:
             return False
         controller = self._controller
+        if controller.saving:
+            self._last = controller.cycles  # SAVE keeps the watchdog content
+            return False
         if self._cycle_ms:
             passed = controller.cycles - self._last
             if passed > most_cycles(controller.dialect.watchdog, controller.variables):

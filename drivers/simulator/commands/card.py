@@ -32,7 +32,7 @@ def _identify(word: str) -> Handler:
 def _save(context: Context) -> None:
     context.work += _work_of_all(context)
     try:
-        context.controller.flash.save(context.controller)
+        context.controller.save()
     except ProfileError as failed:
         raise PmacError(ErrorCode.NO_ROOM, str(failed)) from failed
 

@@ -120,7 +120,7 @@ class Port:
     @property
     def idle(self) -> bool:
         """Whether every complete line has been answered; half a line does not count."""
-        if self._fresh or self._reports or self._running is not None:
+        if self._fresh or self._reports or self._running is not None or self._controller.saving:
             return False
         if self._way_in.waiting or self._way_out.waiting:
             return False
@@ -129,7 +129,7 @@ class Port:
     @property
     def ready(self) -> bool:
         """Whether `service` could make progress before the next background cycle."""
-        if self.lines.silent or self.lines.slow:
+        if self._deaf or self.lines.slow:
             return False
         return bool(self._fresh or self._waiting) and self._may_continue()
 
@@ -148,12 +148,12 @@ class Port:
     def take_output(self) -> bytes:
         """Return and clear what has arrived at the host. Raises LinkError: `link.lost`, the cable is cut."""
         self._refuse_lost()
-        said = self._outbox.take()
+        said = [] if self._controller.saving else self._outbox.take()
         return b"".join(said if self._way_out.clear else self._way_out.carry(said))
 
     def take_said(self) -> bytes:
         """Return and clear the controller's output, before it is on the line of a host."""
-        return b"".join(self._outbox.take())
+        return b"" if self._controller.saving else b"".join(self._outbox.take())
 
     def power_up(self) -> None:
         """Restart: clear all earlier state."""
@@ -180,7 +180,7 @@ class Port:
         """
         if self._way_in.waiting:
             self.type(b"".join(self._way_in.carry(())))
-        if not self._fresh or self.lines.silent:
+        if not self._fresh or self._deaf:
             return
         fresh = bytes(self._fresh)
         self._fresh.clear()
@@ -198,11 +198,13 @@ class Port:
         """Act on control characters at once, then execute the next few lines."""
         self.share.follow()
         self.obey()
-        if not self._waiting or self.lines.silent:
+        if not self._waiting or self._deaf:
             self.share.end_turn()
             return
         most = self._outbox.waiting + ANSWER_PER_TURN
         while not self.share.turn_over and self._outbox.waiting <= most and self._may_continue():
+            if self._controller.saving:
+                break  # the rest of the queue waits, and so does the rest of the line
             if self._reports:
                 self._report()
             elif self._running is not None:
@@ -216,6 +218,11 @@ class Port:
     @property
     def _wording(self) -> replies.Wording:
         return replies.wording(self._controller.variables)
+
+    @property
+    def _deaf(self) -> bool:
+        """Whether the controller takes nothing: it is hung, dead, or writes its flash memory."""
+        return self.lines.silent or self._controller.saving
 
     @property
     def _waiting(self) -> bool:
@@ -322,7 +329,7 @@ class Port:
                 next(running)
                 share.spend(context.work)
                 context.work = 0
-                if share.work_over:
+                if share.work_over or self._controller.saving:
                     # The replies so far are sent; the rest of the line gets its next turn.
                     self._outbox.begin(replies.data(context.lines, self._wording))
                     context.lines.clear()
@@ -340,6 +347,8 @@ class Port:
         """Answer a line. This very line may have changed I3, I4 and I6; the reply follows the new values."""
         how = self._wording
         data, summed = replies.data(self._context.lines, how), how.checksums
+        if self.on_board and self._controller.saving:
+            return  # the board gives up over a SAVE: its client gets a NUL, and no acknowledgement afterwards
         if refusal is not None:
             self._outbox.reply(data, replies.refused(refusal.code, how), summed=summed)
         elif heard:

@@ -11,6 +11,7 @@ from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.servo import ServoAxis, ServoGains
 from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
 from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
+from drivers.simulator.plant.flexible_mode import FlexibleMode
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
 from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.spindle import RadialError, Spindle
@@ -97,7 +98,10 @@ def _tool(
     scale = NoisyScale(noise_counts, true.chance("encoder").randrange(2**32)) if noise_counts else Scale()
     gains, lag_s = _gains(tool.motor, setting), true.current_lag_s
     loads = _presliding(machine, true, load) if true.presliding_um and true.coulomb_friction_n else load
-    return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, loads)
+    mode = None
+    if true.flexible_fraction:
+        mode = FlexibleMode(true.flexible_hz, true.flexible_damping, true.flexible_fraction, _cycle_s(machine))
+    return ServoAxis(slide, gains, _cycle_s(machine), start_counts, ends, scale, lag_s, loads, mode)
 
 
 def _presliding(machine: MachineProfile, true: TrueParameters, cut: TipLoad | None) -> Presliding:

@@ -41,7 +41,9 @@ class TrueParameters:
     `viscous_n_s_per_m`), which builds up over `presliding_um` (see `Presliding`), or at once. A commutation that
     is `commutation_error_deg` off leaves the cosine of the thrust. The scale of the tool reads up to
     `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of `encoder_noise_um` (rms,
-    Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`.
+    Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`. Something that bends at
+    `flexible_hz`, with the damping ratio `flexible_damping`, adds `flexible_fraction` of the rigid axis'
+    acceleration to what scale and tip do (see `FlexibleMode`); 0 is a rigid axis.
 
     The cut deflects the tool with `passive_fraction` of the main cutting force, with `edge_n_per_mm` along the
     edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
@@ -113,6 +115,9 @@ class TrueParameters:
     commutation_error_deg: float = 0.0
     scale_error_um: float = 0.0
     scale_period_um: float = 20.0
+    flexible_hz: float = 300.0
+    flexible_damping: float = 0.02
+    flexible_fraction: float = 0.0
     lobe_factor: float = 1.0
     lobe_um_pp: float | None = None
     lobe_force_n: float | None = None

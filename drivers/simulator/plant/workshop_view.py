@@ -4,6 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drivers.simulator.plant.collision_kind import CollisionKind
+
+_SCRATCHES = (CollisionKind.STANDING_PART, CollisionKind.TOO_DEEP, CollisionKind.THROUGH_WALL)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dials:
@@ -55,3 +59,12 @@ class WorkshopView:
     tool_gap_mm: float | None
     collisions: tuple[str, ...] = ()
     dials: Dials | None = None
+
+    @property
+    def in_scratch(self) -> bool:
+        """Whether the tip is at the surface of a part that it has driven into since the blank was clamped."""
+        return (
+            self.tool_gap_mm is not None
+            and self.tool_gap_mm <= 0.0
+            and any(kind in _SCRATCHES for kind in self.collisions)
+        )

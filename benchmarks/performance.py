@@ -1,0 +1,44 @@
+"""`docs/performance.md`: the goals with their figures, and the machine on which they were taken."""
+
+from __future__ import annotations
+
+import os
+import platform
+import re
+from collections.abc import Sequence
+from datetime import date
+from pathlib import Path
+
+from benchmarks.goals import HEAD, Figure, cells
+from benchmarks.tables import Table
+
+PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
+
+HEADING = """# Performance
+
+Each goal with its figure, from one run of every benchmark:
+
+```
+python -m benchmarks --rounds {rounds} --page
+```
+
+writes this page. A figure with `x` is a ratio to a baseline of the same run, and can be compared between machines;
+the others belong to this one: {machine}, {day}. Of several rows the worst counts. What each benchmark measures,
+against what, and what its figures mean is in [benchmarks/README.md](../benchmarks/README.md).
+"""
+
+
+def page(figures: Sequence[Figure], rounds: Sequence[Sequence[Table]]) -> str:
+    """Return the page as text."""
+    heading = HEADING.format(rounds=len(rounds), machine=machine(), day=date.today().isoformat())
+    rows = [HEAD, ("-", "-", "-:", "-:", "-", "-"), *map(cells, figures)]
+    return f"{heading}\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows)
+
+
+def machine() -> str:
+    """Return processor, memory and interpreter of this computer in words."""
+    info = Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
+    model = re.search(r"^model name\s*:\s*(.+)$", info, re.MULTILINE)
+    name = re.sub(r"\((R|TM)\)", "", model.group(1)).strip() if model else platform.machine()
+    memory_gib = os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") / 2**30
+    return f"{os.cpu_count()} x {name}, {memory_gib:.0f} GiB, Linux, Python {platform.python_version()}"

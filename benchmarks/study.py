@@ -1,0 +1,64 @@
+"""How a study scales: the same cells by one process and by two, against each other.
+
+python -m benchmarks.study
+
+Start of the processes included, some 2 s; both tables have to be the same.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+from benchmarks.measure import extent, print_table, seconds
+from console.session.study.cells import cells
+from console.session.study.description import read_study
+from console.session.study.results import write_table
+from console.session.study.running import carry_out
+from console.session.study.workers import processes
+
+SEEDS = extent(40, 2)
+STUDY = f"""\
+schema = 1
+jobs = ["lee-2001-experiment-1"]
+machines = ["lee-2001-lathe"]
+plants = ["realistic"]
+strategies = ["cam"]
+seeds = {{ from = 1, count = {SEEDS} }}
+cut_length_mm = {extent(4.0, 1.0)}
+"""
+
+
+def main() -> int:
+    """Carry the study out twice, and print how long that took."""
+    times, tables = [], []
+    with tempfile.TemporaryDirectory() as made:
+        path = Path(made) / "scaling.toml"
+        path.write_text(STUDY, encoding="utf-8")
+        for count in (1, 2):
+            folder = Path(made) / f"{count}"
+
+            def work(count: int = count, folder: Path = folder) -> None:
+                found = cells(read_study(path), folder / "data", path.parent)
+                rows = carry_out(found, folder, lambda: processes(count), lambda _: None)
+                tables.append(write_table(folder, rows).read_bytes())
+
+            times.append(seconds(work))
+    rows = [
+        (f"{count} workers", f"{took:.1f} s", f"{SEEDS / took:.2f} cells/s", f"{times[0] / took:.2f}")
+        for count, took in zip((1, 2), times, strict=True)
+    ]
+    load = ", ".join(f"{each:.0f}" for each in os.getloadavg())
+    print_table(
+        f"A study of {SEEDS} cells, {os.cpu_count()} processors, load {load}", ("", "", "", "x as fast"), rows
+    )
+    if tables[0] != tables[1]:
+        print("the tables differ", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,104 @@
+"""A connection to the database of the shop: by the rules of libpq, encrypted, and never telling a password.
+
+Where the database is, and how its certificate is checked, is said as libpq wants it: a connection string, a
+service, the variables PG*. The password is not part of it: a command line is seen by every account of a computer.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+from console.session.errors import SessionError
+from console.session.extras import require_extra
+from profiles.files import printable
+from profiles.problem import Problem
+
+if TYPE_CHECKING:
+    import psycopg
+
+Values = tuple[Any, ...]
+
+DEFAULTS: Mapping[str, str] = {
+    "connect_timeout": "10",
+    "keepalives_idle": "20",
+    "keepalives_interval": "5",
+    "keepalives_count": "4",
+    "tcp_user_timeout": "60000",
+    "application_name": "console ship",
+}
+"""Of a server that no longer answers, the console learns within a minute."""
+
+SECRETS = ("password", "sslpassword", "oauth_client_secret")
+SHOWN_CHARACTERS = 300
+
+
+def judged_address(given: str) -> dict[str, str]:
+    """Return the parts of a connection string.
+
+    Raises SessionError: `extra.missing`; `ship.not_an_address`; `ship.password_given`, of which nothing is shown.
+    """
+    require_extra("psycopg", "shop")
+    from psycopg import ProgrammingError
+    from psycopg.conninfo import conninfo_to_dict
+
+    try:
+        found = {key: str(value) for key, value in conninfo_to_dict(given).items()}
+    except ProgrammingError:
+        # What libpq says of it may quote a password.
+        raise SessionError(Problem(code="ship.not_an_address")) from None
+    if any(key in found for key in SECRETS):
+        raise SessionError(Problem(code="ship.password_given"))
+    return found
+
+
+@contextmanager
+def connected(given: str) -> Iterator[psycopg.Connection[Values]]:
+    """Yield a connection; each transaction is begun by its user.
+
+    Raises SessionError: as `judged_address`; `ship.not_encrypted`, over a network; `ship.lost`, whatever the
+    database or the network refuses, also later.
+    """
+    parts = judged_address(given)
+    import psycopg
+    from psycopg.conninfo import make_conninfo
+
+    link: psycopg.Connection[Values] | None = None
+    try:
+        whole = make_conninfo(**{**DEFAULTS, **parts, "client_encoding": "utf8"})
+        # Not prepared: a pool of connections in between need not know statements.
+        link = psycopg.connect(whole, autocommit=True, prepare_threshold=None)
+        _refuse_plain(link, parts)
+        yield link
+    except psycopg.Error as error:
+        raise SessionError(lost(error, place_of(link, parts))) from None
+    finally:
+        if link is not None:
+            with suppress(psycopg.Error):
+                link.close()
+
+
+def lost(error: psycopg.Error, where: str) -> Problem:
+    """Return the problem of what libpq or the server has refused; values of rows are not told."""
+    said = error.diag.message_primary or str(error)
+    return Problem(code="ship.lost", where=where, value=printable(" ".join(said.split()), SHOWN_CHARACTERS))
+
+
+def place_of(link: psycopg.Connection[Values] | None, parts: Mapping[str, str]) -> str:
+    """Return where the database is, in words without secrets."""
+    if link is not None:
+        info = link.info
+        return printable(f"{info.user}@{info.host or 'local'}:{info.port}/{info.dbname}")
+    known = [f"{key}={parts[key]}" for key in ("service", "host", "port", "dbname", "user") if key in parts]
+    return printable(" ".join(known) or "PG*")
+
+
+def _refuse_plain(link: psycopg.Connection[Values], parts: Mapping[str, str]) -> None:
+    """Refuse to send records over a network in the clear, unless that is what was said."""
+    said = parts.get("sslmode") or os.environ.get("PGSSLMODE", "")
+    host = link.info.hostaddr or link.info.host
+    here = not host or host.startswith(("/", "127.", "@")) or host == "::1"
+    if not here and not link.pgconn.ssl_in_use and said != "disable":
+        raise SessionError(Problem(code="ship.not_encrypted", where=place_of(link, parts)))

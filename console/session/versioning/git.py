@@ -1,0 +1,72 @@
+"""Questions to git about a data folder: nothing is changed, no hook is run, nothing goes over a network."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+from pathlib import Path
+from shutil import which
+
+from console.session.errors import SessionError
+from profiles.files import printable
+from profiles.problem import Problem
+
+TIMEOUT_S = 20.0
+SHOWN_CHARACTERS = 200
+CLONE = ".git"
+
+_QUIET = ("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "--no-optional-locks", "--no-pager")
+_NEVER = (
+    "GIT_DIR",
+    "GIT_WORK_TREE",
+    "GIT_INDEX_FILE",
+    "GIT_NAMESPACE",
+    "GIT_OBJECT_DIRECTORY",
+    "GIT_CEILING_DIRECTORIES",
+)
+"""Variables that would lead to another repository."""
+
+
+def is_clone(data: Path) -> bool:
+    """Return whether a data folder itself is a clone; one that lies in somebody's clone is not."""
+    return os.path.lexists(data / CLONE)
+
+
+def answer(data: Path, *words: str, timeout_s: float = TIMEOUT_S) -> bytes | None:
+    """Return what git answers about a data folder; None where it refuses, such as a file that no commit has.
+
+    Raises SessionError: `git.not_installed`; `git.refused`, the clone cannot be read at all; `git.timeout`.
+    """
+    program = which("git")
+    if program is None:
+        raise SessionError(Problem(code="git.not_installed"))
+    environment = {key: value for key, value in os.environ.items() if key not in _NEVER}
+    environment |= {"LC_ALL": "C", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1"}
+    where = printable(str(data))
+    try:
+        done = subprocess.run(
+            [program, "-C", str(data), *_QUIET, *words],
+            stdin=subprocess.DEVNULL,
+            capture_output=True,
+            env=environment,
+            timeout=timeout_s,
+            check=False,
+        )
+    except subprocess.TimeoutExpired as error:
+        value = f"{timeout_s:g} s"
+        raise SessionError(Problem(code="git.timeout", where=where, value=value)) from error
+    except OSError as error:
+        raise SessionError(Problem(code="git.refused", where=where, value=error.strerror or str(error))) from error
+    if done.returncode == 0:
+        return done.stdout
+    said = done.stderr.decode("utf-8", "replace").strip()
+    if any(word in said for word in ("dubious ownership", "not a git repository", "invalid gitfile")):
+        first = said.splitlines()[0] if said else ""
+        raise SessionError(Problem(code="git.refused", where=where, value=printable(first, SHOWN_CHARACTERS)))
+    return None
+
+
+def commit_of(data: Path, timeout_s: float = TIMEOUT_S) -> str | None:
+    """Return the commit that a clone is at, None before the first one. SessionError: as `answer`."""
+    found = answer(data, "rev-parse", "--verify", "--quiet", "HEAD^{commit}", timeout_s=timeout_s)
+    return None if found is None else found.decode("ascii", "replace").strip()

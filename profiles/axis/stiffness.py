@@ -1,0 +1,59 @@
+"""How far a force pushes the tool while its loop is closed: dynamic compliance, in um/N, of the loop that runs.
+
+A force on the tool acts on the plant like the output of the controller, without hold and period:
+
+G_d = (a / K) / (s (s + b)) / (1 + L),    K the thrust for one volt
+
+Its inverse is the dynamic stiffness. Modes of the plant are in L; their own yielding under the force is left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from profiles.arrays import Floats, floats
+from profiles.axis.sampled_loop import SampledLoop
+from profiles.job import Job
+
+LOBE_MULTIPLES = (1, 2, 3)
+_LOWEST_HZ, _POINTS = 0.1, 600
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LobeStiffness:
+    """The compliance at multiples of a lobe frequency, and the largest at any frequency."""
+
+    hz: tuple[float, ...]
+    um_per_n: tuple[float, ...]
+    most_um_per_n: float
+    most_hz: float
+
+
+def compliance_um_per_n(loop: SampledLoop, thrust_n_per_v: float, frequency_hz: ArrayLike) -> Floats:
+    """Return |G_d| at these frequencies, above 0 and below half the sampling rate."""
+    hz = floats(frequency_hz)
+    s, plant = 2j * np.pi * hz, loop.plant
+    free = plant.acceleration_per_v / thrust_n_per_v / (s * (s + plant.damping_per_s))
+    return floats(1e6 * np.abs(free / (1.0 + loop.opened(hz))))
+
+
+def lobe_stiffness(loop: SampledLoop, thrust_n_per_v: float, lobe_hz: float) -> LobeStiffness:
+    """Return the compliance at the lobe and its multiples, as far as the loop has a response there."""
+    hz = tuple(n * lobe_hz for n in LOBE_MULTIPLES if n * lobe_hz < loop.nyquist_hz)
+    grid = floats(np.geomspace(_LOWEST_HZ, loop.nyquist_hz, _POINTS))
+    around = compliance_um_per_n(loop, thrust_n_per_v, grid)
+    place = int(np.argmax(around))
+    return LobeStiffness(
+        hz=hz,
+        um_per_n=tuple(compliance_um_per_n(loop, thrust_n_per_v, hz).tolist()),
+        most_um_per_n=float(around[place]),
+        most_hz=float(grid[place]),
+    )
+
+
+def lobe_hz_of(job: Job | None) -> float:
+    """Return the lobe frequency of a job; without one that of three jaws at 1000 rpm."""
+    return 50.0 if job is None else job.lobe_frequency_hz

@@ -1,0 +1,160 @@
+"""A data folder that is a clone: what differs is shown, and a cut keeps the commit that it was made from."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import console.session.versioning.git as git
+from console.session.data.run_reader import runs, story
+from console.session.versioning.cut_from import VERSIONED, cut_from
+from console.session.versioning.status import Change, How, clone_status
+from profiles.store import load_job, save_job
+
+pytestmark = pytest.mark.skipif(
+    shutil.which("git") is None, reason="git is not installed (Debian: apt-get install git)"
+)
+
+Console = Callable[..., Any]
+EXPERIMENT = "lee-2001-experiment-1"
+
+
+def by_git(folder: Path, *words: str) -> str:
+    who = ("-c", "user.name=kim", "-c", "user.email=kim@shop", "-c", "protocol.file.allow=always")
+    done = subprocess.run(["git", "-C", str(folder), *who, *words], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+@pytest.fixture
+def clone(tmp_path: Path) -> Path:
+    """A data folder that was cloned, with two jobs; its upstream has one commit."""
+    upstream = tmp_path / "upstream"
+    (upstream / "jobs").mkdir(parents=True)
+    by_git(upstream, "init", "-q", "-b", "main")
+    for name in ("ring", "선반 링"):
+        save_job(load_job(EXPERIMENT).job, upstream / "jobs" / f"{name}.toml")
+    (upstream / ".gitignore").write_text(
+        "/records.sqlite3*\n/running/\n/locks/\n/feed/\n/flight/\n/lathe.json\n.*.tmp\n"
+    )
+    by_git(upstream, "add", ".")
+    by_git(upstream, "commit", "-q", "-m", "jobs")
+    by_git(tmp_path, "clone", "-q", str(upstream), "data")
+    return tmp_path / "data"
+
+
+def test_a_clone_that_is_as_its_commit(console: Console, clone: Path) -> None:
+    commit = by_git(clone, "rev-parse", "HEAD")
+    found = clone_status(clone)
+    assert (found.commit, found.branch, found.changes) == (commit, "main", ())
+    assert (found.upstream, found.ahead, found.behind) == ("origin/main", 0, 0)
+    for lang, word in (("en", "nothing differs"), ("ko", "다른 것이 없습니다")):
+        said = console("jobs", "status", "--data", str(clone), "--lang", lang)
+        assert said.code == 0 and commit[:12] in said.out and "origin/main" in said.out and word in said.out
+
+
+def test_what_differs_is_listed_and_judged(console: Console, clone: Path) -> None:
+    jobs = clone / "jobs"
+    (jobs / "선반 링.toml").unlink()
+    (jobs / "from elsewhere.toml").write_text("schema = 1\nname = 3\n")
+    with (jobs / "ring.toml").open("a") as file:
+        file.write("# a comment\n")
+    (clone / "machines").mkdir()
+    (clone / "machines" / "ours.toml").write_text("")
+    by_git(clone, "add", "machines")
+    (clone / "logs").mkdir()
+    (clone / "logs" / "a.txt").write_text("not of how parts are cut")
+    assert clone_status(clone).changes == (
+        Change(path="jobs/from elsewhere.toml", how=How.NEW),
+        Change(path="jobs/ring.toml", how=How.MODIFIED),
+        Change(path="jobs/선반 링.toml", how=How.DELETED),
+        Change(path="machines/ours.toml", how=How.NEW),
+    )
+    fields = console("jobs", "status", "--data", str(clone), "--json").json
+    assert [bool(each["problems"]) for each in fields["changes"]] == [True, False, False, True]
+    said = console("jobs", "status", "--data", str(clone))
+    assert said.code == 0 and "from elsewhere.toml" in said.out and "cannot be used" in said.out
+    refused = console("preview", "from elsewhere", "--data", str(clone))
+    assert refused.code == 1 and "from elsewhere.toml" in refused.err
+    by_git(clone, "add", ".")
+    by_git(clone, "commit", "-q", "-m", "here")
+    assert (clone_status(clone).ahead, clone_status(clone).behind) == (1, 0)
+
+
+def test_behind_is_known_after_a_fetch_and_without_a_network(clone: Path, tmp_path: Path) -> None:
+    upstream = tmp_path / "upstream"
+    with (upstream / "jobs" / "ring.toml").open("a") as file:
+        file.write("# newer\n")
+    by_git(upstream, "commit", "-q", "-a", "-m", "newer")
+    assert clone_status(clone).behind == 0
+    by_git(clone, "fetch", "-q")
+    upstream.rename(tmp_path / "gone")
+    assert clone_status(clone).behind == 1
+
+
+def test_no_hook_or_monitor_of_a_clone_is_run(clone: Path, tmp_path: Path) -> None:
+    trap = tmp_path / "trap"
+    trap.write_text(f"#!/bin/sh\ntouch {tmp_path / 'sprung'}\n")
+    trap.chmod(0o755)
+    by_git(clone, "config", "core.fsmonitor", str(trap))
+    clone_status(clone)
+    cut_from(clone, {"job": (clone / "jobs" / "ring.toml", "")})
+    assert not (tmp_path / "sprung").exists()
+
+
+def test_without_a_clone_or_without_git_it_says_what_to_do(
+    console: Console, clone: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "plain").mkdir()
+    said = console("jobs", "status", "--data", str(tmp_path / "plain"))
+    assert said.code == 1 and "git init" in said.err
+    inside = clone / "inside"  # of somebody's clone, and none itself
+    inside.mkdir()
+    assert console("jobs", "status", "--data", str(inside)).code == 1
+    monkeypatch.setattr(git, "which", lambda name: None)
+    said = console("jobs", "status", "--data", str(clone))
+    assert said.code == 1 and "apt-get install git" in said.err
+    assert cut_from(clone, {}) == {"commit": None, "problem": "git.not_installed"}
+    assert console("jobs", "--data", str(clone)).code == 0
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="a folder of another account can only be made by root")
+def test_a_clone_of_another_account_is_refused_with_the_words_of_git(console: Console, clone: Path) -> None:
+    for path in (clone, clone / ".git"):
+        os.chown(path, 61001, 61001)
+    said = console("jobs", "status", "--data", str(clone))
+    assert said.code == 1 and "ownership" in said.err and len(said.err.splitlines()) == 1
+
+
+def test_texts_are_compared_with_the_commit(clone: Path) -> None:
+    ring = clone / "jobs" / "ring.toml"
+    text, commit = ring.read_text(encoding="utf-8"), by_git(clone, "rev-parse", "HEAD")
+    bundled = load_job(EXPERIMENT).path
+    found = cut_from(clone, {"job": (ring, text), "edited": (None, text), "machine": (bundled, "")})
+    assert found == {"commit": commit, "job_differs": False, "edited_differs": True, "machine_differs": None}
+    changed = cut_from(clone, {"job": (ring, f"{text}# more\n"), "new": (clone / "jobs" / "new.toml", text)})
+    assert changed == {"commit": commit, "job_differs": True, "new_differs": True}
+    assert cut_from(clone / "jobs", {}) is None
+
+
+@pytest.mark.long
+def test_a_run_keeps_the_commit_and_whether_its_job_differs(console: Console, clone: Path) -> None:
+    ring = clone / "jobs" / "ring.toml"
+    ring.write_text(ring.read_text(encoding="utf-8").replace("cut_length_mm = 8.0", "cut_length_mm = 1.5"))
+    for committed in (False, True):
+        if committed:
+            by_git(clone, "commit", "-q", "-a", "-m", "shorter")
+        done = console("run", "ring", "--sim", "--strategy", "none", "--data", str(clone), "--json")
+        assert done.code == 0, done.err
+        newest = story(clone, runs(clone)[0].run_id)
+        (event,) = [event for event in newest.events if event.kind == VERSIONED]
+        commit = by_git(clone, "rev-parse", "HEAD")
+        assert event.data == {"commit": commit, "job_differs": not committed, "machine_differs": None}
+        assert newest.job_text == ring.read_text(encoding="utf-8")
+        said = console("records", "show", newest.row.run_id, "--data", str(clone))
+        assert commit[:12] in said.out and ("the job differs" in said.out) is not committed

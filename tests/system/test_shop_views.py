@@ -1,0 +1,108 @@
+"""The views of the shop say what the statistics of the console say, and every documented query is one."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+
+from console.session.data.records import RunRecord
+from console.session.shop.shipping import ship
+from profiles.metrology.process_statistics import capability_below, capability_within, run_chart
+from tests.console.test_run_reader import RUN, part
+from tests.shop_server import READER, SHIPPER, ShopServer, documented_sql, needs_postgresql, shop_server
+
+pytestmark = [pytest.mark.system, needs_postgresql]
+
+PARTS = 31
+ROUNDNESS_UM = 3.0 + 0.4 * np.random.default_rng(7).normal(size=PARTS)
+DIAMETER_MM = 51.8 + 0.002 * np.random.default_rng(8).normal(size=PARTS)
+LOBE_UM = [1.0 + 0.5 * (place // 10) for place in range(PARTS)]
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShopServer]:
+    """A shop with 31 parts, ten in a clamping, and what must not count: a simulated one, one for comparison."""
+    folder = tmp_path_factory.mktemp("lathe")
+    for place in range(PARTS):
+        setup = f'{{"clamped_at": "2026-05-01T{8 + place // 10:02d}:00:00Z"}}'
+        run = RunRecord(folder, {**RUN, "simulated": 0, "setup": setup, "operator": "kim"})
+        run.add("measured", {}, part(99.0, part="after"))  # measured again below
+        measured = {
+            "diameter_mm": float(DIAMETER_MM[place]),
+            "nominal_diameter_mm": 51.8,
+            "diameter_tolerance_um": 10.0,
+            "lobe_um_pp": LOBE_UM[place],
+            "part": "after",
+        }
+        run.add("measured", {}, part(float(ROUNDNESS_UM[place]), **measured))
+        run.add("measured", {}, part(50.0, part="before", product=False))
+        run.add("cut", {"turn": 9.0})
+        run.close()
+    simulated = RunRecord(folder, {**RUN, "simulated": 1})
+    simulated.add("measured", {}, part(80.0))
+    simulated.log.event("alarm_raised", {"code": "cut.out_of_phase", "priority": "high", "value": "12 deg"})
+    simulated.log.event("alarm_raised", {"code": "odd", "value": float("nan")})
+    simulated.close()
+    with shop_server() as server:
+        for name in [name for name in os.environ if name.startswith("PG")]:
+            del os.environ[name]
+        server.new_shop()
+        ship(folder, server.dsn(SHIPPER))
+        yield server
+
+
+def test_the_run_chart_is_that_of_the_console(shop: ShopServer) -> None:
+    rows = shop.sql(
+        "SELECT ront_um, mean_um, lower_um, upper_um, beyond FROM shop.run_chart ORDER BY place", READER
+    )
+    found = np.array([row[:4] for row in rows], dtype=float)
+    chart = run_chart(ROUNDNESS_UM)
+    assert chart is not None
+    assert found[:, 0] == pytest.approx(ROUNDNESS_UM)
+    assert found[0, 1:] == pytest.approx([chart.mean, chart.lower, chart.upper])
+    assert [place for place, row in enumerate(rows) if row[4]] == list(chart.beyond)
+
+
+def test_capability_is_that_of_the_console_and_not_claimed_below_thirty_parts(shop: ShopServer) -> None:
+    ((parts, mean, cpk),) = shop.sql("SELECT parts, mean_um, cpk FROM shop.roundness_capability", READER)
+    one = capability_below(ROUNDNESS_UM, 5.0)
+    assert one is not None and parts == PARTS
+    assert (mean, cpk) == (pytest.approx(one.mean), pytest.approx(one.cpk))
+    ((cp, cpk),) = shop.sql("SELECT cp, cpk FROM shop.diameter_capability", READER)
+    both = capability_within(1000.0 * (DIAMETER_MM - 51.8), -10.0, 10.0)
+    assert both is not None and both.cp is not None
+    assert (cp, cpk) == (pytest.approx(both.cp, rel=1e-6), pytest.approx(both.cpk, rel=1e-6))
+    shop.sql(
+        "CREATE TABLE away AS SELECT * FROM shop.measurements WHERE run_id IN (SELECT run_id FROM shop.parts"
+        " ORDER BY place LIMIT 2)"
+    )
+    shop.sql("DELETE FROM shop.measurements WHERE run_id IN (SELECT run_id FROM away)")
+    try:
+        assert shop.sql("SELECT parts, cpk FROM shop.roundness_capability", READER) == [(PARTS - 2, None)]
+    finally:
+        shop.sql("INSERT INTO shop.measurements SELECT * FROM away; DROP TABLE away")
+
+
+def test_the_lobe_drifts_from_clamping_to_clamping(shop: ShopServer) -> None:
+    rows = shop.sql(
+        "SELECT clamping, parts, mean_lobe_um_pp, drift_um_pp FROM shop.lobe_drift ORDER BY clamping", READER
+    )
+    assert rows == [(1, 10, 1.0, 0.0), (2, 10, 1.5, 0.5), (3, 10, 2.0, 1.0), (4, 1, 2.5, 1.5)]
+
+
+def test_alarms_are_listed_and_one_that_is_no_json_stays(shop: ShopServer) -> None:
+    rows = shop.sql("SELECT code, priority, value, simulated FROM shop.alarms ORDER BY number", READER)
+    assert rows == [("cut.out_of_phase", "high", "12 deg", True), (None, None, None, True)]
+
+
+def test_every_query_of_the_document_is_one(shop: ShopServer) -> None:
+    queries = documented_sql("docs/shop.md", "## Queries")
+    assert len(queries) >= 6
+    views = set(re.findall(r"shop\.(\w+)", " ".join(queries)))
+    assert views >= {"lathes", "run_chart", "roundness_capability", "diameter_capability", "alarms", "lobe_drift"}
+    for query in queries:
+        assert shop.sql(query, READER), query
