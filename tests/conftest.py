@@ -91,6 +91,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     are run, those marked `long` are left out; a file or a name of them, or `-m long`, runs them.
     """
     _mark_further_cases(items)
+    _mark_second_cases(items)
     if config.stash[ALL_BUT_LONG]:
         config.hook.pytest_deselected(items=[item for item in items if item.get_closest_marker("long")])
         items[:] = [item for item in items if not item.get_closest_marker("long")]
@@ -115,6 +116,33 @@ def _mark_further_cases(items: list[pytest.Item]) -> None:
             cases[test] += 1
             if cases[test] > marker.args[0]:
                 item.add_marker("long")
+
+
+WHOLE_IN_BOTH = frozenset(("test_goldens.py", "test_nothing_is_cut.py"))
+"""Tests of the screens that run in both languages with all others: whether all is there, and nothing cut off."""
+
+OF_THE_HOST = frozenset(
+    f"test_{name}.py"
+    for name in (
+        *("controller_apply", "controller_backup", "controller_proofs", "cut_cam", "cut_timebase", "end_marks"),
+        *("fingerprint", "heartbeat_cuts", "hold", "identified_programs", "identifying", "kept_heartbeat"),
+        *("line_checksums", "program_constants", "program_load", "stop_proofs", "stop_races"),
+    )
+)
+"""Tests of what this side of the line does, which take long: of the families, the first runs with all others."""
+
+
+def _mark_second_cases(items: list[pytest.Item]) -> None:
+    """Mark as `long` the second language of the screens, and the second family where the host is the subject."""
+    for item in items:
+        case = getattr(item, "callspec", None)
+        if case is None:
+            continue
+        folder, name = item.path.parent.name, item.path.name
+        if folder == "tui" and case.params.get("language") == "ko" and name not in WHOLE_IN_BOTH:
+            item.add_marker("long")
+        if folder == "drivers" and name in OF_THE_HOST and "turbo" in case.id.split("-"):
+            item.add_marker("long")
 
 
 def _takes_long(item: pytest.Item) -> bool:

@@ -169,7 +169,8 @@ def framed(outside: float, wall: float, length: float, jaws: int, force: float) 
     return stress, 1000.0 * float(np.ptp(np.diagonal(radial)))
 
 
-@pytest.mark.parametrize("jaws", [2, 3, 4, 6])
+@pytest.mark.first(1)
+@pytest.mark.parametrize("jaws", [3, 2, 4, 6])
 def test_the_stress_under_a_jaw_is_that_of_finite_elements(jaws: int) -> None:
     """OD 52, wall 1, 40 mm, 438 N a jaw; the swing of the formula leaves the stretching out."""
     stress, swing = framed(52.0, 1.0, 40.0, jaws, 438.0)
