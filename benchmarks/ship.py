@@ -16,12 +16,14 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.measure import extent, print_table
+from benchmarks.measure import extent, print_table, seconds
 from benchmarks.records import a_part, begun
 from console.session.data.run_log import PERIOD_S
+from console.session.data.run_reader import runs
 from console.session.shop.identity import lathe_identity
+from console.session.shop.reading import ShopQuery, shop_folder
 from console.session.shop.shipping import ship
-from tests.shop_server import SHIPPER, programs, shop_server
+from tests.shop_server import SHIPPER, ShopServer, programs, shop_server
 from tests.system.lathe_records import assert_all_there, multiply, rows_here
 
 LATHES = 30
@@ -48,6 +50,11 @@ def one_run(folder: Path) -> None:
     run.close()
 
 
+def _listed(server: ShopServer) -> None:
+    with shop_folder(server.dsn(), ShopQuery(limit=20, whole=False)) as found:
+        assert len(runs(found.path, limit=20)) == 20
+
+
 def main() -> int:
     """Send a backlog; print the rate and what thirty lathes that cut without a pause need."""
     if programs() is None:
@@ -62,10 +69,14 @@ def main() -> int:
         server.new_shop()
         began = time.perf_counter()
         sent = ship(folder, server.dsn(SHIPPER))
-        seconds = time.perf_counter() - began
+        took_s = time.perf_counter() - began
         if RUNS < 1000:
             assert_all_there(server, folder)
         ((in_shop,),) = server.sql("SELECT pg_database_size('shop')")
+        server.sql("ANALYZE")
+        listed = seconds(lambda: _listed(server))
+        charted = seconds(lambda: server.sql("SELECT * FROM shop.run_chart"))
+        judged = seconds(lambda: server.sql("SELECT * FROM shop.roundness_capability"))
         assert lathe_identity(folder).lathe_id == sent.lathe.lathe_id
     need = LATHES * rows_of_one / CUT_S
     rows = [
@@ -73,13 +84,21 @@ def main() -> int:
         (f"{LATHES} lathes that cut without a pause need", f"{need:.0f} rows/s", "1"),
         (
             f"a backlog of {RUNS} runs, {sent.total} rows",
-            f"{sent.total / seconds:.0f} rows/s",
-            f"{sent.total / seconds / need:.0f}",
+            f"{sent.total / took_s:.0f} rows/s",
+            f"{sent.total / took_s / need:.0f}",
         ),
-        ("the same", f"{size / seconds / 1e6:.1f} MB/s", ""),
-        ("it took", f"{seconds:.1f} s in {sent.transactions} transactions", ""),
+        ("the same", f"{size / took_s / 1e6:.1f} MB/s", ""),
+        ("it took", f"{took_s:.1f} s in {sent.transactions} transactions", ""),
         ("a run at the lathe", f"{size / RUNS / 1000:.0f} kB", ""),
         ("a run in the shop", f"{int(str(in_shop)) / RUNS / 1000:.0f} kB", ""),
+    ]
+    rows += [
+        (name, f"{1000.0 * each:.0f} ms", "")
+        for name, each in (
+            ("the newest 20 runs, for a list", listed),
+            ("run chart of all parts", charted),
+            ("capability of all jobs", judged),
+        )
     ]
     print_table("Records sent to the shop", ("", "", "x need"), rows)
     return 0

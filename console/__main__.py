@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
     from console.session.configuration import Configuration
     from console.text.catalogue import Catalogue
+    from profiles.problem import Problem
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
@@ -30,12 +31,14 @@ PLOTTED = {"reproduce": "console.tui.plot.paper_figures", "replay": "console.tui
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; return the exit code: 0 done, 1 refused or failed, 2 wrong usage."""
     text: Catalogue | None = None
+    words: list[str] = []
+    problems: list[Problem] = []
     gc.disable()  # what is imported and read at first stays; looking for garbage in it takes a sixth of the time
     try:
         for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
             if getattr(sys, name) is None:  # closed by the caller: no other file may take its number
                 setattr(sys, name, open(os.devnull, mode, encoding="utf-8"))
-        from console.cli.output import escape_streams
+        from console.cli.output import escape_streams, hint_at_encoding
         from console.session.configuration import read_configuration
         from console.text.catalogue import choose_language, load
 
@@ -43,14 +46,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
         words = list(sys.argv[1:] if arguments is None else arguments)
         configuration = read_configuration(os.environ)
         text = load(choose_language(words, os.environ, configuration.value("language")))
-        return _flushed(_run(words, text, configuration), text)
+        hint_at_encoding(text.language)
+        code = _run(words, text, configuration, problems)
+        return _flushed(_with_json(words, code, problems, text), text)
     except KeyboardInterrupt as interrupted:
-        return _interrupted(interrupted, text)
+        return _with_json(words, _interrupted(interrupted, text), problems, text)
     finally:
         gc.enable()
 
 
-def _run(words: list[str], text: Catalogue, configuration: Configuration) -> int:
+def _run(words: list[str], text: Catalogue, configuration: Configuration, problems: list[Problem]) -> int:
+    """Run a command, explain what goes wrong, and add it to the problems; return the exit code."""
     try:
         return _dispatch(words, text, configuration)
     except SystemExit as ended:
@@ -61,9 +67,9 @@ def _run(words: list[str], text: Catalogue, configuration: Configuration) -> int
     except OSError as error:
         # File and link errors have problem types of their own, so a bare write error here comes from the output.
         bare = error.filename is None and error.errno in OUTPUT_FAULTS
-        return _lost(error, text) if bare else _explain(error, text)
+        return _lost(error, text) if bare else _explain(error, text, problems)
     except Exception as error:
-        return _explain(error, text)
+        return _explain(error, text, problems)
 
 
 def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -> int:
@@ -72,6 +78,7 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
     from console.cli.arguments import contradiction
     from console.cli.commands import COMMANDS, SHOWS_CONFIGURATION, build
     from console.cli.configured import fill_in
+    from console.cli.logged import carried_out
     from profiles.problem import ProblemError
 
     parser = build(text)
@@ -94,16 +101,29 @@ def _dispatch(words: list[str], text: Catalogue, configuration: Configuration) -
     command = import_module(modules.get(options.command, SCREEN))
     if options.command is not None:  # the screens collect from their first picture on
         gc.enable()
-    code: int = command.main(options, text)
+    return carried_out(lambda: command.main(options, text), options, words)
+
+
+def _with_json(words: list[str], code: int, problems: list[Problem], text: Catalogue | None) -> int:
+    """Return the exit code of a command; with --json, a failure is also a JSON object."""
+    if code != DONE and text is not None and "--json" in words:
+        from console.cli.failure import print_failure
+
+        with suppress(OSError):  # nobody reads it
+            print_failure(code, problems, text)
     return code
 
 
 def _version(as_json: bool) -> int:
     from importlib.metadata import version
-    from json import dumps
+
+    from console.cli.output import print_json
 
     said = {"name": "trilobe", "version": version("trilobe")}
-    print(dumps(said, indent=2) if as_json else " ".join(said.values()))
+    if as_json:
+        print_json(said)
+    else:
+        print(" ".join(said.values()))
     return DONE
 
 
@@ -115,11 +135,12 @@ def _interrupted(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
     return _complain(text("error.interrupted", signal=signal))
 
 
-def _explain(error: Exception, text: Catalogue) -> int:
+def _explain(error: Exception, text: Catalogue, problems: list[Problem]) -> int:
     """Catch every error and explain it: no traceback ever reaches an operator."""
     from profiles.problem import ProblemError
 
     if isinstance(error, ProblemError):
+        problems += error.problems
         for problem in error.problems:
             _complain(text.problem(problem))
         return FAILED

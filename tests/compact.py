@@ -16,17 +16,18 @@ CLOSE_TOGETHER = {"home_radius_mm = 76.0": "home_radius_mm = 29.0", "jaw_face_mm
 """What the same is in the file of the lathe."""
 
 
-def close_together(machine: MachineProfile) -> MachineProfile:
+def close_together(machine: MachineProfile, home_radius_mm: float = 29.0) -> MachineProfile:
     """Return a lathe whose tool is homed beside its part, and whose chuck is beside its carriage."""
-    tool, carriage = replace(machine.tool, home_radius_mm=29.0), replace(machine.carriage, jaw_face_mm=40.0)
+    tool = replace(machine.tool, home_radius_mm=home_radius_mm)
+    carriage = replace(machine.carriage, jaw_face_mm=40.0)
     return replace(machine, tool=tool, carriage=carriage)
 
 
 @cache
-def compact_machine() -> LoadedMachine:
-    """The lathe of the paper, close together."""
+def compact_machine(home_radius_mm: float = 29.0) -> LoadedMachine:
+    """The lathe of the paper, close together; a part larger than that of the paper needs the tool farther out."""
     loaded = load_machine("lee-2001-lathe")
-    return replace(loaded, machine=close_together(loaded.machine))
+    return replace(loaded, machine=close_together(loaded.machine, home_radius_mm))
 
 
 def save_compact(data: Path) -> tuple[str, str]:

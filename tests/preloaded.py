@@ -125,7 +125,7 @@ def _serve(line: socket.socket) -> list[str] | None:
         for module in walk_packages(import_module(package).__path__, f"{package}."):
             if module.name != f"{SIMULATOR}.__main__":
                 import_module(module.name)
-    remember(programs=True)
+    remember()
     gc.collect()
     gc.freeze()
     while True:

@@ -1,7 +1,8 @@
 """What depends on nothing but what is asked, found out once: most tests cut a few parts on a few lathes.
 
-To run a program through takes a tenth of a short cut in simulation. To measure how a simulated lathe stops, which
-each process does before its first cut, takes more than that cut; so does the summary of its servo loop.
+To run a program through takes a tenth of a short cut in simulation; to read what another process has found of
+it, a third as long. To measure how a simulated lathe stops, which each process does before its first cut, takes
+more than that cut; so does the summary of its servo loop.
 """
 
 from __future__ import annotations
@@ -51,7 +52,7 @@ def run_through_once(
     if asked in _kept:
         _kept.move_to_end(asked)
     else:
-        _kept[asked] = _find(asked, lambda: run_through(text, i_variables, definitions, start, dialect))
+        _kept[asked] = once(asked, lambda: run_through(text, i_variables, definitions, start, dialect))
         if len(_kept) > AT_MOST:
             _kept.popitem(last=False)
     return _kept[asked]
@@ -73,23 +74,11 @@ def summary_once(numerator: tuple[float, ...], denominator: tuple[float, ...]) -
     return once((numerator, denominator), lambda: _summarise(numerator, denominator))
 
 
-def remember(*, programs: bool = False) -> None:
-    """Have the functions themselves remember, in this process and its copies.
-
-    `programs` are remembered for other processes as well, which pays where each process plans a few.
-    """
-    global _find
-    _find = once if programs else _in_this_process
+def remember() -> None:
+    """Have the functions themselves remember, in this process, its copies and all others of this run."""
     drivers.cutting.planning.run_through = run_through_once  # type: ignore[attr-defined]
     stop_records.simulated_record = stop_record_once
     servo._summary = summary_once
-
-
-def _in_this_process(asked: Hashable, make: Callable[[], Found]) -> Found:
-    return make()
-
-
-_find = _in_this_process
 
 
 def once(asked: Hashable, make: Callable[[], Found]) -> Found:

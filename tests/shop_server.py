@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 ACCOUNT = "postgres"
+MODEL = "shop_model"
 OWNER, SHIPPER, READER = "shop_owner", "lathe_shipper", "shop_reader"
 START_S = 30
 ROOT = Path(__file__).parents[1]
@@ -23,6 +24,8 @@ ROOT = Path(__file__).parents[1]
 @cache
 def programs() -> Path | None:
     """The folder of the newest server that is installed; Debian keeps it out of the PATH."""
+    if os.geteuid() == 0 and ACCOUNT not in [each.pw_name for each in pwd.getpwall()]:
+        return None  # it refuses to run as root, and its account is made by the package
     found = sorted(Path("/usr/lib/postgresql").glob("*/bin/initdb"), key=lambda path: int(path.parts[-3]))
     if found:
         return found[-1].parent
@@ -49,6 +52,7 @@ class ShopServer:
     def __init__(self, folder: Path, *, fsync: bool = False) -> None:
         self.folder = folder
         self._data, self._log = folder / "data", folder / "log"
+        self._made = False
         self.options = f"-c listen_addresses='' -c fsync={'on' if fsync else 'off'}"
 
     def dsn(self, role: str = OWNER, database: str = "shop") -> str:
@@ -78,14 +82,19 @@ class ShopServer:
                 pass
             return cursor.fetchall() if cursor.description else []
 
-    def new_shop(self, name: str = "shop") -> None:
-        """A database with the roles of the document, and the schema."""
+    def new_shop(self) -> None:
+        """A database without records: a copy of one that was set up as the document says."""
+        if not self._made:
+            self._set_up(MODEL)
+            self._made = True
+        self.sql("DROP DATABASE IF EXISTS shop", database="postgres")
+        self.sql(f"CREATE DATABASE shop TEMPLATE {MODEL}", database="postgres")
+
+    def _set_up(self, name: str) -> None:
         from console.session.shop.schema import migrate
 
-        self.sql(f"DROP DATABASE IF EXISTS {name}", database="postgres")
         for role in (SHIPPER, READER):
-            if not self.sql(f"SELECT 1 FROM pg_roles WHERE rolname = '{role}'", database="postgres"):
-                self.sql(f"CREATE ROLE {role} LOGIN", database="postgres")
+            self.sql(f"CREATE ROLE {role} LOGIN", database="postgres")
         self.sql(f"CREATE DATABASE {name} ENCODING 'UTF8' TEMPLATE template0", database="postgres")
         migrate(self.dsn(database=name))
         for block in documented_sql("docs/shop.md", "### Rights"):

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 Value = TypeVar("Value")
 Number = TypeVar("Number", int, float)
 
-WRONG_USAGE = 2
+WRONG_USAGE, OUT_OF_TOLERANCE = 2, 3
+"""Exit codes besides 0, done, and 1, refused or failed."""
 STAGES = ("air", "partial", "full")
 TS_LIMIT_MS = 1000
 PLANTS = ("ideal", "mounted", "paper", "steady", "easy", "realistic", "hard")
@@ -71,6 +72,11 @@ def add_practice(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--from", metavar="FILE", dest="from_file", help=text("help.from"))
     before = within(number, 0.0, MOST_BEFORE_S, "usage.before", f"{MOST_BEFORE_S:g}")
     parser.add_argument("--before", metavar="S", type=before, help=text("help.before"))
+
+
+def add_fail_out_of_tolerance(parser: Parser, text: Catalogue) -> None:
+    """Add that a part out of its tolerance is told by the exit code."""
+    parser.add_argument("--fail-out-of-tolerance", action="store_true", help=text("help.fail_out_of_tolerance"))
 
 
 def add_job(parser: Parser, text: Catalogue) -> None:

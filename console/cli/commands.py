@@ -40,6 +40,7 @@ COMMANDS = {
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
     "ship": "console.cli.site.ship",
+    "completion": "console.cli.site.completion",
     "identify": "console.cli.machine.identify",
     "health": "console.cli.machine.health",
     "tune": "console.cli.machine.tune",

@@ -10,9 +10,14 @@ from io import TextIOWrapper
 from typing import Any, TextIO
 
 from console.text.catalogue import Catalogue
-from console.text.escaping import encodable, escaped
+from console.text.escaping import can_write, encodable, escaped, spelled
 from profiles.own_values import renamed
 from profiles.problem import Problem
+
+SCHEMA = 1
+"""Of every JSON object on stdout; a value that is taken away, or changes its meaning, makes it 2."""
+
+KEPT = 1000  # characters of an output that a stream remembers
 
 
 class EscapedOutput:
@@ -20,10 +25,13 @@ class EscapedOutput:
 
     def __init__(self, stream: TextIO) -> None:
         self._stream = stream
+        self.last = ""
+        """The end of what was written by this command."""
 
     def write(self, text: str) -> int:
         """Write a text; return its unescaped length, as streams do."""
-        self._stream.write(encodable(escaped(text), self._stream.encoding))
+        self._stream.write(encodable(spelled(escaped(text), self._stream.encoding), self._stream.encoding))
+        self.last = (self.last + text)[-KEPT:]
         return len(text)
 
     def writelines(self, lines: Iterable[str]) -> None:
@@ -43,6 +51,15 @@ def escape_streams() -> None:
             if isinstance(stream, TextIOWrapper):
                 stream.reconfigure(line_buffering=True)
             setattr(sys, name, EscapedOutput(stream))
+        else:
+            stream.last = ""
+
+
+def hint_at_encoding(language: str) -> None:
+    """Say how to see Korean where an output cannot show it: question marks say nothing."""
+    if language == "ko" and not can_write("가", sys.stdout.encoding):
+        remedy = "set LC_ALL=C.UTF-8 (or another UTF-8 locale), or add --lang en"
+        print(f"console: {sys.stdout.encoding} cannot show Korean; {remedy}", file=sys.stderr)
 
 
 def show(
@@ -67,9 +84,13 @@ def harmonics_of(source: Any) -> dict[str, Any]:
 
 
 def print_json(value: Mapping[str, object]) -> None:
-    """Print one JSON object. Numbers are not rounded; there is no NaN in JSON, so none may be in `value`."""
+    """Print one JSON object with its schema.
+
+    Numbers are not rounded; there is no NaN in JSON, so none may be in `value`.
+    """
     import json  # not for the screens
 
+    value = {"schema": SCHEMA, **value}
     shown = json.dumps(value, ensure_ascii=False, allow_nan=False, indent=2)
     # JSON has its own escapes for what the stream would replace, such as an undecodable file name.
     if encodable(escaped(shown), sys.stdout.encoding) != shown:

@@ -18,7 +18,7 @@ _STRANGE = re.compile(r"[^\n\t\x20-\x7e\uac00-\ud7a3]+")
 
 LIKE = str.maketrans(
     {
-        **dict.fromkeys("·–—─╌", "-"),
+        **dict.fromkeys("·∙–—─╌", "-"),
         **dict.fromkeys("│┃", "|"),
         **dict.fromkeys("└├┤┼┌┐┘┬┴╭╮╰╯", "+"),
         **dict.fromkeys("→▶▸", ">"),
@@ -29,12 +29,41 @@ LIKE = str.maketrans(
         **dict.fromkeys("✗×", "x"),
         **dict.fromkeys(map(chr, range(0x2801, 0x2900)), "*"),  # dots of the plots
         "✓": "v",
+        "↑": "^",
+        "↓": "v",
+        "≡": "=",
+        "²": "2",
         "…": ".",
         "°": "d",
         "µ": "u",
         "μ": "u",
     }
 )
+
+
+SPELLED = {"±": "+/-", "…": "...", "≤": "<=", "≥": ">=", "≠": "!="}
+"""Signs that more than one character of ASCII stands for, where a line may get longer."""
+
+
+def spelled(text: str, encoding: str | None) -> str:
+    """Return a text whose signs are spelled out that this encoding has not."""
+    if text.isascii() or encoding is None:
+        return text
+    for sign, ascii_ones in SPELLED.items():
+        if sign in text and not can_write(sign, encoding):
+            text = text.replace(sign, ascii_ones)
+    return text
+
+
+def can_write(text: str, encoding: str | None) -> bool:
+    """Whether an encoding has all characters of a text; one that Python does not know has."""
+    try:
+        text.encode(encoding or "utf-8")
+    except UnicodeEncodeError:
+        return False
+    except LookupError:
+        return True
+    return True
 
 
 def escaped(text: str) -> str:

@@ -17,9 +17,6 @@ from profiles.problem import Problem
 WRITTEN = (30, 31, 32, 33)
 """Ix30 to Ix33: what a proposal changes. Scales, integration mode, notch filter and limits are never written."""
 
-MOST_VALUE = 32_767
-"""The largest value that is written; the loop of a linear motor needs far less."""
-
 
 @dataclass(frozen=True, slots=True)
 class ToolGains:

@@ -63,6 +63,7 @@ class Lathe:
         """
         self.machine, self.stop, self.ownership, self.driven = machine, stop, ownership, driven_axes(machine)
         self.on_trial: Mapping[str, float] = {}
+        self.friction: Callable[[], str] = str  # dry friction identified in the tool, as text; "" if none was
         self._client, self._clock, self._heartbeat = client, clock, heartbeat
         self._dialect = DIALECTS[machine.controller.family]
         items = SnapshotItems(machine, self._dialect)

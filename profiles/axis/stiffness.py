@@ -16,7 +16,6 @@ from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.job import Job
 
 LOBE_MULTIPLES = (1, 2, 3)
 _LOWEST_HZ, _POINTS = 0.1, 600
@@ -30,6 +29,11 @@ class LobeStiffness:
     um_per_n: tuple[float, ...]
     most_um_per_n: float
     most_hz: float
+
+
+def tripping_friction_n(stiffness: LobeStiffness, error_limit_um: float) -> float:
+    """Return the dry friction that trips the following-error limit on reversal: the loop yields to it twice."""
+    return error_limit_um / (2.0 * stiffness.most_um_per_n)
 
 
 def compliance_um_per_n(loop: SampledLoop, thrust_n_per_v: float, frequency_hz: ArrayLike) -> Floats:
@@ -52,8 +56,3 @@ def lobe_stiffness(loop: SampledLoop, thrust_n_per_v: float, lobe_hz: float) -> 
         most_um_per_n=float(around[place]),
         most_hz=float(grid[place]),
     )
-
-
-def lobe_hz_of(job: Job | None) -> float:
-    """Return the lobe frequency of a job; without one that of three jaws at 1000 rpm."""
-    return 50.0 if job is None else job.lobe_frequency_hz

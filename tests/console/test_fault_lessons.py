@@ -136,7 +136,7 @@ def test_who_does_nothing_about_a_fault_makes_no_more_steps(tmp_path: Path) -> N
     pupil = Pupil(open_floor(tmp_path, plant=lesson.plant), lesson)
     pupil.aligns()
     starts_a_cut(pupil)
-    waits(pupil, 120)
+    waits(pupil, 60)
     debrief = pupil.debriefed()
     lost = {str(mark.item): mark.lost for mark in debrief.marks}
     assert lost["alarms"] == 5.0 and lost["reaction"] > 0.0 and debrief.score < 60

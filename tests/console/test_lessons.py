@@ -18,7 +18,8 @@ from console.text.catalogue import load
 from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import ProfileError
-from profiles.store import load_job, load_machine
+from profiles.store import load_job
+from tests.compact import compact_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 
 Console = Callable[..., Any]
@@ -132,8 +133,8 @@ def test_the_command_lists_lessons_and_shows_one(console: Console) -> None:
 @pytest.mark.parametrize("name", ["thin-ring", "paper-experiment-1"])
 def test_a_lesson_of_one_part_comes_to_its_end_by_its_own_job(tmp_path: Path, name: str) -> None:
     lesson = load_lesson(name, tmp_path)
-    floor = open_floor(tmp_path, plant=lesson.plant, machine=load_machine("lee-2001-lathe"))
-    job = replace(load_job(lesson.job).job, cut_length_mm=1.0)
+    floor = open_floor(tmp_path, plant=lesson.plant, machine=compact_machine(home_radius_mm=34.0))
+    job = replace(load_job(lesson.job).job, cut_length_mm=0.5)
     tries = made(floor, Attempt(lesson=lesson, began_s=floor.sim.now_s()))
     floor.set_up(job)
     armed = floor.arm(job, Strategy.PAPER if name == "paper-experiment-1" else Strategy.PVT)

@@ -17,7 +17,8 @@ from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from drivers.lathe.standing import Standing
 from profiles.problem import ProfileError
-from profiles.store import load_job, load_machine
+from profiles.store import load_job
+from tests.compact import compact_machine
 from tests.console.floor import open_floor
 from tests.console.test_debrief import Pupil, marks_of
 from tests.console.test_fault_lessons import homes, waits
@@ -161,9 +162,9 @@ def test_another_console_waits_until_nothing_moves(tmp_path: Path) -> None:
 
 def test_a_ring_that_is_clamped_with_less_force_is_rounder(tmp_path: Path) -> None:
     lesson = load_lesson("clamping-force", tmp_path)
-    floor = open_floor(tmp_path, plant=lesson.plant, machine=load_machine("lee-2001-lathe"))
+    floor = open_floor(tmp_path, plant=lesson.plant, machine=compact_machine(home_radius_mm=34.0))
     pupil = Pupil(floor, lesson)
-    job = replace(load_job(lesson.job).job, cut_length_mm=1.0)
+    job = replace(load_job(lesson.job).job, cut_length_mm=0.5)
     for force_n in (900.0, 300.0):
         part = replace(job, chucking_force_n=force_n)
         floor.set_up(part)

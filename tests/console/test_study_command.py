@@ -131,6 +131,23 @@ def test_every_combination_is_a_row_and_what_cannot_be_made_has_its_reason(
     assert len(of_broken) == 1 and "key.missing" in of_broken.pop()
 
 
+def test_jobs_machines_and_plants_may_be_files_beside_the_study(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    from profiles.store import load_job, load_machine, save_job
+
+    save_job(load_job("lee-2001-experiment-1").job, tmp_path / "ours.toml")
+    (tmp_path / "lathe.toml").write_text(load_machine("lee-2001-lathe").text, encoding="utf-8")
+    (tmp_path / "off.toml").write_text('schema = 1\nlike = "ideal"\n[chuck]\nlobe_factor = 1.5\n')
+    changes = {"jobs": '["ours.toml"]', "machines": '["./lathe.toml"]', "plants": '["off.toml", "ideal"]'}
+    path = study_file(tmp_path, **changes)
+    monkeypatch.chdir("/")
+    off, ideal = cells_of(path)
+    assert off.true is not None and ideal.true is not None and off.job is not None
+    assert off.true.lobe_factor == 1.5 * ideal.true.lobe_factor
+    assert off.job.cut_length_mm == 1.5 and not off.problems
+
+
 def test_a_study_resumes_after_what_a_kill_has_left(tmp_path: Path, quick: list[int]) -> None:
     path = study_file(tmp_path, seeds="{ from = 1, count = 6 }")
     whole = write_table(tmp_path, carried_out(path, tmp_path / "whole")).read_bytes()
@@ -193,7 +210,7 @@ def test_two_processes_do_not_carry_out_one_study(tmp_path: Path, quick: list[in
         ({"seeds": "[1.5]"}, ["value.not_whole"]),
         ({"seeds": "{ from = 1 }"}, ["key.missing"]),
         ({"seeds": "{ from = 4294967295, count = 2 }"}, ["value.out_of_range"]),
-        ({"seeds": "{ from = 1, count = 1000000 }", "plants": '["easy", "hard"]'}, ["study.too_large"]),
+        ({"seeds": "{ from = 1, count = 100000 }", "plants": '["easy", "hard"]'}, ["study.too_large"]),
         ({"stage": '"air"'}, ["value.not_choice"]),
         ({"joks": '["a"]'}, ["key.unknown"]),
     ],
@@ -209,6 +226,13 @@ def test_a_mistake_in_the_file_is_told_in_both_languages(
         said = console("study", str(path), "--lang", lang)
         assert said.code == 1 and len(said.err.splitlines()) == len(codes) and "small.toml" in said.err
     assert not (tmp_path / "small.study").exists()
+
+
+def test_the_documented_study_is_one(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "study.md").read_text(encoding="utf-8")
+    path = tmp_path / "documented.toml"
+    path.write_text(text.split("```toml\n", 1)[1].split("```", 1)[0], encoding="utf-8")
+    assert read_study(path).size == 2 * 1 * 2 * 2 * 40
 
 
 def test_what_needs_an_optional_part_says_so_before_it_begins(

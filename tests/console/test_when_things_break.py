@@ -156,6 +156,21 @@ def test_a_tool_that_sticks_says_how_far_it_was_behind_and_what_friction_does_th
         assert all(fact in said for fact in ("6.9 N", "5 N", "150 um", told.value))
 
 
+def test_friction_that_was_identified_stands_beside_the_friction_that_trips() -> None:
+    simulated = SimulatedLathe(MACHINE, replace(ideal(MACHINE), coulomb_friction_n=8.0))
+    link = MemoryLink(simulated.connect(), simulated)
+    lathe = Lathe(PmacClient(link, simulated), MACHINE, simulated, StopPath(link))
+    lathe.friction = lambda: "8.2 ± 0.9 N"
+    planned = plan_run(replace(JOB, cut_length_mm=1.5), MACHINE, Strategy.NONE).cut
+    with pytest.raises(SessionError) as tripped:
+        cut_part(CutContext(lathe=lathe, workshop=simulated), JOB, planned, lambda step, detail: None)
+    told = next(each for each in tripped.value.problems if each.code == "machine.tool_left_behind_identified")
+    assert (told.where, told.key) == ("6.9 N", "8.2 ± 0.9 N")
+    for language in ("en", "ko"):
+        said = load(language).problem(told)
+        assert "6.9 N" in said and "8.2 ± 0.9 N" in said
+
+
 def test_a_stop_before_the_zeros_are_found_does_not_say_where_the_tool_stands(
     shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
 ) -> None:
@@ -223,7 +238,7 @@ def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
     changes: dict[str, Any], code: str, strategy: Strategy
 ) -> None:
     rpm = changes.get("spindle_speed_rpm", JOB.spindle_speed_rpm)
-    job: Job = replace(JOB, chucking_force_n=3150.0, lobe_force_n=3150.0, lobe_spindle_speed_rpm=rpm, **changes)
+    job: Job = replace(JOB, chucking_force_n=3100.0, lobe_force_n=3100.0, lobe_spindle_speed_rpm=rpm, **changes)
     with pytest.raises(SessionError) as refused:
         plan_run(job, MACHINE, strategy)
     assert code in codes(refused)

@@ -7,7 +7,6 @@ from typing import NamedTuple, Protocol, cast
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.interpolate import RegularGridInterpolator
 
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource, step_counts
 from drivers.pmac.compensation.table_text import table_lines
@@ -124,6 +123,8 @@ def test_a_cam_follows_the_actual_angle_through_a_ripple_of_the_speed(
 
 @pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
 def test_a_cam_that_changes_along_z_follows_both_of_its_sources(machine: MachineProfile, dialect: Dialect) -> None:
+    from scipy.interpolate import RegularGridInterpolator
+
     card = set_up(machine, dialect, cam_along_z(), z_counts=5_000)
     ripple(card, 0.05)
     carriage = record(card, CARRIAGE)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
 
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.servo import ServoAxis, ServoGains
@@ -44,6 +43,7 @@ def moved_um(forces_n: list[float], cycles: int) -> np.ndarray:
 
 def by_equation_um(forces_n: list[float], cycles: int) -> np.ndarray:
     """m x" = F - B x' - f with f' = (F_c x' - f |x'|) / s; a force acts one servo cycle later."""
+    from scipy.integrate import solve_ivp
 
     def slope(time_s: float, state: np.ndarray) -> list[float]:
         _, speed, friction_n = state

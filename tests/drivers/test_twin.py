@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import solve_ivp
 
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.settings import settings_with
@@ -107,6 +106,8 @@ def test_a_lagging_current_moves_a_sliding_mass_as_its_differential_equation_say
     speed: float, volts: float, lag_ms: float, friction_n: float
 ) -> None:
     """M v' = F - B v - friction with F' = (asked - F) / lag, over 20 cycles of a command that changes sign."""
+    from scipy.integrate import solve_ivp
+
     mass = linear_motor(
         mass_kg=4.74,
         damping_n_s_per_m=201.6,

@@ -8,7 +8,6 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
-from scipy.stats import t as student_t
 
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.own_values import record
@@ -29,6 +28,8 @@ def refused(torque: object, force: object) -> tuple[str, str]:
 
 def test_the_line_is_surer_than_the_next_clamping_and_its_scatter_is_a_share() -> None:
     """Through the origin at one torque T: the line is +- t s T / sqrt(sum T^2) where the scatter is the same."""
+    from scipy.stats import t as student_t
+
     torque = np.array([10.0, 20.0, 20.0, 30.0, 40.0])
     force = 100.0 * torque + np.array([30.0, -20.0, 10.0, -40.0, 25.0])
     slope = float(torque @ force) / float(torque @ torque)

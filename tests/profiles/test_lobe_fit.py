@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
-from scipy.signal import lfilter
 
 from profiles.lobe.lobe_fit import fit_lobe
 from profiles.problem import ProfileError
@@ -93,6 +92,8 @@ def test_the_confidence_is_that_of_repeated_measurements(
 )
 def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float, points: int) -> None:
     """AR(1) residuals of a known lobe, 150 traces: taken for white, 30 % of the half-widths hold it at 0.9."""
+    from scipy.signal import lfilter
+
     rng, angle = np.random.default_rng(20), turn(points)
     drawn = lfilter([1.0], [1.0, -memory], rng.normal(0.0, 1.0, (150, points + 400)), axis=1)[:, 400:]
     fits = [fit_lobe(angle, part(angle) + each, 3) for each in drawn]

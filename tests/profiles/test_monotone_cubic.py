@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.interpolate import PchipInterpolator
 
 from profiles.axis.monotone_cubic import monotone_cubic
 
@@ -17,6 +16,8 @@ from profiles.axis.monotone_cubic import monotone_cubic
     values=st.lists(st.sampled_from([-3.0, 0.0, 0.25, 1.0, 7.5]), min_size=13, max_size=13),
 )
 def test_it_is_the_curve_of_scipy(steps: list[float], values: list[float]) -> None:
+    from scipy.interpolate import PchipInterpolator
+
     x = np.concatenate(([1.0], 1.0 + np.cumsum(steps)))
     y = np.array(values[: x.size])
     at = np.linspace(x[0], x[-1], 101)

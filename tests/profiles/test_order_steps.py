@@ -7,8 +7,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are
-from scipy.stats import f as fisher
 
 from profiles.compensations.certificate import Follows, Standing, promised_orders
 from profiles.compensations.learning import REPEATS_SD_UM
@@ -23,6 +21,8 @@ def test_without_changes_of_the_lathe_the_gains_make_the_mean_of_all_parts() -> 
 
 
 def test_in_the_long_run_the_gain_is_that_of_the_riccati_equation() -> None:
+    from scipy.linalg import solve_discrete_are
+
     part_um = 1.5
     scatter = Scatter(prior_um=5.0, part_um=part_um)
     wander, noise = REPEATS_SD_UM**2, part_um**2 + REPEATS_SD_UM**2
@@ -55,6 +55,8 @@ def test_an_error_beyond_all_that_was_expected_is_learned_at_once() -> None:
 @pytest.mark.parametrize("parts", [2, 3, 6])
 def test_what_repeats_is_judged_by_fishers_f(parts: int) -> None:
     """Of random numbers without a mean one row in twenty seems to repeat; of jaws with some noise nearly all."""
+    from scipy.stats import f as fisher
+
     rng, rows = np.random.default_rng(parts), 2000
     random = rng.normal(0.0, 2.0, (rows, parts)) + 1j * rng.normal(0.0, 2.0, (rows, parts))
     by_chance = sum(repeats(list(row)) for row in random) / rows

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.integrate import quad
 
 from profiles.axis.servo import sampled_response, step_error
 from profiles.compensations.path import chord_scale
@@ -118,6 +117,8 @@ def test_a_controller_can_be_given_the_loop_of_table_5_at_one_frequency() -> Non
 
 def test_a_step_of_eq_9() -> None:
     """Values of the step at 0.1, 1 and 10 s; its integral is what the integrator makes it, 0 by Kp / Ki."""
+    from scipy.integrate import quad
+
     met = [1 - step_error(PAPER.machine, time_s) for time_s in (0.1, 1.0, 10.0)]
     assert met == pytest.approx([1.000628, 1.000387, 1.000054], abs=2e-6)
     area, _ = quad(lambda t: step_error(PAPER.machine, t), 0.0, 60.0, points=[0.02, 0.1], limit=200)

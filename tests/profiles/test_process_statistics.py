@@ -6,7 +6,6 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import linregress, nct, t
 
 from profiles.arrays import Floats
 from profiles.metrology.process_statistics import (
@@ -62,6 +61,8 @@ def test_one_limit_gives_the_tolerance_factors_of_the_tables(count: int, factor:
 
 @pytest.mark.parametrize("upper", [-2.0, 0.0, 0.5, 4.0, 40.0])
 def test_the_interval_of_one_limit_is_that_of_the_noncentral_t(upper: float) -> None:
+    from scipy.stats import nct
+
     found = capability_below(sample(40, 0.0, 1.0), upper)
     assert found is not None and found.cpk_low < found.cpk < found.cpk_high
     root = math.sqrt(40)
@@ -90,6 +91,8 @@ def test_the_interval_holds_the_truth_as_often_as_it_says() -> None:
 
 
 def test_a_trend_is_that_of_linear_regression() -> None:
+    from scipy.stats import linregress, t
+
     values = 0.3 * np.arange(12) + np.random.default_rng(3).normal(size=12)
     found, other = trend(values), linregress(np.arange(12), values)
     assert found is not None and found.significant

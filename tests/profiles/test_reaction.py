@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
-from scipy.integrate import solve_ivp
 
 from profiles.chucking.reaction import (
     Reaction,
@@ -42,6 +41,8 @@ def test_every_harmonic_of_the_steady_state() -> None:
 
 
 def test_integrating_eq_2_in_time_stays_on_the_steady_state() -> None:
+    from scipy.integrate import solve_ivp
+
     omega = 2 * np.pi * RPM / 60
     angle = np.linspace(0.0, 360.0, 61)
 

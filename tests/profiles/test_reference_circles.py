@@ -8,7 +8,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
-from scipy.optimize import linprog, minimize
 
 from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
 from profiles.metrology.exchange import HANDFUL
@@ -25,6 +24,8 @@ EIGHT = [0.0, 3.0, 1.0, -2.0, 4.0, -1.0, 2.0, -3.0]
 
 def programmed_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
     """What the circle optimises, by the plain linear programme over all points: zone, or radius."""
+    from scipy.optimize import linprog
+
     theta = np.radians(angle_deg)
     x, y, one, none = np.cos(theta), np.sin(theta), np.ones(theta.size), np.zeros(theta.size)
     outer, inner = np.column_stack((-x, -y, -one, none)), np.column_stack((x, y, none, one))
@@ -44,6 +45,8 @@ def programmed_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
 
 def least_ront_um(kind: str, angle_deg: Floats, deviation_um: Floats) -> float:
     """The least RONt of all circles with the best radius, by a second plain programme over the best places."""
+    from scipy.optimize import linprog
+
     theta, sign = np.radians(angle_deg), 1.0 if kind == "MCC" else -1.0
     radius_um = programmed_um(kind, angle_deg, deviation_um)
     turned = np.column_stack((np.cos(theta), np.sin(theta)))
@@ -210,6 +213,8 @@ def test_a_gap_is_judged_from_the_axis_and_not_from_where_a_search_begins(
     radius_um: float, lobe_um: float
 ) -> None:
     """Sixty degrees are not measured, which is allowed; the search for a circle sees more from other places."""
+    from scipy.optimize import minimize
+
     angle = np.arange(60.0, 360.1, 4.0)
     theta, lobes = np.radians(angle), lobe_um * np.cos(3 * np.radians(angle))
     x, y = (radius_um + lobes) * np.cos(theta), (radius_um + lobes) * np.sin(theta)
@@ -230,6 +235,8 @@ def test_a_gap_is_judged_from_the_axis_and_not_from_where_a_search_begins(
 
 def test_points_in_the_plane_by_another_method() -> None:
     """Against a direct search (Nelder-Mead) for the same objectives, of an oval part a third off its axis."""
+    from scipy.optimize import minimize
+
     random = np.random.default_rng(11)
     angle = np.sort(random.uniform(0, 2 * np.pi, 90))
     radius = 10_000 + 900 * np.cos(2 * angle) + random.normal(0, 60, 90)

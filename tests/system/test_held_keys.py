@@ -181,6 +181,7 @@ def stalls_in_a_hold(at: Bench, *, for_s: float, then: Callable[[], None]) -> No
     assert abs(at.rests() - rested) < COUNT_DEG, "what came late has moved it"
 
 
+@pytest.mark.long
 def test_a_line_that_stands_still_while_a_key_repeats(serve: Serve, tmp_path: Path) -> None:
     with bench(serve, tmp_path, Terminal, PLAIN) as at:
         calibrates(at.trainee)

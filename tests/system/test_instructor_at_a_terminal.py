@@ -102,7 +102,8 @@ def test_faults_the_screen_and_the_log(language: str, tmp_path: Path) -> None:
     assert not list((tmp_path / "instructor").iterdir())
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.long
+@pytest.mark.parametrize("language", ("en", "ko"))
 def test_a_cut_is_paused_runs_on_and_is_stopped_in_a_pause(language: str, tmp_path: Path) -> None:
     with trainee_at(tmp_path, language, "--plant", "mounted") as terminal:
         trainee = Trainee(terminal, language)
@@ -177,7 +178,8 @@ def test_only_the_screens_on_a_simulated_lathe_have_an_instructor(
         assert terminal.wait_exit(15.0) == 2
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.long
+@pytest.mark.parametrize("language", ("en", "ko"))
 def test_a_trainee_is_put_back_to_a_checkpoint_and_goes_on_from_there(language: str, tmp_path: Path) -> None:
     """Out of a cut, to before it; then the same part is cut, and measured. Then to before anything was aligned."""
     with trainee_at(tmp_path, language, "--plant", "mounted") as terminal:

@@ -65,7 +65,8 @@ def test_a_first_lesson_is_made_debriefed_and_kept(language: str, tmp_path: Path
     assert (one["lesson"], one["score"], one["trainee"]) == ("first-look", 100, "Kim")
 
 
-@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.long
+@pytest.mark.parametrize("language", ("en", "ko"))
 def test_a_cable_that_is_cut_by_the_lesson_is_lived_through(language: str, tmp_path: Path) -> None:
     with lesson_at(tmp_path, "cable-cut", language) as terminal:
         trainee = Trainee(terminal, language)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import socket
 import subprocess
@@ -18,6 +19,7 @@ import pytest
 from console.session.exchange.adapter import MOST_CLIENTS, Adapter
 from console.session.exchange.data_items import published
 from console.session.feed.observed import Observed
+from console.session.feed.place import claimed
 from console.session.feed.report import report
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
@@ -224,6 +226,44 @@ def test_of_two_consoles_on_a_machine_that_is_told_which_controls_it(tmp_path: P
         agent.until("part_count", "0")
         agent.close()
     servers[0].close()
+
+
+def test_garbage_in_a_feed_is_told_once_and_is_no_state(tmp_path: Path) -> None:
+    with ExitStack() as opened:
+        listening = claimed(tmp_path, opened)
+        listening.listen()
+        with serving(tmp_path, "--sim") as (process, address):
+            agent = Agent(address)
+            agent.until("avail", "UNAVAILABLE")
+            link, _ = listening.accept()
+            opened.enter_context(link)
+            link.sendall(b'{"schema": 1, "machine": "lee-2001-lathe", "simulated": true, "execution": 7}\n')
+            server = FeedServer(tmp_path, Shown(READY).observed)  # another console works it all the same
+            server.launch()
+            opened.callback(server.close)
+            agent.until("avail", "AVAILABLE")
+            agent.close()
+            assert process.poll() is None
+
+
+def test_a_console_that_is_halted_becomes_unavailable(tmp_path: Path) -> None:
+    halted = os.fork()
+    if halted == 0:
+        FeedServer(tmp_path, Shown(READY).observed).launch()
+        signal.pause()
+        os._exit(0)
+    try:
+        with serving(tmp_path, "--sim") as (_, address):
+            agent = Agent(address)
+            agent.until("avail", "AVAILABLE")
+            os.kill(halted, signal.SIGSTOP)
+            agent.until("avail", "UNAVAILABLE")
+            os.kill(halted, signal.SIGCONT)
+            agent.until("avail", "AVAILABLE")
+            agent.close()
+    finally:
+        os.kill(halted, signal.SIGKILL)
+        os.waitpid(halted, 0)
 
 
 def test_a_port_that_is_taken_is_refused_in_one_line(tmp_path: Path) -> None:

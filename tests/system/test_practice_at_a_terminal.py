@@ -86,6 +86,7 @@ def starts(terminal: Terminal, language: str) -> Trainee:
     return trainee
 
 
+@pytest.mark.long
 def test_a_following_error_in_mid_cut_is_practised(tmp_path: Path) -> None:
     name = records(tmp_path, "following-error-trip motor=spindle", "frame.recover")
     with practised(tmp_path, name, "en") as terminal:

@@ -24,7 +24,7 @@ from console.session.errors import SessionError
 from console.session.shop import following, shipping
 from console.session.shop.following import follow
 from console.session.shop.identity import lathe_identity
-from console.session.shop.shipping import Sent, ship
+from console.session.shop.shipping import MOST_ROWS, Sent, ship
 from profiles.problem import Problem
 from tests.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql, shop_server
 from tests.system.lathe_records import (
@@ -134,6 +134,23 @@ def test_forty_failures_of_either_side_lose_nothing_and_double_nothing(
     for folder in lathes:
         ship(folder, shop.dsn(SHIPPER))
         assert_all_there(shop, folder)
+
+
+@pytest.mark.long
+@pytest.mark.timeout(300)
+def test_the_backlog_of_a_month_is_whole_after_kills_and_a_crash(shop: ShopServer, tmp_path: Path) -> None:
+    """Two shifts on 22 days, a run every 2.5 minutes: 8400, in transactions as large as usual."""
+    folder = tmp_path / "lathe"
+    record_runs(folder, 2)
+    multiply(folder, 8398)
+    for transactions in (1, 3):
+        killed_after(folder, shop, MOST_ROWS, transactions)
+    shop.crash()
+    shop.start()
+    sent = ship(folder, shop.dsn(SHIPPER))
+    assert 0 < sent.rows["runs"] + sent.rows["events"] < 8400 * 6
+    assert_all_there(shop, folder)
+    assert len(rows_here(folder)["runs"]) == 8400
 
 
 def test_two_consoles_that_record_and_two_that_send_on_one_folder(shop: ShopServer, tmp_path: Path) -> None:
@@ -251,6 +268,19 @@ def test_a_restored_backup_is_refused_and_then_gone_over_again(shop: ShopServer,
     assert len(found) == len(set(found)) == 7 and set(found) == here | {lost}
     events = [row[1:] for row in rows_in_shop(shop, backup)["events"]]
     assert {row[1:] for row in rows_here(backup)["events"]} <= set(events)
+
+
+def test_rows_that_the_shop_has_already_are_not_taken_for_a_lost_connection(
+    shop: ShopServer, tmp_path: Path
+) -> None:
+    record_runs(tmp_path, 2)
+    ship(tmp_path, shop.dsn(SHIPPER))
+    shop.sql("UPDATE shop.progress SET last_row = 0, last_mark = ''")
+    with pytest.raises(SessionError) as refused:
+        ship(tmp_path, shop.dsn(SHIPPER))
+    assert code_of(refused) == "ship.diverged"
+    ship(tmp_path, shop.dsn(SHIPPER), again=True)
+    assert_all_there(shop, tmp_path)
 
 
 def test_a_lathe_can_add_rows_and_nothing_else(shop: ShopServer, tmp_path: Path) -> None:

@@ -15,6 +15,7 @@ def test_there_is_a_way_through_every_bundled_lesson() -> None:
     assert set(PLAYS) == {path.stem for path in FOLDER.glob("*.toml")}
 
 
+@pytest.mark.long
 def test_a_perfect_trainee_lives_through_a_second_console() -> None:
     assert score(Walk("second-console", PERFECT, "ko")) >= 95
 

@@ -313,7 +313,7 @@ def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
 def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
     language: str, size: tuple[int, int], tmp_path: Path
 ) -> None:
-    tune_stage.fill(tmp_path)
+    tune_stage.fill_measured(tmp_path)
 
     async def scene(stage: TuneScene) -> None:
         await stage.show()
@@ -322,10 +322,21 @@ def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
             await stage.act("tune.view")
             await stage.show()
         shown = plain(stage.page.in_full(stage.view, 78))
-        assert "2026-01-01 10:05" in shown and "528" in shown and "console controller apply" in shown
+        assert "2026-01-01 10:06" in shown and "528" in shown and "console controller apply" in shown
         assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
 
     play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
+
+
+def test_without_a_response_of_the_axis_none_are_proposed_and_what_to_measure_is_said(tmp_path: Path) -> None:
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.view", "tune.view", "tune.view")
+        said = " ".join(plain(stage.page.in_full(stage.view, 200)).split())
+        assert "nobody knows what bends" in said and "console identify --frequencies 25,30" in said
+        await stage.act("tune.apply")
+        assert stage.codes == ["screen.tune_no_proposal"]
+
+    play_on(TuneScene, scene, tmp_path, state=STATE, size=(80, 24))
 
 
 OLD = (("I130", 528.0), ("I131", 4905.0), ("I132", 4905.0), ("I133", 811.0))
@@ -346,6 +357,8 @@ def on_trial(found: tuple[tuple[str, float], ...] = NEW) -> StandingTrial:
 
 
 def test_proposed_gains_are_written_with_the_second_press_of_a(tmp_path: Path) -> None:
+    tune_stage.fill_measured(tmp_path)
+
     async def scene(stage: TuneScene) -> None:
         def written() -> list[ApplyGains]:
             return [order for order in stage.control.orders if isinstance(order, ApplyGains)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cmath
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from drivers.cutting.strategy import Strategy
 from drivers.identification.health_result import HealthModel, HealthResult
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.tool_loop import MODELLED, UNMODELLED, ToolLoop
+from profiles.axis.sampled_loop import loop_of
 from profiles.axis.step_figures import ErrorFigures, StepFigures
 from tests.tui.stage import MACHINE, lathe
 
@@ -86,6 +88,27 @@ def fill_tests(data: Path) -> None:
     """Keep two health tests; in the older one the tool did not reach its place."""
     store_test(data, health(rise_ms=None, date="2025-12-20T09:00:00.000Z"))
     store_test(data, health())
+
+
+def fill_measured(data: Path) -> None:
+    """Keep a response of the profile's axis that a design can rest on: two amplitudes, up to 225 Hz."""
+    loop = loop_of(tool_loop().on(lathe().machine))
+    sweeps = (
+        (50.0, (25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 95.0)),
+        (35.0, (105.0, 120.0, 135.0, 150.0, 165.0, 180.0, 195.0, 210.0, 225.0)),
+    )
+    points = [
+        replace(
+            identified().points[0],
+            frequency_hz=hz,
+            gain=abs(response),
+            phase_deg=math.degrees(cmath.phase(response)),
+            amplitude_um=amplitude_um,
+        )
+        for amplitude_um, at in sweeps
+        for hz, response in zip(at, loop.closed(at).tolist(), strict=True)
+    ]
+    store(data, replace(identified(), date="2026-01-01T10:06:00.000Z", points=tuple(points)))
 
 
 def fill(data: Path) -> None:

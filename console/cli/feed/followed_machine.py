@@ -87,8 +87,16 @@ def changes_of(
         yield shown, None if heard is None else heard.state
 
 
+def log(options: Namespace, text: str) -> None:
+    """Add a line to the log of the program."""
+    from console.session.program_log import note
+
+    note(data_of(options), f"{options.command}  {text}")
+
+
 def _say(shown: Published, machine: str, options: Namespace, text: Catalogue) -> None:
     running = shown.conditions is not None
+    log(options, f"{machine}: {'a console publishes' if running else 'no console publishes'}")
     if options.json:
         print(json.dumps({"schema": 1, "at_utc": shown.at_utc, "console": running}))
     else:

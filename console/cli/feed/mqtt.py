@@ -12,7 +12,7 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import add_shared, host_port
-from console.cli.feed.followed_machine import add_rate, changes_of, followed, is_loopback, machine_name
+from console.cli.feed.followed_machine import add_rate, changes_of, followed, is_loopback, log, machine_name
 from console.cli.library import data_of
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
@@ -68,7 +68,7 @@ class _Told:
 
     def __init__(self, broker: Broker, topic: str, options: Namespace, text: Catalogue) -> None:
         self._broker, self._topic, self._text = broker, topic, text
-        self._json = bool(options.json)
+        self._options, self._json = options, bool(options.json)
         self._last: tuple[bool, str] | None = None
         self._lock = Lock()
 
@@ -77,12 +77,15 @@ class _Told:
             if (connected, reason) == self._last:
                 return
             self._last = connected, reason
+        log(self._options, f"{self._broker} {'connected' if connected else f'not connected: {reason}'}")
         if self._json:
             told = {"schema": 1, "broker": str(self._broker), "topic": self._topic, "connected": connected}
             print(json.dumps({**told, "reason": reason or None}), flush=True)
             return
         key = "mqtt.connected" if connected else "mqtt.not_connected"
-        line = self._text(key, broker=self._broker, topic=self._topic, reason=f" ({reason})" if reason else "")
+        line = self._text(
+            key, broker=self._broker, topic=self._topic, reason=f" ({self._text.words(reason)})" if reason else ""
+        )
         print(f"{datetime.now():%H:%M:%S}  {line}", flush=True)
 
 

@@ -70,7 +70,7 @@ def _show_devices(options: Namespace) -> int:
 
     document = devices_xml(machine_name(options), options.sim)
     if options.json:
-        print_json({"schema": 1, "devices": document})
+        print_json({"devices": document})
     else:
         print(document)
     return 0

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import shlex
 import socket
 import sys
@@ -10,6 +9,7 @@ from argparse import Namespace
 from contextlib import closing
 
 from console.cli.arguments import WRONG_USAGE, control_address
+from console.cli.output import print_json
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.errors import LinkError
@@ -35,7 +35,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     *lines, last = _answer(options.address, shlex.join(options.words))
     reason = last.removeprefix(REFUSED) if last.startswith(REFUSED) else None
     if options.json:
-        print(json.dumps({"answer": lines, "refused": reason, "simulated": True}, indent=2))
+        print_json({"answer": lines, "refused": reason, "simulated": True})
     else:
         print("".join(f"{line}\n" for line in lines), end="")
     if reason is not None:

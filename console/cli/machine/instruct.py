@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from console.cli.arguments import WRONG_USAGE, control_address
 from console.cli.library import data_of
+from console.cli.output import SCHEMA
 from console.cli.parser import Parser
 from console.session.instructing.answer import Answer
 from console.session.instructing.order import WORDS
@@ -75,7 +76,13 @@ def _said(answer: Answer, options: Namespace, text: Catalogue) -> int:
     """Print an answer; return the exit code."""
     problem = None if answer.problem is None else text.problem(answer.problem)
     if options.json:
-        table = {"answer": answer.lines, "refused": problem, "age_s": answer.age_s, "simulated": True}
+        table = {
+            "schema": SCHEMA,
+            "answer": answer.lines,
+            "refused": problem,
+            "age_s": answer.age_s,
+            "simulated": True,
+        }
         print(json.dumps(table, indent=2 if options.words else None))
     else:
         if answer.age_s:

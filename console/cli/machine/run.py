@@ -6,9 +6,11 @@ from argparse import Namespace
 
 from console.cli.arguments import (
     LINK,
+    OUT_OF_TOLERANCE,
     PLANT,
     STAGES,
     WRONG_USAGE,
+    add_fail_out_of_tolerance,
     add_job,
     add_shared,
     add_strategy,
@@ -37,13 +39,15 @@ def add(parser: Parser, text: Catalogue) -> None:
     version_help = text("help.compensation")
     parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
     parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
+    add_fail_out_of_tolerance(parser, text)
     parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Run a job on a real or simulated machine, and print the result.
 
-    The exit code is 1 without consent to move a machine, 2 for options that belong to a simulated one alone.
+    The exit code is 1 without consent to move a machine, 2 for options that belong to a simulated one alone, and
+    on request 3 for a part out of its roundness tolerance; in a series the last part counts.
     """
     interruption = Interruption()
     interruption.install()
@@ -65,5 +69,5 @@ def main(options: Namespace, text: Catalogue) -> int:
     warnings = tell((*killed, *request.warnings), text)
     if request.address is not None and not agreed_to(options, request, text):
         return 1
-    cut_requested(options, request, interruption, warnings, text)
-    return 0
+    within_tolerance = cut_requested(options, request, interruption, warnings, text)
+    return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and within_tolerance is False else 0

@@ -59,8 +59,11 @@ def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
 
 def cut_requested(
     options: Namespace, request: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
-) -> None:
-    """Cut with a record and, if requested, a trace, whose early end is added to the warnings; print the result."""
+) -> bool | None:
+    """Cut with a record and, if requested, a trace, whose early end is added to the warnings; print the result.
+
+    Return whether the part, in a series the last, is within its tolerance; None where it is not judged.
+    """
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {request.job.job.name}")
     data = data_of(options)
     record = begin_record(
@@ -88,15 +91,16 @@ def cut_requested(
         feed.close()
         missing = () if record.log.problem is None else (record.log.problem,)
         warnings += tell_problems((*tracing.problems, *missing, *feed.problems), text)
-    if isinstance(result, LearnResult):
-        warnings += tell_problems(result.warnings, text)
+    warnings += tell_problems(result.warnings if isinstance(result, LearnResult) else (), text)
     show(
         options,
         lambda: result_fields(result, warnings),
         lambda: [*result_lines(result, text), *learn_hint(options, request, text)],
     )
-    if isinstance(result, RunResult):
-        _save_part(request, result)
+    if isinstance(result, LearnResult):
+        return result.last.within_tolerance
+    _save_part(request, result)
+    return result.within_tolerance
 
 
 def _followed(request: RunRequest, record: RunRecord) -> Run:

@@ -18,6 +18,7 @@ from console.cli.arguments import (
     within,
 )
 from console.cli.library import profile_of
+from console.cli.output import SCHEMA
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -62,7 +63,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     def ready(address: str) -> None:
         if options.json:
             # A line each: the reader cannot wait for the end of the output.
-            print(json.dumps({"listening": address, "machine": machine.name, "simulated": True}))
+            told = {"schema": SCHEMA, "listening": address, "machine": machine.name, "simulated": True}
+            print(json.dumps(told))
         else:
             print(text("simulator.ready", machine=machine.name, address=address))
         sys.stdout.flush()

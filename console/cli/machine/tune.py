@@ -18,6 +18,7 @@ def add(parser: Parser, text: Catalogue) -> None:
         add_shared(action, text, "machine", *LINK)
         if name != "revert":
             action.add_argument("--factor", metavar="G", type=number, help=text("help.tune.factor"))
+            action.add_argument("--lobe", metavar="HZ", type=number, help=text("help.tune.lobe"))
         if name != "show":
             action.add_argument("--yes", action="store_true", help=text("help.tune.yes"))
 

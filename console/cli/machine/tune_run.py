@@ -9,12 +9,15 @@ from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.output import show
 from console.session.errors import SessionError
-from console.session.trial.proposal import present_loop
+from console.session.trial.air_proof import unproven
+from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, known_loop, with_figures
 from console.session.trial.standing import StandingTrial, listed
 from console.session.trial.trial import TrialPlace, apply_trial, revert_trial, standing_trial
+from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
-from profiles.axis.gain_proposal import GainProposal, proposed_gains, scaled_gains
+from profiles.axis.gain_proposal import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 LEAST_FACTOR, MOST_FACTOR = 0.4, 3.0
@@ -22,17 +25,21 @@ LEAST_FACTOR, MOST_FACTOR = 0.4, 3.0
 
 def _show(options: Namespace, card: Card, text: Catalogue) -> int:
     place = _place(options, card)
-    found = _proposal(options, place)
-    return _told(options, card, text, found, standing_trial(place, settle=False), [])
+    trial, last = standing_trial(place, settle=False), list[str]()
+    if trial is not None and trial.whole:
+        doubts = unproven(place.data, card.machine.name, dict(trial.found), simulated=place.simulated)
+        last = [text.problem(problem) for problem in doubts] or [text("tune.proven")]
+    return _told(options, card, text, _proposal(options, place), trial, last)
 
 
 def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     place = _place(options, card)
-    found = _proposal(options, place)
+    facts = _proposal(options, place)
+    found = facts.proposal
     if found is None:
-        raise SessionError(Problem(code="screen.tune_no_proposal"))
+        raise SessionError(*facts.reasons)
     if not options.yes:
-        return _told(options, card, text, found, standing_trial(place, settle=False), [text("tune.dry_run")])
+        return _told(options, card, text, facts, standing_trial(place, settle=False), [text("tune.dry_run")])
     settings = {name: float(value) for name, value in found.settings.items()}
     with_control(card, lambda: apply_trial(place, settings, found.present))
     trial = standing_trial(place, settle=True)
@@ -60,51 +67,75 @@ def _place(options: Namespace, card: Card) -> TrialPlace:
     )
 
 
-def _proposal(options: Namespace, place: TrialPlace) -> GainProposal | None:
-    """Return the proposal for the loop that was read: that with the margins asked for, or of a given factor."""
-    here = place.gains.loop("").on(place.machine)
-    loop, _ = present_loop(here, place.data, simulated=place.simulated)
-    factor = options.factor
+def _proposal(options: Namespace, place: TrialPlace) -> GainFacts:
+    """Return the design for the loop that was read, or the gains of a given factor."""
+    read, factor, lobe_hz = place.gains.loop(""), options.factor, options.lobe or LOBE_HZ
     if factor is None:
-        return proposed_gains(here, loop)
+        return gain_facts(place.machine, read, place.data, simulated=place.simulated, lobe_hz=lobe_hz)
     if not LEAST_FACTOR <= factor <= MOST_FACTOR:
         limit = f"{LEAST_FACTOR:g}..{MOST_FACTOR:g}"
         raise SessionError(Problem(code="trial.range", key="--factor", value=f"{factor:g}", limit=limit))
-    return scaled_gains(here, loop, factor, loop_margins(loop))
+    here = read.on(place.machine)
+    known = known_loop(here, place.data, simulated=place.simulated)
+    found = scaled_gains(here, known.loop, factor, loop_margins(known.loop))
+    reasons = () if found is not None else (Problem(code="screen.tune_no_proposal"),)
+    return with_figures(place.machine, GainFacts(proposal=found, known=known, reasons=reasons), lobe_hz)
 
 
 def _told(
     options: Namespace,
     card: Card,
     text: Catalogue,
-    found: GainProposal | None,
+    facts: GainFacts | None,
     trial: StandingTrial | None,
     last: list[str],
 ) -> int:
+    found = None if facts is None else facts.proposal
     show(
         options,
         lambda: {
             **card_fields(card),
-            "proposal": None if found is None else _fields(found),
+            "proposal": None if found is None or facts is None else _fields(facts, found),
+            "axis": None if facts is None else _axis_fields(facts),
+            "reasons": [] if facts is None else [problem.code for problem in facts.reasons],
             "trial": None if trial is None else {**asdict(trial), "problems": [p.code for p in trial.problems]},
         },
-        lambda: [card_line(card, text), "", *_lines(found, trial, text), *last],
+        lambda: [card_line(card, text), "", *_lines(card.machine, facts, trial, text), *last],
     )
     return 0
 
 
-def _fields(found: GainProposal) -> dict[str, object]:
+def _fields(facts: GainFacts, found: GainProposal) -> dict[str, object]:
     margins = {"before": asdict(found.before), "after": asdict(found.after)}
+    if facts.stiffness is not None:
+        for key, stiff, trips_n in zip(margins, facts.stiffness, facts.trips_n, strict=True):
+            margins[key] |= {"stiffness": asdict(stiff), "tripping_friction_n": trips_n}
     return {"factor": found.factor, "present": found.present, "settings": found.settings, **margins}
 
 
-def _lines(found: GainProposal | None, trial: StandingTrial | None, text: Catalogue) -> list[str]:
-    lines = []
-    if trial is not None:
-        lines += [text.problem(problem) for problem in trial.problems]
-    if found is not None:
-        lines += [f"  {name}  {value:g} -> {found.settings[name]}" for name, value in found.present.items()]
-        lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
+def _axis_fields(facts: GainFacts) -> dict[str, object]:
+    friction_n, off_n = facts.friction_n or (None, None)
+    plant = asdict(facts.known.loop.plant)
+    return {"date": facts.known.date, **plant, "friction_n": friction_n, "friction_ci_n": off_n}
+
+
+def _lines(
+    machine: MachineProfile, facts: GainFacts | None, trial: StandingTrial | None, text: Catalogue
+) -> list[str]:
+    lines = [] if trial is None else [text.problem(problem) for problem in trial.problems]
+    if facts is None:
+        return lines
+    lines += [f"  {each}" for each in axis_lines(machine, facts, text)]
+    lines += [text.problem(problem) for problem in facts.reasons]
+    found = facts.proposal
+    if found is None:
+        return lines
+    lines += [f"  {name}  {value:g} -> {found.settings[name]}" for name, value in found.present.items()]
+    lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
+    for key, stiff, trips_n in zip(("present", "proposed"), facts.stiffness or (), facts.trips_n, strict=False):
+        at = ", ".join(f"{um:.2f} @ {hz:.4g} Hz" for hz, um in zip(stiff.hz, stiff.um_per_n, strict=True))
+        name, most = text(f"tune_page.{key}"), f"{stiff.most_um_per_n:.2f}"
+        lines.append(text("tune.stiffness", which=name, most=most, at=at, trips=f"{trips_n:.1f}"))
     return lines
 
 

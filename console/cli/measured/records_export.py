@@ -14,7 +14,7 @@ from pathlib import Path
 
 from console.cli.library import data_of
 from console.cli.measured.records_report import filters_of, row_fields, story_fields
-from console.cli.output import show, tell
+from console.cli.output import SCHEMA, show, tell
 from console.session.data.kept_files import make_folder, there
 from console.session.data.run_reader import RunFilters, RunRow, RunStory, Telemetry, runs, story
 from console.session.errors import SessionError
@@ -38,7 +38,7 @@ def export(options: Namespace, text: Catalogue) -> None:
     for row in islice(_selected(data, filters_of(options)), options.limit):
         found = story(data, row.run_id)
         rows.append(row_fields(row))
-        lines.append(json.dumps(story_fields(found), ensure_ascii=False))
+        lines.append(json.dumps({"schema": SCHEMA, **story_fields(found)}, ensure_ascii=False))
         files += _write_traces(folder, found) if options.traces else 0
         files += _write_telemetry(folder, found) if options.telemetry else 0
         if found.damaged:

@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import ArgumentTypeError, Namespace
 
-from console.cli.arguments import number, number_or_nan, whole_number
+from console.cli.arguments import (
+    OUT_OF_TOLERANCE,
+    WRONG_USAGE,
+    add_fail_out_of_tolerance,
+    number,
+    number_or_nan,
+    whole_number,
+)
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -23,17 +31,21 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--vblock", metavar="DEG", type=number, help=text("help.vblock"))
     parser.add_argument("--lobes", metavar="N", type=whole_number, help=text("help.lobes"))
     parser.add_argument("--job", metavar="JOB", help=text("help.roundness_job"))
+    add_fail_out_of_tolerance(parser, text)
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
-    from console.cli.library import naming
+    from console.cli.library import job_of, naming
     from console.cli.measured.measured_trace import measured_trace
     from console.cli.measured.roundness_report import roundness_lines, trace_fields
     from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
     from console.cli.output import show, tell
     from profiles.files import printable
 
+    if options.fail_out_of_tolerance and options.job is None:
+        print(f"console roundness: {text('usage.tolerance_without_job')}", file=sys.stderr)
+        return WRONG_USAGE
     measured = measured_trace(options)
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
@@ -44,7 +56,14 @@ def main(options: Namespace, text: Catalogue) -> int:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
     show(options, lambda: {"file": options.file, **fields, **more}, lambda: lines)
+    if options.fail_out_of_tolerance:
+        return _judged(measured.result.ront_um, job_of(options).job.roundness_tolerance_um)
     return 0
+
+
+def _judged(ront_um: float, tolerance_um: float) -> int:
+    """Return the exit code of a part that is judged by the roundness tolerance of its job."""
+    return 0 if ront_um <= tolerance_um else OUT_OF_TOLERANCE
 
 
 def _filter(word: str) -> float | None:

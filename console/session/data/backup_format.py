@@ -21,7 +21,7 @@ MANIFEST = "trilobe-backup.json"
 CONTENT = "data/"
 MANIFEST_CAP_BYTES = 64_000_000
 
-OF_RUNNING_CONSOLES = ("locks", "running", "feed")
+OF_RUNNING_CONSOLES = ("locks", "running", "feed", "program-log")
 RINGS = "flight/running"  # of the flight recorder
 BESIDE_RECORDS = tuple(f"{FILE_NAME}-{each}" for each in ("wal", "shm", "journal"))
 

@@ -83,7 +83,9 @@ def connected(given: str) -> Iterator[psycopg.Connection[Values]]:
 def lost(error: psycopg.Error, where: str) -> Problem:
     """Return the problem of what libpq or the server has refused; values of rows are not told."""
     said = error.diag.message_primary or str(error)
-    return Problem(code="ship.lost", where=where, value=printable(" ".join(said.split()), SHOWN_CHARACTERS))
+    return Problem(
+        code="ship.lost", where=where, value=printable(" ".join(said.split()).rstrip("."), SHOWN_CHARACTERS)
+    )
 
 
 def place_of(link: psycopg.Connection[Values] | None, parts: Mapping[str, str]) -> str:

@@ -13,7 +13,7 @@ from console.session.shop.shipping import Sent, greet, ship_over
 from profiles.problem import Problem, ProblemError
 
 PERIOD_S = 5.0
-GREET_S = 600.0
+GREET_S = 3600.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 60.0
 
 PASSING = frozenset({"ship.lost", "ship.no_schema", "ship.older_schema", "record.not_readable"})
@@ -58,10 +58,11 @@ def _over_one_link(
     lathe = lathe_identity(data)
     with connected(given) as link:
         refuse_other_schema(link)
-        greeted_s = -GREET_S
+        greeted_s, sent = -GREET_S, None
         while True:
             if time.monotonic() - greeted_s >= GREET_S:
                 greet(link, lathe)
                 greeted_s = time.monotonic()
-            yield ship_over(link, data, lathe, told=told)
+            sent = ship_over(link, data, lathe, told=told, before=sent)
+            yield sent
             waits(period_s)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sqlite3
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -38,6 +38,7 @@ FAILED = f"""(
 """The same as `console.session.data.run_rows.FAILED`, where it is asked of the shop."""
 
 SHOWN_LATHES = 8
+PIECE = 1000  # rows
 MOST_OF_ONE_ID = 20
 LISTED_KINDS = (*ENDS, *STARTS)
 
@@ -145,14 +146,12 @@ def _copy_runs(
 ) -> None:
     """Copy runs, oldest first, and the texts that they refer to."""
     columns = ", ".join(f"runs.{each}" for each in RUNS.columns)
-    found = _of_runs(
-        link, f"SELECT runs.lathe_id, {columns} FROM shop.runs JOIN {{wanted}} ORDER BY arrival", wanted
-    )
-    places = [RUNS.columns.index(each) for each in ("job_text_sha256", "machine_text_sha256")]
-    texts = sorted({row[1 + place] for row in found for place in places} - {None})
+    line = f"SELECT runs.lathe_id, {columns} FROM shop.runs JOIN {{wanted}} ORDER BY arrival"
+    _insert(database, RUNS, ((shown[row[0], row[1]], *row[2:]) for row in _of_runs(link, line, wanted)))
+    used = "SELECT job_text_sha256 FROM runs UNION SELECT machine_text_sha256 FROM runs"
+    texts = [each for (each,) in database.execute(used).fetchall() if each is not None]
     line = "SELECT sha256, content FROM shop.texts WHERE sha256 = ANY(%s)"
     _insert(database, TEXTS, link.execute(line, (texts,)).fetchall())
-    _insert(database, RUNS, [(shown[row[0], row[1]], *row[2:]) for row in found])
 
 
 def _copy(
@@ -168,18 +167,25 @@ def _copy(
         f"SELECT rows.lathe_id, {columns} FROM shop.{table.name} AS rows JOIN {{wanted}}{of_kind}"
         " ORDER BY rows.lathe_id, rows.file_id, rows.source_row"
     )
-    found = _of_runs(link, line, list(shown))
-    _insert(database, table, [(shown[row[0], row[1]], *row[2:]) for row in found])
+    _insert(database, table, ((shown[row[0], row[1]], *row[2:]) for row in _of_runs(link, line, list(shown))))
 
 
-def _of_runs(link: psycopg.Connection[Values], line: str, wanted: Sequence[tuple[str, str]]) -> list[Any]:
-    """Return the rows of some runs; `{wanted}` in the query is what limits it to them."""
+def _of_runs(
+    link: psycopg.Connection[Values], line: str, wanted: Sequence[tuple[str, str]]
+) -> Iterator[Sequence[Any]]:
+    """Yield the rows of some runs; `{wanted}` in the query is what limits it to them.
+
+    They come in pieces: all of a shop are more than a computer can hold.
+    """
     joined = "unnest(%s::text[], %s::text[]) AS wanted (lathe_id, run_id) USING (lathe_id, run_id)"
     lathes, runs = [each for each, _ in wanted], [each for _, each in wanted]
-    return link.execute(line.format(wanted=joined).encode(), (lathes, runs)).fetchall()
+    with link.cursor(name="in_pieces") as cursor:
+        cursor.itersize = PIECE
+        cursor.execute(line.format(wanted=joined).encode(), (lathes, runs))
+        yield from cursor
 
 
-def _insert(database: sqlite3.Connection, table: SentTable, rows: Sequence[Sequence[Any]]) -> None:
+def _insert(database: sqlite3.Connection, table: SentTable, rows: Iterable[Sequence[Any]]) -> None:
     marks = ", ".join("?" * len(table.columns))
     line = f"INSERT INTO {table.name} ({', '.join(table.columns)}) VALUES ({marks})"
     database.executemany(line, rows)

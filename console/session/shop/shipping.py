@@ -6,7 +6,7 @@ the last whole one ended. Two consoles that send from one folder take turns: the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import version
@@ -47,13 +47,15 @@ _CONTACT = "INSERT INTO shop.contacts (lathe_id, name, software, lathe_at) VALUE
 class Sent:
     """What was sent so far: rows by table, in how many transactions.
 
-    `left` are rows that wait, None where nothing is recorded.
+    `left` are rows that wait, None where nothing is recorded. `upto` is where the records ended: the id of
+    their file, and the last row of each table.
     """
 
     lathe: LatheIdentity
     rows: dict[str, int] = field(default_factory=dict)
     transactions: int = 0
     left: int | None = None
+    upto: tuple[str, Mapping[str, int]] | None = None
 
     @property
     def total(self) -> int:
@@ -110,11 +112,18 @@ def ship_over(
     again: bool = False,
     told: Callable[[Sent], object] = lambda sent: None,
     most_rows: int = MOST_ROWS,
+    before: Sent | None = None,
 ) -> Sent:
-    """Do the same over a connection to a database that has the schema. Raises psycopg.Error, too."""
+    """Do the same over a connection to a database that has the schema. Raises psycopg.Error, too.
+
+    Where nothing was recorded since the pass `before`, the database is not asked.
+    """
     sent = Sent(lathe)
     with outbox(data) as box:
         if box is None:
+            return sent
+        sent.upto, sent.left = (box.file_id, box.heads), 0
+        if before is not None and before.left == 0 and before.upto == sent.upto:
             return sent
         keys = (lathe.lathe_id, box.file_id)
         link.execute(_BEGIN, (*keys, [table.name for table in SENT]))
@@ -122,11 +131,27 @@ def ship_over(
             link.execute(_AGAIN, keys)
         sent.left = 1
         while sent.left:
-            with link.transaction():
-                _send_some(link, box, keys, sent, data, most_rows)
-            sent.transactions += 1
+            _send_transaction(link, box, keys, sent, data, most_rows)
             told(sent)
     return sent
+
+
+def _send_transaction(
+    link: psycopg.Connection[Values], box: Outbox, keys: tuple[str, str], sent: Sent, data: Path, most_rows: int
+) -> None:
+    """Send the next rows.
+
+    Raises SessionError `ship.diverged`: the shop has one of them already, which the progress does not know of.
+    """
+    from psycopg.errors import UniqueViolation
+
+    try:
+        with link.transaction():
+            _send_some(link, box, keys, sent, data, most_rows)
+    except UniqueViolation as error:
+        where, value = printable(str(data / FILE_NAME)), printable(str(error.diag.table_name))
+        raise SessionError(Problem(code="ship.diverged", where=where, value=value)) from None
+    sent.transactions += 1
 
 
 def _send_some(

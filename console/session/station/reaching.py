@@ -148,13 +148,13 @@ def reach(
         link, reopening = _renewable(address, process)
         opened.callback(link.close)
         opened.callback(reopening.close)
-        clock = clock or RealClock()
-        traced = tracing.of(link, clock.now_s)
+        traced = tracing.of(link, (clock := clock or RealClock()).now_s)
         traced = traced if heard is None else TappedLink(traced, heard.tap)
         stop, client = StopPath(traced), PmacClient(traced, clock)
         ownership = Ownership(client)
         heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
         lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
+        lathe.friction = _friction_of(loaded, data, simulated=process is not None)
         if heard is not None:
             heard.poll_line = lathe.poll_line.encode("ascii")
         return Reached(
@@ -170,6 +170,17 @@ def reach(
             onlookers=None if process else Onlookers(data, link.address),
             close=opened.pop_all().close,
         )
+
+
+def _friction_of(loaded: LoadedMachine, data: Path, *, simulated: bool) -> Callable[[], str]:
+    """Return what looks up the friction of the tool once something trips: no start waits for numerics."""
+
+    def found() -> str:
+        from console.session.trial.known_friction import identified_friction
+
+        return identified_friction(loaded.machine, data, simulated=simulated)
+
+    return found
 
 
 def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:

@@ -6,13 +6,11 @@ nothing else.
 
 from __future__ import annotations
 
-import hashlib
 import io
 import pickle
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
-from importlib.metadata import version
 from itertools import product
 from pathlib import Path
 from types import MappingProxyType
@@ -75,12 +73,6 @@ class Cell:
     machine: MachineProfile | None = None
     true: TrueParameters | None = None
     problems: tuple[Problem, ...] = field(default=())
-
-    @property
-    def identity(self) -> str:
-        """Hash of all that the rows depend on."""
-        said = repr((version("trilobe"), self))
-        return hashlib.sha256(said.encode("utf-8", "backslashreplace")).hexdigest()
 
 
 def _read_only(values: dict[Any, Any]) -> MappingProxyType[Any, Any]:

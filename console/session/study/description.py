@@ -14,7 +14,7 @@ from profiles.files import printable, read_toml
 from profiles.problem import Problem, ProfileError
 
 LONGEST_NAME = 1024
-MOST_CELLS = 1_000_000
+MOST_CELLS = 100_000
 MOST_PARTS = 100
 SEED_LIMIT = 2**32 - 1
 STAGES = ("partial", "full")

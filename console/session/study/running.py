@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Future, wait
 from contextlib import AbstractContextManager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.errors import SessionError
@@ -61,12 +61,23 @@ def carry_out(all_cells: Iterable[Cell], folder: Path, opens: Opens, told: Told)
         return tuple(row for cell in ordered for row in kept.made[cell.number])
 
 
-def identity_of(ordered: Iterable[Cell]) -> str:
+def identity_of(ordered: Sequence[Cell]) -> str:
     """Return a hash of everything that the results depend on."""
-    found = hashlib.sha256()
+    known: dict[int, str] = {}  # hashes of jobs and machines, which many cells have in common
+
+    def hash_of(thing: object) -> str:
+        if id(thing) not in known:
+            known[id(thing)] = hashlib.sha256(_bytes(thing)).hexdigest()
+        return known[id(thing)]
+
+    found = hashlib.sha256(software().encode())
     for cell in ordered:
-        found.update(cell.identity.encode())
+        found.update(_bytes((replace(cell, job=None, machine=None), hash_of(cell.job), hash_of(cell.machine))))
     return found.hexdigest()
+
+
+def _bytes(thing: object) -> bytes:
+    return repr(thing).encode("utf-8", "backslashreplace")
 
 
 def _make_all(left: list[Cell], opens: Opens, kept: Journal, tell: Callable[[], None]) -> None:

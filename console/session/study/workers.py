@@ -18,6 +18,7 @@ from profiles.files import printable
 from profiles.problem import Problem
 
 CONNECT_S = 10
+ENDED_S = 5.0
 PR_SET_PDEATHSIG = 1
 
 
@@ -46,6 +47,7 @@ def processes(count: int) -> Iterator[Workers]:
         pool.shutdown(wait=False, cancel_futures=True)
         for process in begun:  # a cell takes seconds, and whoever pressed Ctrl-C does not wait for it
             process.terminate()
+            process.join(ENDED_S)
 
 
 def _ends_with(parent: int) -> None:

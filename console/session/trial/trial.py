@@ -8,12 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.errors import SessionError, refuse
 from console.session.trial import record as records
-from console.session.trial.proposal import bound_problems, margins_with, present_loop
+from console.session.trial.air_proof import unproven
+from console.session.trial.proposal import bound_problems, known_loop, margins_with
 from console.session.trial.record import TrialRecord, open_trial
 from console.session.trial.standing import Gains, StandingTrial, listed, stands_problem
 from drivers.commissioning.gains import refuse_unready
@@ -59,7 +60,8 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
     """Return the trial that stands in the controller, by reading its gains; nothing is written to it.
 
     With `settle` one that has ended by itself is closed on disk: the old gains are back (power-up, another host),
-    or the machine profile has the new ones. Raises ProfileError: a file; DriverError: the link broke.
+    or the machine profile has the new ones, and they are proven in air.
+    Raises ProfileError: a file; DriverError: the link broke.
     """
     kept = place.trial()
     if kept is None:
@@ -68,6 +70,9 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
     found, stated = place.gains.read(), place.machine.controller.variables
     ended = records.RESTORED if matches(found, trial.before) else ""
     if matches(found, trial.proposed) and all(stated.get(name) == value for name, value in found.items()):
+        if doubts := unproven(place.data, place.machine.name, found, simulated=place.simulated):
+            standing = _standing(place, trial, found)
+            return replace(standing, problems=doubts) if standing.whole else standing
         ended = records.ADOPTED
     if ended:
         if settle:
@@ -82,8 +87,8 @@ def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float])
     problems: tuple[Problem, ...] = (_active(trial),) if whole else (stands_problem(before, proposed, now),)
     if whole:
         read = place.gains.loop("")
-        loop, _ = present_loop(read.on(place.machine), place.data, simulated=place.simulated)
-        if bounds := bound_problems(place.machine, read, trial.proposed, loop.plant):
+        known = known_loop(read.on(place.machine), place.data, simulated=place.simulated)
+        if bounds := bound_problems(place.machine, read, trial.proposed, known):
             whole, problems = False, (*bounds, stands_problem(before, proposed, now))
     began = trial.events[0] if trial.events else None
     return StandingTrial(
@@ -123,8 +128,8 @@ def apply_trial(place: TrialPlace, settings: Mapping[str, float], shown: Mapping
                 code="trial.range", key="Ix30..Ix33", value=", ".join(settings), limit=", ".join(place.gains.names)
             )
         )
-    loop, _ = present_loop(read.on(place.machine), place.data, simulated=place.simulated)
-    refuse(bound_problems(place.machine, read, settings, loop.plant))
+    known = known_loop(read.on(place.machine), place.data, simulated=place.simulated)
+    refuse(bound_problems(place.machine, read, settings, known))
     file, trial = _begun(place, read, found, settings)
     _write(place, file, trial, settings, records.APPLIED)
 
@@ -149,8 +154,8 @@ def _begun(
     kept, data, name = place.trial(), place.data, place.machine.name
     before = found if kept is None else kept[1].before
     version, kind = place.firmware
-    loop, _ = present_loop(read.on(place.machine), data, simulated=place.simulated)
-    margins = margins_with(place.machine, read, proposed, loop.plant)
+    known = known_loop(read.on(place.machine), data, simulated=place.simulated)
+    margins = margins_with(place.machine, read, proposed, known)
     trial = TrialRecord(
         machine=name,
         simulated=place.simulated,

@@ -6,8 +6,8 @@ from console.session.trial.proposal import GainFacts
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, to_the_right, wrapped
 from console.tui.theme import Token
-from profiles.axis.gain_proposal import ASKED_GAIN_MARGIN, ASKED_PHASE_MARGIN_DEG, ASKED_SENSITIVITY
-from profiles.axis.margins import LoopMargins
+from profiles.axis.loop_design import DESIGN_GAIN_MARGIN, DESIGN_SENSITIVITY
+from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, LoopMargins
 from profiles.files import printable
 
 LABEL_WIDTH, VALUE_WIDTH = 26, 14
@@ -17,20 +17,21 @@ NOTHING = "–"
 
 def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[Line]:
     """Return everything, the settings first: at 80 columns the last lines are in the list of messages."""
-    found, plant = facts.proposal, facts.plant
-    date = printable(facts.date.replace("T", " ")[:DATE])
+    found, plant = facts.proposal, facts.known.loop.plant
+    date = printable(facts.known.date.replace("T", " ")[:DATE])
     of = text("tune_page.plant_measured", date=date) if date else text("tune_page.plant_profile")
     a, b = f"a {plant.acceleration_per_v:.4g} m/s2/V", f"b {plant.damping_per_s:.4g} 1/s"
     rests = hanging(dim("  "), f"{of}: {a}, {b}, {1000 * plant.delay_s:.3g} ms", width)
     asked = text(
         "tune_page.asked",
-        gain=f"{ASKED_GAIN_MARGIN:g}",
-        phase=f"{ASKED_PHASE_MARGIN_DEG:g}",
-        sensitivity=f"{ASKED_SENSITIVITY:g}",
+        gain=f"{DESIGN_GAIN_MARGIN:g}",
+        phase=f"{LEAST_PHASE_MARGIN_DEG:g}",
+        sensitivity=f"{DESIGN_SENSITIVITY:g}",
     )
     rests += hanging(dim("  "), asked, width, Token.DIM)
     if found is None:
-        return wrapped(text("tune_page.no_proposal"), width, Token.WARNING) + rests
+        told = [line for problem in facts.reasons for line in wrapped(text.problem(problem), width, Token.WARNING)]
+        return told + rests
     lines = [_row("", text("tune_page.present"), text("tune_page.proposed"), head=True)]
     for name, value in found.present.items():
         lines.append(_row(name, f"{value:g}", f"{found.settings[name]}"))
@@ -40,6 +41,7 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
         lines.append(_row(f"tool.gain_{key}_{unit}", "", f"{value:.4g}"))
     for key, before, after in _margins(found.before, found.after):
         lines.append(_row(text(f"tune_page.{key}"), before, after))
+    lines += _stiffness_rows(facts, text)
     return [*lines, *hanging(("▶ ", Token.ACTION), text("tune_page.how_to_apply"), width), *rests]
 
 
@@ -58,6 +60,19 @@ def _margins(before: LoopMargins, after: LoopMargins) -> list[tuple[str, str, st
 
     keys = ("gain_margin", "phase_margin", "delay_margin", "sensitivity", "bandwidth")
     return [(key, shown(before).get(key, NOTHING), shown(after).get(key, NOTHING)) for key in keys]
+
+
+def _stiffness_rows(facts: GainFacts, text: Catalogue) -> list[Line]:
+    """Return how far a force pushes the tool, um/N, at most and at the lobe, and the friction that trips it."""
+    if facts.stiffness is None:
+        return []
+    before, after = facts.stiffness
+    lobe = text("tune_page.compliance_at", hz=f"{before.hz[0]:g}")
+    return [
+        _row(text("tune_page.compliance"), f"{before.most_um_per_n:.2f} um/N", f"{after.most_um_per_n:.2f} um/N"),
+        _row(lobe, f"{before.um_per_n[0]:.2f} um/N", f"{after.um_per_n[0]:.2f} um/N"),
+        _row(text("tune_page.trips"), f"{facts.trips_n[0]:.1f} N", f"{facts.trips_n[1]:.1f} N"),
+    ]
 
 
 def _row(label: str, present: str, proposed: str, *, head: bool = False) -> Line:

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import CubicHermiteSpline
 
 from drivers.pmac.language.errors import PmacError
 from tests.drivers.trajectory.motion import assert_smooth, linear, motion, planner_for, pvt
@@ -20,6 +19,8 @@ from tests.drivers.trajectory.motion import assert_smooth, linear, motion, plann
     )
 )
 def test_a_pvt_sequence_is_the_cubic_hermite_spline_of_its_points(segments: list[tuple[int, int, int]]) -> None:
+    from scipy.interpolate import CubicHermiteSpline
+
     requests = [pvt(float(ms), float(v), X=float(p)) for p, v, ms in segments]
     rest = pvt(50.0, 0.0, X=0.0)
     made = motion([*requests, rest])

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from itertools import accumulate, pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from scipy.interpolate import BSpline
 
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.requests import DwellRequest, Request
 from drivers.pmac.trajectory.pieces import velocity_at
 from tests.drivers.trajectory.motion import Motion, assert_smooth, linear, motion, planner_for, pvt, splined
+
+if TYPE_CHECKING:
+    from scipy.interpolate import BSpline
 
 
 def b_spline(points: list[float], times: list[float]) -> BSpline:
@@ -22,6 +25,8 @@ def b_spline(points: list[float], times: list[float]) -> BSpline:
     It rests at both ends: the outermost points are threefold, and the knots beyond the ends are as far apart
     as the last ones inside.
     """
+    from scipy.interpolate import BSpline
+
     spans = [times[0], *times, times[-1]]
     knots = [0.0, *accumulate(spans)]
     before = [-k * spans[0] for k in (3, 2, 1)]

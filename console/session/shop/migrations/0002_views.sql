@@ -14,14 +14,19 @@ EXCEPTION WHEN data_exception THEN
     RETURN NULL;
 END $$;
 
--- Each lathe with its newest name, when it was last heard of, and how far its clock was ahead then.
+-- Each lathe that has sent anything: its newest name, when it was last heard of, how far its clock was ahead then.
 CREATE VIEW shop.lathes AS
 SELECT lathe_id, name, software, received_at AS last_contact,
     round(extract(epoch FROM lathe_at - received_at)::numeric, 1) AS clock_ahead_s,
-    abs(extract(epoch FROM lathe_at - received_at)) > 600 AS clock_wrong,
-    (SELECT count(*) FROM shop.runs WHERE runs.lathe_id = newest.lathe_id) AS runs,
-    (SELECT max(updated_at) FROM shop.progress WHERE progress.lathe_id = newest.lathe_id) AS last_sent
-FROM (SELECT DISTINCT ON (lathe_id) * FROM shop.contacts ORDER BY lathe_id, received_at DESC) AS newest;
+    abs(extract(epoch FROM lathe_at - received_at)) > 600 AS clock_wrong, runs, last_sent
+FROM (
+    SELECT lathe_id, sum(last_row) FILTER (WHERE source_table = 'runs')::bigint AS runs, max(updated_at) AS last_sent
+    FROM shop.progress GROUP BY lathe_id
+) AS sent
+CROSS JOIN LATERAL (
+    SELECT name, software, lathe_at, received_at FROM shop.contacts
+    WHERE contacts.lathe_id = sent.lathe_id ORDER BY received_at DESC LIMIT 1
+) AS newest;
 
 -- Measured products of real machines: the last measurement of each, in the order in which they were cut.
 CREATE VIEW shop.parts AS

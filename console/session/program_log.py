@@ -1,0 +1,91 @@
+"""The log of the program in the data folder: what was called, how it ended, and what went wrong inside.
+
+It rotates, and several processes may write to it. Nothing waits for it: a line that cannot be written is lost. A
+folder that is not there is not made for it.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import logging
+import os
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
+from types import TracebackType
+from typing import NoReturn
+
+from console.text.escaping import escaped
+from profiles.files import make_private_folder
+from profiles.folder_rights import rights_in
+
+FOLDER, FILE, LOCK = "program-log", "trilobe.log", "lock"
+MOST_BYTES, KEPT_FILES = 1_000_000, 5
+WAIT_S, LOOK_S = 0.2, 0.01  # for another process that writes
+
+_FORM = "%(asctime)s.%(msecs)03dZ %(levelname)-7s %(process)d %(message)s"
+
+
+def note(data: Path, text: str, *, level: int = logging.INFO, error: BaseException | None = None) -> None:
+    """Add a line, with the traceback of an error; returns soon, whatever happens."""
+    with suppress(OSError, ValueError):
+        if not data.is_dir():
+            return
+        folder = data / FOLDER
+        make_private_folder(folder)
+        record = logging.LogRecord("trilobe", level, "", 0, "%s", (text,), _info(error))
+        with _locked(folder):
+            with closing(_Handler(folder / FILE)) as handler:
+                with suppress(OSError):
+                    os.chmod(
+                        folder / FILE, rights_in(folder).file
+                    )  # whatever the umask; of another account otherwise
+                handler.emit(record)
+
+
+def _info(error: BaseException | None) -> tuple[type[BaseException], BaseException, TracebackType | None] | None:
+    return None if error is None else (type(error), error, error.__traceback__)
+
+
+class _Handler(RotatingFileHandler):
+    def __init__(self, path: Path) -> None:
+        super().__init__(
+            path, maxBytes=MOST_BYTES, backupCount=KEPT_FILES, encoding="utf-8", errors="backslashreplace"
+        )
+        self.setFormatter(_Formatter(_FORM, "%Y-%m-%dT%H:%M:%S"))
+
+    def handleError(self, record: logging.LogRecord) -> NoReturn:  # noqa: N802 - the name is that of logging
+        """Raise what logging would write to the terminal of the operator."""
+        raise
+
+
+class _Formatter(logging.Formatter):
+    converter = staticmethod(time.gmtime)
+
+    def format(self, record: logging.LogRecord) -> str:
+        """Return the line; names in it neither steer a terminal nor begin a line of their own."""
+        return escaped(super().format(record).replace("\n", "\n    "))
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[None]:
+    """Hold the lock of the log, but do not wait long for a process that has been halted with it."""
+    rights = rights_in(folder).file
+    descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, rights)
+    try:
+        with suppress(OSError):
+            os.fchmod(descriptor, rights)  # of another account otherwise
+        until_s = time.monotonic() + WAIT_S
+        while True:
+            try:
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() > until_s:
+                    raise
+                time.sleep(LOOK_S)
+        yield
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,88 @@
+"""What is deployed with systemd, udev and containers names commands and files that there are."""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import subprocess
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from console.cli.whole_parser import whole_parser
+from console.text.catalogue import load
+
+ROOT = Path(__file__).parents[2]
+DEPLOY = ROOT / "docs" / "deploy"
+UNITS = sorted(DEPLOY.glob("*.service"))
+BUILDERS = ("podman", "buildah", "docker")
+
+
+def commands(unit: Path) -> list[str]:
+    found = re.search(r"(?m)^ExecStart=(.*)$", unit.read_text(encoding="utf-8"))
+    assert found is not None
+    return shlex.split(found[1].replace("%i", "lathe-3").replace("${BROKER}", "broker.shop"))
+
+
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_a_unit_starts_a_command_with_options_that_it_has(unit: Path) -> None:
+    program, *words = commands(unit)
+    assert program == "/usr/local/bin/console"
+    assert whole_parser(load("en")).parse_args(words).command == words[0]
+
+
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_systemd_finds_nothing_wrong_with_a_unit(unit: Path, tmp_path: Path) -> None:
+    text = unit.read_text(encoding="utf-8").replace("/usr/local/bin/console", "/bin/true")
+    text = text.replace("EnvironmentFile=/etc/trilobe/mqtt.env", "EnvironmentFile=/dev/null")
+    copy = tmp_path / unit.name.replace("@", "@lathe-3")
+    copy.write_text(text, encoding="utf-8")
+    done = subprocess.run(["systemd-analyze", "verify", str(copy)], capture_output=True, text=True, check=False)
+    assert [line for line in done.stderr.splitlines() if unit.name.split("@")[0] in line] == []
+
+
+def test_the_rule_of_udev_has_the_operators_that_udev_knows() -> None:
+    for line in (DEPLOY / "60-trilobe-serial.rules").read_text(encoding="utf-8").splitlines():
+        if line and not line.startswith("#"):
+            for part in line.split(", "):
+                assert re.fullmatch(r"[A-Z_]+(\{[A-Za-z_]+\})?(==|!=|\+=|=)\"[^\"]*\"", part), part
+
+
+def test_a_container_is_built_from_all_that_the_wheel_needs() -> None:
+    text = (DEPLOY / "Containerfile").read_text(encoding="utf-8")
+    copied = [word for line in re.findall(r"(?m)^COPY (?!--)(.*)$", text) for word in line.split()[:-1]]
+    assert [word for word in copied if not (ROOT / word).exists()] == []
+    wheel = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["hatch"]["build"][
+        "targets"
+    ]
+    needed = [
+        *wheel["wheel"]["packages"],
+        *wheel["wheel"]["shared-data"],
+        "pyproject.toml",
+        "README.md",
+        "LICENSE",
+    ]
+    assert [
+        each for each in needed if not any(each == word or each.startswith(f"{word}/") for word in copied)
+    ] == []
+
+
+@pytest.mark.long
+@pytest.mark.timeout(600)
+def test_a_container_shows_the_version() -> None:
+    builder = next((name for name in BUILDERS if _works(name)), None)
+    if builder is None:
+        pytest.skip("no builder of containers works here (podman, buildah or docker)")
+    build = [builder, "build", "-f", str(DEPLOY / "Containerfile"), "-t", "trilobe-test", str(ROOT)]
+    subprocess.run(build, check=True, capture_output=True)
+    if builder != "buildah":
+        run = [builder, "run", "--rm", "trilobe-test", "--version"]
+        assert subprocess.run(run, check=True, capture_output=True, text=True).stdout.startswith("trilobe")
+
+
+def _works(name: str) -> bool:
+    found = shutil.which(name)
+    return found is not None and subprocess.run([found, "info"], capture_output=True, check=False).returncode == 0

@@ -1,0 +1,57 @@
+"""Gains that the profile has taken over from a trial: nothing is cut with them before they were proven in air."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from console.session.data.health import kept_tests, store
+from console.session.station.commands import CheckHealth, EnableDrives, Home
+from console.session.trial.air_proof import unproven
+from console.session.trial.trial import TrialPlace, standing_trial
+from drivers.simulator.machine import SimulatedLathe
+from profiles.store import load_machine
+from tests.console.consoles import MACHINE, station_of
+from tests.console.test_gain_trial import HALF_KP, order, record
+
+
+def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Path) -> None:
+    machine = load_machine(MACHINE).machine
+    owner = station_of(SimulatedLathe(machine), tmp_path)
+    owner.do(order(HALF_KP))
+    assert owner.refusals == []
+    variables = {**machine.controller.variables, **HALF_KP}
+    adopted = replace(machine, controller=replace(machine.controller, variables=variables))
+    place = TrialPlace(client=owner.client, machine=adopted, data=tmp_path, simulated=False)
+    trial = standing_trial(place, settle=True)
+    assert trial is not None and [problem.code for problem in trial.problems] == ["trial.unproven"]
+    owner.do(EnableDrives())
+    owner.do(Home())
+    owner.do(CheckHealth(step_um=25.0))
+    assert standing_trial(place, settle=True) is None
+    assert record(tmp_path)["events"][-1]["what"] == "adopted"
+
+
+@pytest.mark.parametrize(
+    ("amplitude_um", "overshoot", "codes"),
+    [(0.2, 3.0, []), (3.0, 3.0, ["trial.swings"]), (0.2, 70.0, ["trial.overshoots"])],
+)
+def test_a_tool_that_swings_or_overshoots_proves_nothing(
+    tmp_path: Path, amplitude_um: float, overshoot: float, codes: list[str]
+) -> None:
+    """A sine of 3 um has 2.1 um rms; a twentieth of the step of 25 um is 1.25."""
+    from tests.tui.tune_stage import health
+
+    made = health()
+    position = np.array(made.position_um) + amplitude_um * np.sin(1.9 * np.array(made.times_ms))
+    step = replace(made.step, overshoot_percent=overshoot)
+    store(tmp_path, replace(made, position_um=tuple(position.tolist()), step=step))
+    (kept,) = kept_tests(tmp_path, made.origin.machine, 5)
+    assert kept.result is not None
+    found = unproven(tmp_path, made.origin.machine, made.origin.gains, simulated=True)
+    assert [problem.code for problem in found] == codes
+    other = {**made.origin.gains, "I130": 1.0}
+    assert [p.code for p in unproven(tmp_path, made.origin.machine, other, simulated=True)] == ["trial.unproven"]

@@ -1,0 +1,87 @@
+"""The log of the program: what was called and what went wrong, in a folder that is there, by several processes."""
+
+from __future__ import annotations
+
+import logging
+import os
+import re
+import stat
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.cli.measured import records
+from console.session import program_log
+from console.session.program_log import FILE, FOLDER, note
+
+Console = Callable[..., Any]
+LINE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z (INFO|WARNING|ERROR) +\d+ .*")
+
+
+def lines(data: Path) -> list[str]:
+    return (data / FOLDER / FILE).read_text(encoding="utf-8").splitlines()
+
+
+def test_a_command_that_works_a_machine_is_in_it_with_its_end(console: Console, tmp_path: Path) -> None:
+    assert console("run", "no-such-job", "--sim", "--data", str(tmp_path)).code == 1
+    begin, refused = lines(tmp_path)
+    assert all(LINE.fullmatch(line) for line in (begin, refused))
+    assert begin.endswith(f" begin  run no-such-job --sim --data {tmp_path}")
+    assert "WARNING" in refused and "job.unknown" in refused
+
+
+def test_reading_leaves_nothing_and_no_folder_is_made(console: Console, tmp_path: Path) -> None:
+    assert console("jobs", "--data", str(tmp_path)).code == 0
+    assert os.listdir(tmp_path) == []
+    assert console("run", "no-such-job", "--sim", "--data", str(tmp_path / "new")).code == 1
+    assert not (tmp_path / "new").exists()
+
+
+def test_a_fault_of_the_program_is_in_it_with_its_traceback_and_on_the_terminal_without(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def broken(*_: object) -> int:
+        raise RuntimeError("one\x1b[2J\ntwo")
+
+    monkeypatch.setattr(records, "main", broken)
+    said = console("records", "list", "--data", str(tmp_path))
+    assert said.code == 1 and "Traceback" not in said.err
+    text = (tmp_path / FOLDER / FILE).read_text(encoding="utf-8")
+    assert "Traceback (most recent call last)" in text and "RuntimeError: one" in text and "\x1b" not in text
+    assert [line for line in text.splitlines() if not LINE.fullmatch(line) and not line.startswith("    ")] == []
+
+
+def test_it_rotates_and_keeps_so_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(program_log, "MOST_BYTES", 500)
+    for number in range(60):
+        note(tmp_path, f"line {number:04d}")
+    names = sorted(os.listdir(tmp_path / FOLDER))
+    assert names == ["lock", FILE, *(f"{FILE}.{number}" for number in range(1, 6))]
+    assert all((tmp_path / FOLDER / name).stat().st_size <= 500 for name in names)
+    assert lines(tmp_path)[-1].endswith("line 0059")
+    assert {stat.S_IMODE((tmp_path / FOLDER / name).stat().st_mode) for name in names} == {0o600}
+
+
+def test_processes_write_whole_lines_beside_each_other(tmp_path: Path) -> None:
+    children = []
+    for _ in range(4):
+        if (pid := os.fork()) == 0:
+            for number in range(25):
+                note(tmp_path, f"{number} " + "x" * 200, level=logging.WARNING)
+            os._exit(0)
+        children.append(pid)
+    for pid in children:
+        os.waitpid(pid, 0)
+    found = lines(tmp_path)
+    assert len(found) == 100 and all(LINE.fullmatch(line) for line in found)
+
+
+@pytest.mark.parametrize("in_the_way", [FOLDER, f"{FOLDER}/{FILE}/folder"])
+def test_what_cannot_be_written_is_no_fault(in_the_way: str, tmp_path: Path, console: Console) -> None:
+    path = tmp_path / in_the_way
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text("")
+    said = console("run", "no-such-job", "--sim", "--data", str(tmp_path))
+    assert said.code == 1 and said.err.count("\n") == 1
