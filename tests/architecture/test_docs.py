@@ -94,6 +94,13 @@ def test_relative_links_lead_to_a_file(document: str) -> None:
 
 
 @pytest.mark.parametrize("document", DOCUMENTS)
+def test_a_fence_that_is_opened_is_closed(document: str) -> None:
+    fences = re.findall(r"^[ ]*(```.*)$", text_of(document), flags=re.MULTILINE)
+    assert len(fences) % 2 == 0
+    assert {fence for fence in fences[1::2] if fence != "```"} == set()
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
 def test_source_files_that_are_named_exist(document: str) -> None:
     sources = [f"/{path.relative_to(ROOT)}" for path in project_texts() if path.suffix == ".py"]
     named = [span for span in SPAN.findall(text_of(document)) if SOURCE_FILE.fullmatch(span)]
