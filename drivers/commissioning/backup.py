@@ -1,7 +1,7 @@
 """A configuration as text: lines as they are typed, readable for people and for a host that restores them.
 
 Text after a `;` is a comment. The first lines are the header; its hash covers all lines after it. Compensation
-tables are listed with the hash of their entries and not restored: each job makes its own.
+tables are listed with the hash of their entries, and restored where the entries were kept.
 """
 
 from __future__ import annotations
@@ -12,15 +12,19 @@ from dataclasses import dataclass, field
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
 from drivers.commissioning.setting_names import named
-from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.commissioning.values import highest_of, read_value_line, value_lines
+from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.language.text import format_number
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 
 TITLE = "; trilobe controller backup 1"
 END_OF_HEADER = "; ----"
+_WITHOUT_VALUES = (
+    "; Left out: values of P, Q and M; entries of compensation tables; the handshake of the host (I3, I4, I6)."
+)
+_WITH_VALUES = "; Left out: P1000 to P1023; values of M that point at memory; the handshake (I3, I4, I6)."
 LEFT_OUT = (
-    "; Left out: values of P, Q and M; entries of compensation tables; the handshake of the host (I3, I4, I6).",
     "; Programs were looked for under 1 to 99 and 1000 to 1003. Sending PLCs back leaves them switched off.",
     "; Limits, kill mode, commutation and addresses are among these lines: read them before you send them.",
 )
@@ -37,6 +41,8 @@ LIMITS_OFF_AT_ZERO = frozenset(  # the limits that a 0 disables, by the keys of 
     )
 )
 _WORDS_A_LINE = 8
+_ENTRIES_A_LINE = 16
+DELETE_GATHER, UNDEFINE = "DELETE GATHER", "UNDEFINE ALL"
 
 CAP_BYTES = 16_000_000
 MOST_LINES = 300_000  # every setting, every pointer, and programs up to the memory of a controller
@@ -48,6 +54,10 @@ _POINTER = re.compile(r"M(\d+)(\.\.\d+)?->(.+)")
 _AXIS = re.compile(r"&(\d+)#(\d+)->(.+)")
 _WORDS = re.compile(r"WY:\$[0-9A-F]+,([$0-9A-F,]+)")
 _TABLE = re.compile(r"; #(\d+) COMP (\S+) (\d+) ([0-9a-f]{64})")
+_DELETE_TABLE = re.compile(r"#\d+(?:DELETE COMP)?")
+_DEFINE_TABLE = re.compile(r"#(\d+)DEFINE COMP (\S+)")
+_ENTRIES = re.compile(r"-?\d+(?: -?\d+)*")
+_TYPED = re.compile(r'(?:[^";]|"[^"]*"?)*')
 _LOCKED = re.compile(r"; locked (.+)")
 _OPEN = re.compile(r"OPEN (PLC|PROG)(\d+)")
 
@@ -68,6 +78,7 @@ def backup_text(configuration: Configuration, date: str) -> str:
 
 def _body(configuration: Configuration) -> Iterator[str]:
     dialect = configuration.dialect
+    yield _WITHOUT_VALUES if configuration.values is None else _WITH_VALUES
     yield from LEFT_OUT
     for name in configuration.locked:
         yield f"; locked {name}"
@@ -75,14 +86,38 @@ def _body(configuration: Configuration) -> Iterator[str]:
     yield from _conversion(configuration)
     yield from ("", "; M-variables; those that are not named point at nothing", f"M0..{dialect.highest_index}->*")
     yield from (f"M{index}->{text}" for index, text in sorted(configuration.pointers.items()))
-    yield from ("", "; axis definitions")
+    yield from ("", "; axis definitions", UNDEFINE)
     for motor, axis in sorted(configuration.axes.items(), key=lambda item: (item[1].system, item[0])):
         yield f"&{axis.system}#{motor}->{axis.text}"
     yield from ("", "; compensation tables: definition, number of entries, hash of the entries")
     for motor, table in sorted(configuration.tables.items()):
         yield f"; #{motor} COMP {table.definition} {table.entry_count} {table.sha256}"
+    yield from _entries(configuration)
     yield from _buffers("PLC", configuration.plcs)
     yield from _buffers("PROG", configuration.programs)
+    if configuration.values is not None:
+        yield from ("", "; values of P, Q and M; all others are 0")
+        yield from value_lines(configuration.values, dialect, configuration.pointers)
+
+
+def _entries(configuration: Configuration) -> Iterator[str]:
+    """Delete all tables from the lowest motor up, then define them from the highest one down, as they need."""
+    if not configuration.entries:
+        return
+    yield DELETE_GATHER
+    yield from (f"#{motor}DELETE COMP" for motor in configuration.dialect.numbers(Scope.MOTOR))
+    for motor in sorted(configuration.entries, reverse=True):
+        entries = configuration.entries[motor]
+        yield f"#{motor}DEFINE COMP {configuration.tables[motor].definition}"
+        for start in range(0, len(entries), _ENTRIES_A_LINE):
+            yield " ".join(map(str, entries[start : start + _ENTRIES_A_LINE]))
+    yield "#1"
+
+
+def typed_lines(text: str) -> tuple[str, ...]:
+    """Return the lines of a backup as they are sent to a controller, without comments and none empty."""
+    typed = (_TYPED.match(line) for line in text.splitlines())
+    return tuple(line for found in typed if found and (line := found[0].strip()))
 
 
 def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[str]:
@@ -209,8 +244,11 @@ class _Gathered:
     tables: dict[int, TableEntry] = field(default_factory=dict)
     conversion: list[int] = field(default_factory=list)
     locked: list[str] = field(default_factory=list)
+    entries: dict[int, list[int]] = field(default_factory=dict)
+    values: dict[str, float] | None = None
     highest: int = 0
     _open: list[str] | None = None
+    _table: list[int] = field(default_factory=list)
 
     def take(self, line: str) -> None:
         """Parse one line. Raises ValueError: not a line of a backup."""
@@ -236,8 +274,23 @@ class _Gathered:
             self.locked.append(found[1])
         elif found := _OPEN.fullmatch(line):
             self._open = self.buffers[found[1]][int(found[2])] = []
-        elif line and not line.startswith(";"):
-            raise ValueError(line)
+        elif line and line != UNDEFINE and not line.startswith(";"):
+            self._table_line(line)
+
+    def _table_line(self, line: str) -> None:
+        if found := _DEFINE_TABLE.fullmatch(line):
+            self._table = self.entries[int(found[1])] = []
+        elif _ENTRIES.fullmatch(line):
+            self._table += map(int, line.split())
+        elif line != DELETE_GATHER and not _DELETE_TABLE.fullmatch(line):
+            self._value(line)
+
+    def _value(self, line: str) -> None:
+        named = read_value_line(line)
+        self.values = {} if self.values is None else self.values
+        if named is not None:
+            self.highest = max(self.highest, highest_of(named[0]))
+            self.values[named[0]] = named[1]
 
     def configuration(self, header: dict[str, str]) -> Configuration:
         """Return the complete configuration."""
@@ -253,6 +306,8 @@ class _Gathered:
             tables=self.tables,
             conversion=tuple(self.conversion),
             locked=tuple(self.locked),
+            entries={motor: tuple(entries) for motor, entries in self.entries.items()},
+            values=self.values,
         )
 
     def _setting(self, found: re.Match[str]) -> None:

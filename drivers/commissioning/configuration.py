@@ -1,6 +1,6 @@
 """The configuration of a controller as one value: everything that stays while nothing moves.
 
-Values of P, Q and M are not part of it: they belong to programs and PLCs.
+Values of P, Q and M belong to programs and PLCs: a backup has them, no comparison looks at them.
 """
 
 from __future__ import annotations
@@ -39,7 +39,8 @@ class Configuration:
 
     `pointers` are the M-variables with a definition. `conversion` are the set-up words of the encoder
     conversion table, of families in which these are not I-variables. `locked` names what a password hides, such as
-    `PLC 3`.
+    `PLC 3`. `entries` are those of the compensation tables, `values` those of P, Q and M that are not 0, by names
+    such as `P7` and `&2Q5`; None where they were not asked for.
     """
 
     family: str
@@ -53,6 +54,8 @@ class Configuration:
     tables: Mapping[int, TableEntry] = field(default_factory=dict)
     conversion: tuple[int, ...] = ()
     locked: tuple[str, ...] = ()
+    entries: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
+    values: Mapping[str, float] | None = None
 
     @property
     def dialect(self) -> Dialect:

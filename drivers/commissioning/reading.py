@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
+from drivers.commissioning.values import read_values
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.dialect import Dialect, Scope
@@ -41,6 +42,7 @@ class Extent:
 
     `tables` are the motors whose compensation tables are read, None: all of `motors`.
     Of the table that belongs to motor `unlisted_table` only the definition is read: entries take seconds.
+    `values` is whether the values of P, Q and M are kept, and the entries of tables.
     """
 
     settings: tuple[range, ...]
@@ -50,12 +52,13 @@ class Extent:
     programs: tuple[int, ...] = PROGRAM_NUMBERS
     tables: tuple[int, ...] | None = None
     unlisted_table: int | None = None
+    values: bool = False
 
 
-def whole_card(dialect: Dialect) -> Extent:
-    """Return the full extent of the family."""
+def whole_card(dialect: Dialect, *, values: bool = False) -> Extent:
+    """Return the full extent of the family, with the values of P, Q and M if asked for."""
     numbers = (range(dialect.highest_index + 1),)
-    return Extent(settings=numbers, pointers=numbers, motors=tuple(dialect.numbers(Scope.MOTOR)))
+    return Extent(settings=numbers, pointers=numbers, motors=tuple(dialect.numbers(Scope.MOTOR)), values=values)
 
 
 def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] = ()) -> Extent:
@@ -81,19 +84,23 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
     """
     _refuse_open_buffer(client, dialect)
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
-    motors, locked = extent.motors, list[str]()
+    motors, locked, entries = extent.motors, list[str](), dict[int, tuple[int, ...]]()
+    tables = motors if extent.tables is None else extent.tables
+    pointers = dict(_pointers(client, extent.pointers))
     return Configuration(
         family=dialect.name,
         kind=kind,
         version=version,
         settings=read_ranges(client, dialect, extent.settings),
         axes=dict(_axes(client, dialect, motors)),
-        pointers=dict(_pointers(client, extent.pointers)),
+        pointers=pointers,
         plcs=dict(_listings(client, "PLC", extent.plcs, PLC_TIMEOUT_S, locked)),
         programs=dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked)),
-        tables=dict(_tables(client, motors if extent.tables is None else extent.tables, extent.unlisted_table)),
+        tables=dict(_tables(client, tables, extent.unlisted_table, entries)),
         conversion=_conversion(client, dialect),
         locked=tuple(locked),
+        entries=entries if extent.values else {},
+        values=read_values(client, dialect, pointers) if extent.values else None,
     )
 
 
@@ -216,13 +223,20 @@ def _listings(
             yield number, kept
 
 
-def _tables(client: Controller, motors: Sequence[int], unlisted: int | None) -> Iterator[tuple[int, TableEntry]]:
+def _tables(
+    client: Controller, motors: Sequence[int], unlisted: int | None, kept: dict[int, tuple[int, ...]]
+) -> Iterator[tuple[int, TableEntry]]:
+    """Yield the tables; their entries are put into `kept`."""
     for motor in motors:
         definition = ask_or_none(client, f"#{motor}LIST COMP DEF")
         if not definition:
             continue
         listed = () if motor == unlisted else client.question(f"#{motor}LIST COMP", LISTING_TIMEOUT_S)
         entries = " ".join(listed).split()
+        try:
+            kept[motor] = tuple(map(int, entries))
+        except ValueError as error:
+            raise out_of_step(client.link.address, "LIST COMP", str(error)) from error
         yield motor, TableEntry(definition[0].strip(), len(entries), digest(entries))
 
 

@@ -6,7 +6,8 @@ Axis positions follow from motor positions by a small system of linear equations
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from typing import Protocol
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
@@ -22,26 +23,52 @@ AXIS_LETTERS = ("A", "B", "C", "U", "V", "W", "X", "Y", "Z")
 CARTESIAN = (("X", "Y", "Z"), ("U", "V", "W"))  # The axes of one of these groups may be mixed in a definition
 
 
+INVERSE_KINEMATIC = "I"
+"""`#1->I`: the inverse kinematics of the system say where the motor has to be."""
+
+
+class Solver(Protocol):
+    """The kinematics of a coordinate system."""
+
+    def positions(self, counts: Mapping[int, float]) -> dict[str, float]:
+        """Return the axis positions for motor positions."""
+
+    def counts(self, targets: Mapping[str, float], motors: Iterable[int]) -> dict[int, float]:
+        """Return the positions of some motors for axis positions."""
+
+    def moving(
+        self, targets: Mapping[str, float], velocities: Mapping[str, float], motors: Iterable[int]
+    ) -> dict[int, tuple[float, float]]:
+        """Return positions and velocities of some motors for those of the axes."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisDefinition:
     """`#motor->terms + offset`: motor counts = sum of scale x axis position + offset.
 
     `terms` are the axes with their scales (counts per user unit), in the order in which they were typed.
+    `#motor->I` is `inverse` and has none; `solver` says where such a motor has to be, None while it is off.
     """
 
     motor: int
     terms: tuple[tuple[str, float], ...]
     offset: float = 0.0
+    inverse: bool = False
+    solver: Solver | None = field(default=None, compare=False, repr=False)
 
     @property
     def axes(self) -> tuple[str, ...]:
-        """The letters of all axes that this motor drives."""
-        return tuple(axis for axis, _ in self.terms)
+        """The letters of all axes that this motor drives; the kinematics may drive it by any."""
+        return AXIS_LETTERS if self.inverse else tuple(axis for axis, _ in self.terms)
 
     @property
     def axis(self) -> str:
         """The axis of a definition with one term; otherwise the first."""
-        return self.terms[0][0]
+        return INVERSE_KINEMATIC if self.inverse else self.terms[0][0]
+
+    def solved_by(self, solver: Solver | None) -> AxisDefinition:
+        """Return the definition with other kinematics."""
+        return replace(self, solver=solver)
 
     @property
     def scale(self) -> float:
@@ -49,7 +76,12 @@ class AxisDefinition:
         return self.terms[0][1]
 
     def counts(self, positions: Mapping[str, float]) -> float:
-        """Return the motor position in counts for axis positions in user units."""
+        """Return the motor position in counts for axis positions in user units.
+
+        Raises PmacError: 003, only the kinematics know it.
+        """
+        if self.inverse:
+            raise PmacError(ErrorCode.DATA_ERROR, f"#{self.motor}->I is moved by inverse kinematics only")
         return sum([scale * positions[axis] for axis, scale in self.terms]) + self.offset
 
     def distance(self, distances: Mapping[str, float]) -> float:
@@ -61,6 +93,8 @@ class AxisDefinition:
         return replace(self, offset=self.offset - self.distance(origins)) if origins else self
 
     def __str__(self) -> str:
+        if self.inverse:
+            return INVERSE_KINEMATIC
         text = "".join(_signed(scale, axis) for axis, scale in self.terms) + _signed(self.offset, "")
         return text.removeprefix("+")
 
@@ -72,6 +106,8 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
     """
     negative = scanner.accept("-")
     scale = scanner.take_number()
+    if scale is None and not negative and scanner.accept(INVERSE_KINEMATIC):
+        return AxisDefinition(motor=motor, terms=(), inverse=True)
     axis = scanner.take_word(AXIS_LETTERS)
     if axis is None:
         if scale == 0.0 and not negative:
@@ -114,10 +150,24 @@ def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[in
     Where several motors drive an axis, the lower motor numbers decide. An axis that the motors do not determine is
     at 0.
     """
-    ordered = [definitions[motor] for motor in sorted(definitions)]
+    solver = solver_of(definitions.values())
+    if solver is not None:
+        return solver.positions(counts)
+    ordered = [definitions[motor] for motor in sorted(definitions) if not definitions[motor].inverse]
     values = [counts[definition.motor] - definition.offset for definition in ordered]
     solved = solve([dict(definition.terms) for definition in ordered], values)
     return {axis: solved.get(axis, 0.0) for definition in ordered for axis in definition.axes}
+
+
+def solver_of(definitions: Iterable[AxisDefinition]) -> Solver | None:
+    """Return the kinematics of a system, None without any."""
+    return next((definition.solver for definition in definitions if definition.solver is not None), None)
+
+
+def refuse_inverse(definitions: Iterable[AxisDefinition], what: str) -> None:
+    """Refuse what is not emulated with inverse kinematics. Raises PmacError: 003."""
+    if any(definition.inverse for definition in definitions):
+        raise PmacError(ErrorCode.DATA_ERROR, f"{what} is not emulated in a system with inverse kinematics")
 
 
 def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
@@ -125,7 +175,7 @@ def refuse_singular(definitions: Iterable[AxisDefinition]) -> None:
 
     Raises PmacError: 003, motors that are linearly dependent.
     """
-    rest = list(definitions)
+    rest = [definition for definition in definitions if not definition.inverse]
     while rest:
         group = [rest.pop()]
         axes = set(group[0].axes)

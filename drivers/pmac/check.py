@@ -13,7 +13,7 @@ from drivers.pmac.analysis.walk import Ending, walk
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.dialect import PMAC, Dialect
 from drivers.pmac.language import syntax
-from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
@@ -64,6 +64,8 @@ def run_through(
     walked = walk(text, i_variables, definitions, start, dialect=dialect, most_steps=ENDLESS_MOVES, watched=False)
     if walked.error is not None:
         raise walked.error
+    if walked.substitutes:
+        raise NoResultError(ErrorCode.DATA_ERROR, walked.substitutes[0].detail)
     if walked.ending is not Ending.FINISHED:
         raise PmacError(ErrorCode.DATA_ERROR, f"no end after {len(walked.steps)} moves")
     moves = [

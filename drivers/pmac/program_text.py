@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from drivers.pmac.axes import AxisDefinition, scan_definition
 from drivers.pmac.compensation.table_text import MOST_MOTORS, TableReader, TextTable
 from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM
+from drivers.pmac.execution.kinematics import KINDS, stored_kinematic_line
 from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import (
@@ -26,7 +27,8 @@ from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
 from drivers.pmac.preprocessor import Include, preprocess
 
-_BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, "OPEN", *CLEAR, *CLOSE)
+_OPEN_KINEMATIC = {f"OPEN{word}": kind for word, kind in KINDS.items()}
+_BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, *_OPEN_KINEMATIC, "OPEN", *CLEAR, *CLOSE)
 
 _BUFFERED = (
     syntax.Set
@@ -55,7 +57,8 @@ class ProgramText:
     first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
-    controller then holds. `places` are the line numbers (from 1) of each program's lines in the text,
+    controller then holds. `kinematics` are the programs INVERSE and FORWARD.
+    `places` are the line numbers (from 1) of each program's lines in the text,
     `setting_places` those of the settings.
     """
 
@@ -70,6 +73,7 @@ class ProgramText:
     places: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     tables: tuple[TextTable, ...] = ()
     setting_places: tuple[int, ...] = ()
+    kinematics: Mapping[str, tuple[Line, ...]] = field(default_factory=dict)
 
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
@@ -94,17 +98,20 @@ def read_program(
     refused: list[RefusedLine] | None = None,
     motor_count: int = MOST_MOTORS,
     include: Include | None = None,
+    *,
+    kinematic: bool = True,
 ) -> ProgramText:
     """Parse a text as a controller with this many motors would, with its #define, #ifdef and #include carried out.
 
-    `include` returns the text of another file; without it none can be included.
+    `kinematic` is whether the controller has kinematic programs. `include` returns the text of another file;
+    without it none can be included.
 
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
     controller.
 
     Raises PmacError: its detail names the wrong line.
     """
-    taken = _Taken(tables=TableReader(motor_count))
+    taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic)
     for source in preprocess(text, include):
         taken.place = source.place
         try:
@@ -141,6 +148,9 @@ class _Taken:
     number: int = 0
     program: list[Line] | None = None
     plc: list[str] | None = None
+    kinematic: bool = True
+    kinematics: dict[str, list[Line]] = field(default_factory=dict)
+    calculation: list[Line] | None = None
 
     def finished(self) -> ProgramText:
         number = next((n for n in self.programs if n < FIRST_CODE_PROGRAM), next(iter(self.programs)))
@@ -156,6 +166,7 @@ class _Taken:
             places={n: tuple(places) for n, places in self.places.items()},
             tables=self.tables.tables,
             setting_places=tuple(self.setting_places),
+            kinematics={kind: tuple(lines) for kind, lines in self.kinematics.items()},
         )
 
     def take(self, line: str) -> None:
@@ -168,27 +179,37 @@ class _Taken:
             rest = rest[: closing.start()]
         self._line(rest.strip())
         if closing is not None:
-            self.program = self.plc = None
+            self._close()
+
+    def _close(self) -> None:
+        self.program = self.plc = self.calculation = None
 
     def _buffer_word(self, scanner: Scanner, word: str) -> None:
         if word in CLOSE:
-            self.program = self.plc = None
+            self._close()
         elif word in CLEAR:
-            for buffer in (self.program, self.plc):
+            for buffer in (self.program, self.plc, self.calculation):
                 if buffer is not None:
                     buffer.clear()
             if self.program is not None:
                 self.places[self.number] = []
-        elif self.program is not None or self.plc is not None:
+        elif self.program is not None or self.plc is not None or self.calculation is not None:
             raise PmacError(ErrorCode.BUFFER_IN_USE, "CLOSE is missing before the next OPEN")
         elif word in OPEN_PLC:
             self.plc = self.plcs.setdefault(_number(scanner, 0, HIGHEST_PLC), [])
+        elif word in _OPEN_KINEMATIC:
+            self._refuse_without(word)
+            self.calculation = self.kinematics.setdefault(_OPEN_KINEMATIC[word], [])
         elif word in OPEN_PROGRAM:
             self.number = _number(scanner, 1, HIGHEST_PROGRAM)
             self.program = self.programs.setdefault(self.number, [])
             self.places.setdefault(self.number, [])
         else:
             raise scanner.refusal("OPEN PROG or OPEN PLC")
+
+    def _refuse_without(self, what: str) -> None:
+        if not self.kinematic:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{what}: this family has no inverse kinematics")
 
     def _line(self, text: str) -> None:
         if not text:
@@ -199,6 +220,8 @@ class _Taken:
         elif self.plc is not None:
             stored_plc_lines(text)  # refuses what no PLC can hold
             self.plc.append(text)
+        elif self.calculation is not None:
+            self.calculation.append(stored_kinematic_line(text).statements)
         else:
             self._on_line(text)
 
@@ -236,6 +259,8 @@ class _Taken:
         if motor is None or not scanner.accept("->") or scanner.at_end or scanner.peek("#&,"):
             return False
         definition = scan_definition(scanner, motor)
+        if definition is not None and definition.inverse:
+            self._refuse_without(f"#{motor}->I")
         self.definitions.pop(motor, None)
         if definition is not None:
             self.definitions[motor] = definition

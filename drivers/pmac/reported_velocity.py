@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import ldexp
 
 from drivers.pmac.variables import VariableStore
@@ -31,20 +30,17 @@ class AveragedVelocity:
         self._follow_settings()
         return ldexp(self._change, -self._shift)
 
-    def pass_by(self, encoders: Sequence[float], before: int) -> None:
-        """Take the positions of a block of servo cycles, counts, of which `before` have gone before."""
-        self._follow_settings()
-        period = self._period
-        for at in range(period - 1 - before % period, len(encoders), period):
-            position = encoders[at]
-            self._change = position - self._slots[self._oldest]
-            self._slots[self._oldest] = position
-            self._oldest = (self._oldest + 1) % SLOTS
+    def kept(self, cycles: int, before: int) -> range:
+        """Return which of the next servo cycles are kept, after `before` of them."""
+        if self._variables.i_revision != self._revision:
+            self._follow_settings()
+        return range(self._period - 1 - before % self._period, cycles, self._period)
 
-    def due(self, cycles: int, before: int) -> bool:
-        """Return whether one of the next cycles is kept."""
-        self._follow_settings()
-        return self._period - 1 - before % self._period < cycles
+    def keep(self, position: float) -> None:
+        """Take the position in such a cycle, counts."""
+        self._change = position - self._slots[self._oldest]
+        self._slots[self._oldest] = position
+        self._oldest = (self._oldest + 1) % SLOTS
 
     def rebase(self, offset: float) -> None:
         """Count from a new zero."""
@@ -52,7 +48,12 @@ class AveragedVelocity:
 
     def _follow_settings(self) -> None:
         variables = self._variables
-        if variables.i_revision != self._revision:
-            self._revision = variables.i_revision
-            self._period = max(1, int(variables.i(self._period_number)) + 1)
-            self._shift = max(0, min(int(variables.i(self._shift_number)), _LARGEST_SHIFT))
+        self._revision = variables.i_revision
+        self._period = max(1, int(variables.i(self._period_number)) + 1)
+        self._shift = max(0, min(int(variables.i(self._shift_number)), _LARGEST_SHIFT))
+
+
+def averaged_velocity(variables: VariableStore) -> AveragedVelocity | None:
+    """Return a new buffer, None in a family whose reports are not averaged."""
+    numbers = variables.dialect.velocity_average
+    return None if numbers is None else AveragedVelocity(variables, numbers)

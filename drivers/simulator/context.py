@@ -78,6 +78,8 @@ class Context:
         """Where program text from this host goes."""
         if self.fills_buffer:
             opened = self.controller.open_buffer
+            if opened is not None and opened.kinematic is not None:
+                return Filling.KINEMATIC
             return Filling.PLC if opened is not None and opened.plc is not None else Filling.PROGRAM
         return Filling.REFUSED if self.sends_program else Filling.NOWHERE
 
@@ -101,6 +103,7 @@ class Filling(StrEnum):
     NOWHERE = auto()  # no buffer is open for it: commands act at once
     PROGRAM = auto()
     PLC = auto()
+    KINEMATIC = auto()  # the inverse or forward program of a coordinate system
     REFUSED = auto()  # its OPEN was refused, or somebody else has closed the buffer: the body must not act
 
 
@@ -119,7 +122,7 @@ class Reading:
     @property
     def fills(self) -> bool:
         """Whether program text goes into a buffer."""
-        return self.filling in (Filling.PROGRAM, Filling.PLC)
+        return self.filling in (Filling.PROGRAM, Filling.PLC, Filling.KINEMATIC)
 
 
 Handler = Callable[[Scanner, Reading], Step]

@@ -76,8 +76,44 @@ MOTION = (
         "RESUME PLC 3",
         "; only a remark",
     ),
+    *(
+        'COMMANDS"P1"\nCOMMANDP"P1"\nCOMMANDR"P1"\nCOMMANDA"P1"',
+        'CMDP"P1"\nCMDR"P1"\nCMDA"P1"',
+        'SENDS"a"\nSENDR"b"\nSENDA"c"',
+        "CIR1 X10 Y0 I5 J0",
+        "BLOCKSTART\nX1\nX2\nBLOCKSTOP",
+        "P1=ASIN(P2)+ACOS(P3)",
+        "TM100 X5\nTS20 X6",
+        "P1=TAN(45)*ATAN(1)+ABS(P2)",
+    ),
 )
 """Programs that the card takes."""
+
+KINEMATIC = (
+    "P4=Q7*100",
+    "P4=Q7*COS(Q1)\nP5=Q8",
+    "IF(Q10=1)\nP104=Q17*100\nENDIF",
+    "WHILE(ABS(Q20)>0.001)\nQ20=Q20/2\nENDWHILE\nP4=Q20",
+    "if (q7 > 1) p4=1\nelse p4=2",
+    "Q0=Q7\nQ1=ATAN2(Q8)",
+    "; only a remark",
+)
+"""Inverse and forward programs that a Turbo takes."""
+
+REFUSED_KINEMATIC = (
+    "X10",
+    "DWELL10",
+    "LINEAR",
+    "GOTO5",
+    "N5",
+    "M1==1",
+    'CMD"#1J+"',
+    "CALL5",
+    "HOME1",
+    "ADR#1",
+    "F20",
+)
+"""Lines that no kinematic program holds."""
 
 PLCS = (
     *(
@@ -98,6 +134,13 @@ PLCS = (
         "RETURN",
     ),
     *("I5111=100*8388608/I10", "M(P1)=1", "IF(I5111!>0)\nDIS PLC 4\nENDIF", "P1=P1\nRET"),
+    *(
+        'COMMANDS"P1"\nCOMMANDR"P1"\nCOMMANDA"P1"',
+        'CMDS"P1"\nCMDP"P1"\nCMDR"P1"\nCMDA"P1"',
+        'SENDS"a"\nSENDP"b"\nSENDR"c"\nSENDA"d"',
+        'DISPLAY 3 "text"\nDISP"text"',
+        "ENA PLC 7",
+    ),
 )
 """PLCs that the card takes."""
 

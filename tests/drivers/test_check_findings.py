@@ -171,6 +171,11 @@ def test_a_tool_that_is_left_in(machine: MachineProfile) -> None:
     assert codes(out) & {Code.ENDS_DEEPER, Code.PLUNGE} == set()
 
 
+def test_a_tool_that_is_left_in_by_a_move_until_a_trigger(machine: MachineProfile) -> None:
+    finding = only(checked("RAPID X500^-5", machine), Code.ENDS_DEEPER)
+    assert (finding.values["counts"], finding.lines) == (500, (4,))
+
+
 def test_a_run_time_error_is_told_with_its_line(machine: MachineProfile) -> None:
     found = checked("TA10 TS5 TM20\nX100\nGOTO77\nX200", machine)
     finding = only(found, Code.RUN_TIME_ERROR)
@@ -184,9 +189,37 @@ def test_a_calculation_without_a_result_is_told_as_the_controller_takes_it(
     """It stops nothing there, so that it is no run-time error."""
     found = checked("TA10 TS5 TM20\nX100\nP1=1/P2\nX200", machine)
     finding = only(found, Code.NO_RESULT)
-    assert (finding.lines, finding.severity) == ((6,), Severity.REFUSAL)
+    assert (finding.lines, finding.severity) == ((6,), Severity.WARNING)
     assert finding.values["error"] == "a division by 0; the controller goes on with its largest number, 2^47"
-    assert [move.motors[0].target for move in found.moves] == [100]
+    assert [move.motors[0].target for move in found.moves] == [100, 300]
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("X(P2/0+100)", 2.0**47),  # beyond the registers: a run-time error
+        ("P1=0-3/0\nX(0-P1/2E12)".replace("2E12", "2000000000000"), 2.0**47 / 2e12),
+        ("X(5%P2+7)", 7.0),
+        ("X(SQRT(0-4)+9)", 9.0),
+        ("IF(1/P2>5)\nX11\nELSE\nX12\nENDIF", 11.0),
+        ("WHILE(P3<4/P2 AND P3<2)\nP3=P3+1\nX(P3)\nENDW", 3.0),
+    ],
+)
+def test_the_walk_goes_on_with_what_the_controller_takes(
+    machine: MachineProfile, line: str, expected: float
+) -> None:
+    found = checked(f"TA10 TS5 TM20\n{line}", machine)
+    assert Code.NO_RESULT in codes(found)
+    if expected < 1e9:
+        assert found.moves[-1].motors[0].target == pytest.approx(expected)
+    else:
+        assert Code.RUN_TIME_ERROR in codes(found)
+
+
+def test_each_place_is_told_once_and_settings_too(machine: MachineProfile) -> None:
+    loop = "TA10 TS5 TM20\nWHILE(P1<50)\nP1=P1+1\nP2=1/0\nX(P1)\nENDW"
+    found = checked(loop, machine, before="P7=1/P8\n")
+    assert sorted(f.lines for f in found.findings if f.code is Code.NO_RESULT) == [(1,), (8,)]
 
 
 def test_a_program_without_motion(machine: MachineProfile) -> None:
@@ -231,12 +264,12 @@ def test_a_home_that_leaves_the_tool_further_in_is_named(machine: MachineProfile
     assert (finding.values["counts"], finding.lines) == (5000, (7,))
 
 
-@pytest.mark.parametrize("rest", ["WHILE(1=1)\nX10\nX10\nENDW\nX-9000", "P1=1/P9\nX-9000"])
+@pytest.mark.parametrize("rest", ["WHILE(1=1)\nX10\nX10\nENDW\nX-9000", "GOTO77\nX-9000"])
 def test_where_a_program_leaves_the_tool_is_not_said_of_one_that_was_not_followed_to_its_end(
     machine: MachineProfile, rest: str
 ) -> None:
     found = codes(checked(f"TA100 TS0 TM200\nX500\n{rest}", machine))
-    assert found & {Code.ENDLESS_WITHOUT_FLAG, Code.RUN_TIME_ERROR, Code.NO_RESULT}
+    assert found & {Code.ENDLESS_WITHOUT_FLAG, Code.RUN_TIME_ERROR}
     assert found & {Code.ENDS_DEEPER, Code.PLUNGE} == set()
 
 

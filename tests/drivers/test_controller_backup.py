@@ -99,7 +99,6 @@ def test_a_backup_can_be_sent_to_another_card(machine: MachineProfile, plain: Co
     kept = plain
     other = commissioned(machine)
     other.factory()
-    other.tell("UNDEFINE ALL")
     for line in backup_text(kept, DATE).splitlines():
         typed = line.partition(";")[0].strip()
         if typed:

@@ -2,13 +2,22 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
+
 import pytest
 
+from drivers.pmac.analysis.findings import Code
+from drivers.pmac.analysis.program import check_program
 from drivers.pmac.dialect import TURBO
+from drivers.pmac.language.arithmetic import unary_functions
 from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.parser import WORDS
+from drivers.pmac.language.plc_statements import PLC_WORDS
 from drivers.pmac.program_text import RefusedLine, read_program
 from profiles.machine import MachineProfile
-from tests.drivers.made_programs import MOTION, PLCS, REFUSED_MOTION, REFUSED_PLCS
+from tests.drivers.families import of_family
+from tests.drivers.made_programs import KINEMATIC, MOTION, PLCS, REFUSED_KINEMATIC, REFUSED_MOTION, REFUSED_PLCS
 from tests.drivers.wire_card import Wire, wire
 
 ENDING = "OPEN PROG 2 CLEAR\nCLOSE"
@@ -45,6 +54,46 @@ def card(machine: MachineProfile) -> Wire:
 
 def test_there_are_enough_of_them() -> None:
     assert len({*MOTION, *PLCS, *REFUSED_MOTION, *REFUSED_PLCS}) >= 150
+
+
+def without_blanks(bodies: Iterable[str]) -> str:
+    return re.sub(r"[ \t]", "", "\n".join(bodies)).upper()
+
+
+def test_every_word_of_the_language_is_in_one_of_them() -> None:
+    motion, plcs = without_blanks(MOTION), without_blanks(PLCS)
+    functions = (*unary_functions(degrees=True), "ATAN2")
+    assert [word for word in (*WORDS, *functions) if word not in motion] == []
+    assert [word for word in PLC_WORDS if word not in plcs] == []
+    comparators = ("=", "!=", ">", "!>", "<", "!<", "~", "!~")
+    assert [word for word in (*comparators, *"+-*/%&|^") if word not in motion] == []
+
+
+def test_kinematic_programs_are_taken_or_refused_by_both(card: Wire) -> None:
+    for kind in ("INVERSE", "FORWARD"):
+        for body in KINEMATIC:
+            text = f"OPEN {kind} CLEAR\n{body}\nCLOSE\n{ENDING}"
+            assert (downloaded(card, text), checked(text)) == ([], []), body
+        for body in REFUSED_KINEMATIC:
+            text = f"OPEN {kind} CLEAR\nP9=1\n{body}\nCLOSE\n{ENDING}"
+            here = checked(text)
+            assert (downloaded(card, text), [line.place for line in here]) == ([3], [3]), body
+            assert here[0].error.detail
+
+
+@pytest.mark.parametrize("family", ["pmac", "turbo"])
+def test_the_checker_walks_all_of_them_and_says_why_it_does_not(machine: MachineProfile, family: str) -> None:
+    lathe = of_family(machine, family)
+    for body in (*MOTION, *REFUSED_MOTION):
+        try:
+            found = check_program(text_of(body, plc=False), lathe)
+        except PmacError as refused:
+            assert refused.detail, body
+            continue
+        refusals = [each for each in found.findings if each.code in (Code.LINE_REFUSED, Code.RUN_TIME_ERROR)]
+        assert all(each.lines and each.values["error"] for each in refusals), body
+        if body in REFUSED_MOTION:
+            assert [each.lines for each in refusals if each.code is Code.LINE_REFUSED] == [(2,)], body
 
 
 def test_programs_in_use_are_taken_by_both(card: Wire) -> None:

@@ -90,9 +90,11 @@ def test_blocks_of_any_length_keep_the_same_positions() -> None:
     places = [float(n * n) for n in range(500)]
     done = 0
     for size in (1, 2, 3, 5, 7, 11, 200, 13, 258):
-        many.pass_by(places[done : done + size], done)
+        for at in many.kept(size, done):
+            many.keep(places[done + at])
         done += size
     assert done == len(places)
     for n, place in enumerate(places):
-        one.pass_by([place], n)
+        if one.kept(1, n):
+            one.keep(place)
     assert many.counts_per_cycle == one.counts_per_cycle == (499.0**2 - 435.0**2) / 64

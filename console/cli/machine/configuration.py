@@ -22,7 +22,7 @@ from profiles.findings import Severity, worst
 
 
 def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
-    found = write_backup(card.client, card.client.dialect, Path(options.file))
+    found = write_backup(card.client, card.client.dialect, Path(options.file), values=True)
     counts = {name: len(getattr(found, name)) for name in ("settings", "axes", "plcs", "programs")}
     done = text("configuration.backup_done", **counts, count=counts["settings"], file=printable(options.file))
     show(

@@ -48,15 +48,19 @@ def backups_of(data: Path, machine: str) -> tuple[Path, ...]:
     return tuple(sorted(kept, key=lambda path: path.name, reverse=True))[:MOST_LISTED]
 
 
-def write_backup(client: Controller, dialect: Dialect, path: Path, *, private: bool = False) -> Configuration:
+def write_backup(
+    client: Controller, dialect: Dialect, path: Path, *, private: bool = False, values: bool = False
+) -> Configuration:
     """Back up the whole controller to a file, `private` for its owner alone; never overwrite.
+
+    With the `values` of P, Q and M, and the entries of tables, where they are asked for: they take longest.
 
     Raises ProfileError: `file.exists`, `file.not_writable`; DriverError: as `read_configuration`.
     """
     from drivers.commissioning.backup import backup_text
     from drivers.commissioning.reading import read_configuration, whole_card
 
-    configuration = read_configuration(client, dialect, whole_card(dialect))
+    configuration = read_configuration(client, dialect, whole_card(dialect, values=values))
     date = datetime.now().astimezone().isoformat(timespec="seconds")
     if private:
         make_folder(path.parent)

@@ -77,7 +77,6 @@ _REFUSALS = frozenset(
         Code.LINE_REFUSED,
         Code.TABLE_ORDER,
         Code.RUN_TIME_ERROR,
-        Code.NO_RESULT,
         Code.BEYOND_LIMIT,
         Code.BEYOND_TRAVEL,
         Code.TOO_FAST,

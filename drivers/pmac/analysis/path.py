@@ -12,7 +12,7 @@ from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.analysis.walk import Ending
 from drivers.pmac.dialect import Setting
-from drivers.pmac.requests import HomeRequest
+from drivers.pmac.requests import HomeRequest, TriggerRequest
 
 
 def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
@@ -108,7 +108,8 @@ def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
     homed = [
         place
         for place, step in enumerate(walk.steps)
-        if isinstance(step.request, HomeRequest) and walk.motors[tool] in step.request.motors
+        if isinstance(step.request, TriggerRequest)
+        or (isinstance(step.request, HomeRequest) and walk.motors[tool] in step.request.motors)
     ]
     last = walk.steps[max(commanded + homed)]
     lines = (subject.place_of(last.program, last.line),)

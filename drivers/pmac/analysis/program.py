@@ -25,7 +25,6 @@ from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.language.errors import NoResultError
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
@@ -40,11 +39,11 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
     findings = [_refused(line) for line in refused]
     if walk.error is not None:
         lines = (subject.place_of(walk.steps[-1].program, walk.steps[-1].line),)
-        if isinstance(walk.error, NoResultError):
-            findings.append(finding(Code.NO_RESULT, lines, error=walk.error.detail))
-        else:
-            error, number = str(walk.error), int(walk.error.code)
-            findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
+        error, number = str(walk.error), int(walk.error.code)
+        findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
+    for each in walk.substitutes:
+        place = subject.place_of(each.program, each.line) if each.program else each.line
+        findings.append(finding(Code.NO_RESULT, (place,), error=each.detail))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
         findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))
@@ -114,9 +113,9 @@ def check_program(
         PmacError: the controller refuses the program as a whole.
         DriverError: `program.start_axis`, `program.start_too_far`.
     """
-    refused: list[RefusedLine] = []
-    dialect = DIALECTS[machine.controller.family]
-    read = _with_times(read_program(text, refused, dialect.motor_count, include), ta_ms, ts_ms)
+    refused, dialect = list[RefusedLine](), DIALECTS[machine.controller.family]
+    as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=dialect.kinematics is not None)
+    read = _with_times(as_typed, ta_ms, ts_ms)
     # The axes of the machine, replaced by those of the text; each motor has one definition.
     own = (*read_definitions(machine.controller.axis_definitions), *read.definitions)
     definitions = {definition.motor: definition for definition in own}.values()

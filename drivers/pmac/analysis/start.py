@@ -92,8 +92,8 @@ def start_of(text: str, definitions: Iterable[AxisDefinition], given: Mapping[st
 
 
 def start_counts(definitions: Iterable[AxisDefinition], start: Start) -> dict[int, float]:
-    """Return the motor positions at the start, counts by motor."""
-    return {definition.motor: definition.counts(start.positions) for definition in definitions}
+    """Return the motor positions at the start, counts by motor; one of inverse kinematics is at home."""
+    return {each.motor: 0.0 if each.inverse else each.counts(start.positions) for each in definitions}
 
 
 def _words(positions: Mapping[str, float]) -> str:

@@ -16,11 +16,12 @@ from typing import NamedTuple
 
 from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
 from drivers.pmac.analysis.timeline import Step
-from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
+from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins, refuse_inverse
 from drivers.pmac.dialect import PMAC, Dialect, Setting
+from drivers.pmac.execution.kinematics import kinematics_of, with_kinematics
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import ProgramRun
-from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import Assign, VariableKind
@@ -65,10 +66,23 @@ class Switch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Substitute:
+    """A calculation without a result in a line of `program`, or of the text, from 1, where that is 0.
+
+    `detail` says what the controller continues with.
+    """
+
+    program: int
+    line: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Walk:
     """The motion of program `number`. Vectors are in the order of `motors`; `error` is what ended it at run time.
 
-    `compensated` is whether I51 is on when it begins, `switches` its changes of I51.
+    `compensated` is whether I51 is on when it begins, `switches` its changes of I51. `substitutes` are the
+    calculations without a result, each once.
     """
 
     number: int
@@ -81,6 +95,7 @@ class Walk:
     variables: VariableStore
     compensated: bool = False
     switches: tuple[Switch, ...] = ()
+    substitutes: tuple[Substitute, ...] = ()
 
     @property
     def pieces(self) -> list[Piece]:
@@ -111,17 +126,22 @@ def walk(
     return walker.walk(counts_per_turn or {}, most_steps)
 
 
-def settle(text: ProgramText, variables: VariableStore) -> None:
-    """Execute the settings before a program.
+def settle(text: ProgramText, variables: VariableStore, substitutes: dict[Substitute, None]) -> None:
+    """Execute the settings before a program; what has no result is added to `substitutes`.
 
-    Raises PmacError: 005 for anything that is not a setting, 003 for a calculation without a result.
+    Raises PmacError: 005 for anything that is not a setting, 003 for a number that is too large.
     """
-    for line in text.settings:
+    for place, line in zip(text.setting_places, text.settings, strict=True):
         for statement in line:
             if not isinstance(statement, Assign):
                 raise PmacError(ErrorCode.NO_BUFFER_OPEN, "only settings may stand before OPEN PROG")
             index = int(evaluate(statement.target.index, variables))
-            variables.set(statement.target.kind, index, evaluate(statement.value, variables))
+            try:
+                value = evaluate(statement.value, variables)
+            except NoResultError as error:
+                substitutes[Substitute(program=0, line=place, detail=error.detail)] = None
+                value = evaluate(statement.value, variables, strict=False)
+            variables.set(statement.target.kind, index, value)
 
 
 class WatchedVariables(VariableStore):
@@ -166,6 +186,7 @@ class _WatchedRun(ProgramRun):
         self._watched = watched
         self.taken: deque[_Taken] = deque()
         self.switches: list[Switch] = []
+        self.substitutes: dict[Substitute, None] = {}
         self._requests = 0
         self._own_modes = Modes()
         if isinstance(variables, WatchedVariables):
@@ -173,8 +194,17 @@ class _WatchedRun(ProgramRun):
                 Switch(step=self._requests, on=on, program=self.program, line=self.line)
             )
         super().__init__(
-            link(text.program), variables, self._own_modes, positions, library=text.code, number=text.number
+            link(text.program),
+            variables,
+            self._own_modes,
+            positions,
+            library=text.code,
+            number=text.number,
+            on_substitute=self._substitute,
         )
+
+    def _substitute(self, detail: str) -> None:
+        self.substitutes[Substitute(program=self.program, line=self.line, detail=detail)] = None
 
     def advance(self) -> Request:
         request = super().advance()
@@ -196,12 +226,15 @@ class _Walker:
         definitions: Sequence[AxisDefinition],
         start: Mapping[int, float],
     ) -> None:
-        settle(text, variables)
+        self._settled: dict[Substitute, None] = {}
+        settle(text, variables, self._settled)
         self._compensated = variables.i(COMPENSATION) != 0.0
         self._written = variables.written if isinstance(variables, WatchedVariables) else None
         self._variables = variables
         self._text = text
-        self._definitions = tuple(sorted(definitions, key=lambda definition: definition.motor))
+        kinematics = kinematics_of(text.kinematics, variables, 1)
+        ordered = sorted(definitions, key=lambda definition: definition.motor)
+        self._definitions = tuple([with_kinematics(definition, kinematics) for definition in ordered])
         self._origins: dict[str, float] = {}
         self._start = tuple(float(start[d.motor]) for d in self._definitions)
         self._run = _WatchedRun(
@@ -236,6 +269,7 @@ class _Walker:
             variables=self._variables,
             compensated=self._compensated,
             switches=tuple(self._run.switches),
+            substitutes=(*self._settled, *self._run.substitutes),
         )
 
     def _to_the_end(self, new_watch: Callable[[], EndlessWatch], most_steps: int) -> Ending:
@@ -288,6 +322,7 @@ class _Walker:
             ends = [d.counts(event.targets) for d in shifted]
             at = tuple(end if moves else p for end, moves, p in zip(ends, moved, at, strict=True))
         if isinstance(event, PresetRequest):
+            refuse_inverse(definitions, "PSET")
             self._origins = preset_origins(self._origins, self._positions(shifted, at), event.positions)
             shifted = tuple(d.shifted(self._origins) for d in definitions)
         self._planner.relocate(at, shifted)

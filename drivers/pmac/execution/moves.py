@@ -70,6 +70,11 @@ class Moves:
         self._positions = dict(positions)
         self._deferred: dict[tuple[VariableKind, int], requests.Deferred] = {}
 
+    @property
+    def positions(self) -> Mapping[str, float]:
+        """The axis positions at the end of the last request."""
+        return self._positions
+
     def relocate(self, positions: Mapping[str, float]) -> None:
         """Set axis positions that differ from the last move's target."""
         self._positions = {**self._positions, **positions}  # the old one belongs to the last request

@@ -14,8 +14,8 @@ from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.moves import Moves, Step, StepMaker
 from drivers.pmac.language import syntax
-from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
+from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
+from drivers.pmac.language.evaluate import Truth, Value, Variables, compile_condition, compile_expression
 from drivers.pmac.language.parser import may_be_argument
 from drivers.pmac.language.structure import NO_JUMP, Code
 from drivers.pmac.language.syntax import VariableKind
@@ -70,10 +70,12 @@ class ProgramRun:
         host: ProgramHost | None = None,
         label: int | None = None,
         number: int = 0,
+        on_substitute: Callable[[str], None] | None = None,
     ) -> None:
         """Take `positions`, the commanded positions of the defined axes at the start, in user units.
 
-        `strict` makes illegal arithmetic an error, for the checker; the controller continues. `library` gives the
+        `strict` makes arithmetic without a result an error; the controller continues with a substitute. With
+        `on_substitute`, for the checker, that is told of each, and the run continues, too. `library` gives the
         programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
 
         Raises PmacError: 015, there is no such label.
@@ -84,6 +86,7 @@ class ProgramRun:
         self._values = variables.view(system)
         self._degrees = variables.i(15) == 0
         self._strict = strict
+        self._on_substitute = on_substitute
         self._library = library
         self._host = host or NoHost()
         self._moves = Moves(self._values, modes, positions)
@@ -123,6 +126,17 @@ class ProgramRun:
             for frame in self._frames
             for number in (id(frame.unit), frame.counter, frame.arguments.taken if frame.arguments else 0)
         )
+
+    def rewind(self) -> None:
+        """Begin again at the first statement."""
+        del self._frames[1:]
+        self._frame = self._frames[0]
+        self._frame.counter = self._depth = 0
+
+    @property
+    def positions(self) -> Mapping[str, float]:
+        """The axis positions at the end of the last request."""
+        return self._moves.positions
 
     def relocate(self, positions: Mapping[str, float]) -> None:
         """Set the axes to `positions`: after a HOME, a PSET or a motion commanded elsewhere."""
@@ -183,10 +197,39 @@ class ProgramRun:
                 return self._maker.step(statement, code.line_of[index])
 
     def _expression(self, expression: syntax.Expression) -> Value:
-        return compile_expression(expression, self._degrees, strict=self._strict)
+        strictly = compile_expression(expression, self._degrees, strict=self._strict)
+        told = self._on_substitute
+        if told is None:
+            return strictly
+        loosely = compile_expression(expression, self._degrees, strict=False)
+
+        def value(variables: Variables) -> float:
+            try:
+                return strictly(variables)
+            except NoResultError as error:
+                told(error.detail)
+                return loosely(variables)
+
+        return value
+
+    def _condition(self, condition: syntax.Condition) -> Truth:
+        strictly = compile_condition(condition, self._degrees, strict=self._strict)
+        told = self._on_substitute
+        if told is None:
+            return strictly
+        loosely = compile_condition(condition, self._degrees, strict=False)
+
+        def holds(variables: Variables) -> bool:
+            try:
+                return strictly(variables)
+            except NoResultError as error:
+                told(error.detail)
+                return loosely(variables)
+
+        return holds
 
     def _branch(self, condition: syntax.Condition, otherwise: int) -> Step:
-        holds = compile_condition(condition, self._degrees, strict=self._strict)
+        holds = self._condition(condition)
         values = self._values
 
         def step() -> None:

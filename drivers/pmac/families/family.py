@@ -134,7 +134,8 @@ class Dialect:
 
     `timer_numbers` are the Ix-numbers of a coordinate system that count down, for the systems up to the value of
     I`system_activation` + 1; `timer_words` are memory words that do, by space and address. `velocity_average` are
-    the I-variables over which V is averaged, period less one and shift.
+    the I-variables over which V is averaged, period less one and shift. `kinematics` is the Ix-number of a
+    coordinate system that switches its kinematic programs on, where there are any.
     """
 
     name: str
@@ -177,6 +178,7 @@ class Dialect:
     timer_words: tuple[tuple[str, int], ...] = ()
     no_line_feeds_switch: int | None = None
     velocity_average: tuple[int, int] | None = None
+    kinematics: int | None = None
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""

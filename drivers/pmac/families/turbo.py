@@ -132,6 +132,7 @@ TURBO = Dialect(
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
     velocity_average=(60, 61),
+    kinematics=50,
     timer_numbers=_TIMERS,
     global_bits=bit_table(
         {

@@ -106,7 +106,10 @@ _READERS: Mapping[str, _Reader] = {
     **dict.fromkeys(("ADDRESS", "ADR"), _address),
     **dict.fromkeys(MESSAGE_READERS, _message),
 }
-_WORDS = longest_of(tuple(_READERS))
+PLC_WORDS = tuple(_READERS)
+"""The words of a PLC, beside its assignments."""
+
+_WORDS = longest_of(PLC_WORDS)
 
 
 MOST_CONDITION_LINES = 100  # Maximum lines of one condition; bounds the depth of its tree

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 
-from drivers.pmac.axes import AxisDefinition, axis_positions
+from drivers.pmac.axes import AXIS_LETTERS, AxisDefinition, axis_positions, solver_of
 from drivers.pmac.dialect import Setting
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.requests import CircleRequest
@@ -47,11 +47,15 @@ class MotorFrame:
         self._single = tuple((d.axis, d.scale, d.offset) for d in definitions) if single else None
         rotary = any(ROTARY & set(d.axes) for d in definitions)
         self._rollover = Rollover(definitions, variables) if rotary else None
+        self._inverse = tuple([d.motor for d in definitions if d.inverse])
+        self._solver = solver_of(definitions)
 
     def counts(self, targets: Mapping[str, float], here: Vector, absolute: frozenset[str] = NO_AXES) -> Vector:
         """Return the motor positions for axis positions; `absolute` axes may roll over on the way from `here`."""
         if self._single is not None:
             counts = tuple([scale * targets[axis] + offset for axis, scale, offset in self._single])
+        elif self._inverse:
+            counts = self._solved(targets, here)
         else:
             counts = tuple([d.counts(targets) for d in self.definitions])
         if self._rollover is not None:
@@ -67,6 +71,43 @@ class MotorFrame:
             counts = tuple([d.distance(velocities) for d in self.definitions])
         check_range("velocity", counts)
         return counts
+
+    @property
+    def solves(self) -> bool:
+        """Whether inverse kinematics say where motors have to be."""
+        return self._solver is not None
+
+    @property
+    def along_axes(self) -> bool:
+        """Whether the path of LINEAR and CIRCLE moves is that of the axes, segment by segment."""
+        return self._solver is not None and self.segment_ms > 0.0
+
+    def solve(self, axes: Vector) -> Vector:
+        """Return the motor positions for the positions of all axes, in the order of their letters."""
+        counts = self._solved(dict(zip(AXIS_LETTERS, axes, strict=True)), self.still)
+        check_range("position", counts)
+        return counts
+
+    def moving(
+        self, targets: Mapping[str, float], velocities: Mapping[str, float], here: Vector, absolute: frozenset[str]
+    ) -> tuple[Vector, Vector]:
+        """Return position and velocity of the motors at the end of a PVT segment, for those of the axes."""
+        if self._solver is None:
+            return self.counts(targets, here, absolute), self.velocities(velocities)
+        solved = self._solver.moving(targets, velocities, self._inverse)
+        others = [(d.counts(targets), d.distance(velocities)) for d in self.definitions if not d.inverse]
+        rest = iter(others)
+        states = [solved[d.motor] if d.inverse else next(rest) for d in self.definitions]
+        counts, speeds = tuple([c for c, _ in states]), tuple([v for _, v in states])
+        check_range("position", counts)
+        check_range("velocity", speeds)
+        return counts, speeds
+
+    def _solved(self, targets: Mapping[str, float], here: Vector) -> Vector:
+        """Return the motor positions by the kinematics; while they are off such a motor stays where it is."""
+        solved = {} if self._solver is None else self._solver.counts(targets, self._inverse)
+        pairs = zip(self.definitions, here, strict=True)
+        return tuple([solved.get(d.motor, place) if d.inverse else d.counts(targets) for d, place in pairs])
 
     def positions(self, counts: Vector) -> dict[str, float]:
         """Return the axis positions for motor positions."""
@@ -88,16 +129,27 @@ class MotorFrame:
 
         Raises PmacError: 003, no such arc exists, or it is beyond the registers of the controller.
         """
-        arc = arc_of(
+        arc = self.arc_by(self.definitions, request, start, here, target)
+        check_range("radius", (*arc.cosine, *arc.sine))
+        return arc
+
+    def arc_by(
+        self,
+        definitions: tuple[AxisDefinition, ...],
+        request: CircleRequest,
+        start: Mapping[str, float],
+        here: Vector,
+        target: Vector,
+    ) -> Arc:
+        """Return an arc of motors that are defined otherwise. Raises PmacError: 003, no such arc exists."""
+        return arc_of(
             request,
             start,
-            self.definitions,
+            definitions,
             tuple(t - h for t, h in zip(target, here, strict=True)),
             radius_limit=self._variables.system(self._system, 96),
             least_arc=self._variables.setting(Setting.LEAST_ARC, self._system),
         )
-        check_range("radius", (*arc.cosine, *arc.sine))
-        return arc
 
     def abort_rates(self) -> Vector:
         """Return Ix15 of the motors, counts/ms^2."""

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from drivers.pmac import requests
-from drivers.pmac.axes import AxisDefinition
+from drivers.pmac.axes import AXIS_LETTERS, AxisDefinition
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.settings import servo_cycle_ms
@@ -29,9 +29,10 @@ from drivers.pmac.trajectory.planned import (
     defer,
     plain_record,
 )
+from drivers.pmac.trajectory.segments import AXES_ALONE, NO_LIMITS, SEGMENT_MS, through_inverse
 from drivers.pmac.variables import VariableStore
 
-_State = tuple[Blend, Vector | None, spline.Spline | None, bool]
+_State = tuple[Blend, Vector | None, spline.Spline | None, bool, Blend | None, Mapping[str, float]]
 
 
 class MotionPlanner:
@@ -60,31 +61,44 @@ class MotionPlanner:
         self._ahead: requests.Request | None = None
         self._after_break = True
         self._newest: tuple[requests.Request, _State] | None = None
+        # Of a move along the path of the axes: its end, in user units. The motors have no blend of their own then.
+        self._axis_blend: Blend | None = None
+        self._axes: Mapping[str, float] = run.positions if self._frame.solves else {}
 
     @property
     def target(self) -> Vector:
         """The last programmed point, counts."""
         return self._blend.target
 
+    @property
+    def _state(self) -> _State:
+        return self._blend, self._pvt_velocity, self._spline, self._after_break, self._axis_blend, self._axes
+
+    @_state.setter
+    def _state(self, state: _State) -> None:
+        self._blend, self._pvt_velocity, self._spline, self._after_break, self._axis_blend, self._axes = state
+
     def plan(self) -> Planned:
         """Calculate the next request and plan its motion. Raises PmacError: a run-time error of the program."""
-        before = self._blend, self._pvt_velocity, self._spline, self._after_break
+        before = self._state
         self._newest = None
         try:
             request, self._ahead = self._ahead or self.run.advance(), None
             planned = self._lay(request)
+            if self._frame.solves and isinstance(request, requests.MoveRequest):
+                self._axes = request.targets
             self._newest = request, before
             return planned
         except PmacError:
             # Nothing of this request is played: what follows must join on to what has been played.
-            self._blend, self._pvt_velocity, self._spline, self._after_break = before
+            self._state = before
             raise
 
     def take_back(self) -> bool:
         """Discard the motion planned last, and plan it again at the next call; False if that is impossible."""
         if self._newest is None or self._ahead is not None:
             return False
-        self._ahead, (self._blend, self._pvt_velocity, self._spline, self._after_break) = self._newest
+        self._ahead, self._state = self._newest
         self._newest = None
         return True
 
@@ -122,9 +136,10 @@ class MotionPlanner:
         """
         before = self._frame.positions(self.target)
         self._frame = MotorFrame(definitions or self._frame.definitions, self._variables, self._system)
-        self._re_aim(before, self._frame.positions(counts))
+        self._axes = self._frame.positions(counts)
+        self._re_aim(before, self._axes)
         self._blend = at_rest(counts)
-        self._pvt_velocity = self._spline = None
+        self._pvt_velocity = self._spline = self._axis_blend = None
         self._after_break = True
 
     def _re_aim(self, before: Mapping[str, float], now: Mapping[str, float]) -> None:
@@ -164,11 +179,41 @@ class MotionPlanner:
                 return Planned(pieces=self._rest(), finished=True)
 
     def _linear(self, request: requests.LinearRequest) -> Planned:
+        if self._frame.along_axes:
+            return self._along_axes(request)
         lead = self._lead_blended()
         target = self._frame.counts(request.targets, self.target, request.absolute)
         return self._blended(request, target, request.tm_ms, lead)
 
+    def _along_axes(self, request: requests.LinearRequest | requests.CircleRequest) -> Planned:
+        """Follow the path of the axes, through the inverse kinematics of each segment; it blends as theirs."""
+        lead: tuple[Piece, ...] = ()
+        start = tuple([self._axes[axis] for axis in AXIS_LETTERS])
+        if self._axis_blend is None:
+            lead = self._rest() + self._first_delay()
+            self._axis_blend = at_rest(start)
+        target = tuple([request.targets[axis] for axis in AXIS_LETTERS])
+        distance = tuple([t - p for t, p in zip(target, start, strict=True)])
+        arc, tm_ms = None, 0.0
+        if isinstance(request, requests.LinearRequest):
+            tm_ms = request.tm_ms
+        elif request.center is None and request.radius is None:
+            tm_ms = circle_time_ms(request, chord_length(request, self._axes))
+        else:
+            arc = self._frame.arc_by(AXES_ALONE, request, self._axes, start, target)
+            tm_ms = circle_time_ms(request, arc.length)
+        move = LinearMove(distance=distance, ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=tm_ms)
+        segment_ms = self._frame.segment_ms
+        laid, self._axis_blend, timing = lay_course(self._axis_blend, move, arc, NO_LIMITS, segment_ms)
+        pieces = through_inverse(laid, segment_ms, self._frame.solve)
+        self._blend = at_rest(self._frame.solve(target))
+        asked = Timing(ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=tm_ms)
+        record = MoveRecord(line=request.line, target=self.target, asked=asked, timing=timing)
+        return Planned(pieces=(*lead, *defer(pieces, request.deferred), *self._unblended()), record=record)
+
     def _circle(self, request: requests.CircleRequest) -> Planned:
+        if self._frame.along_axes:
+            return self._along_axes(request)
         start = self._frame.positions(self.target)
         # Without segmentation, or without a centre, it is replaced by a straight move.
         straight = self._frame.segment_ms <= 0.0 or (request.center is None and request.radius is None)
@@ -213,8 +258,7 @@ class MotionPlanner:
         lead = self._rest() + self._first_delay() if self._pvt_velocity is None else ()
         check_segment(request.duration_ms)
         start = self.target
-        target = self._frame.counts(request.targets, start, request.absolute)
-        after = self._frame.velocities(request.velocities)
+        target, after = self._frame.moving(request.targets, request.velocities, start, request.absolute)
         before = self._pvt_velocity or self._frame.still
         laid = hermite(start, before, target, after, request.duration_ms)
         self._blend, self._pvt_velocity = at_rest(target), after
@@ -261,7 +305,7 @@ class MotionPlanner:
     def _lead_blended(self) -> tuple[Piece, ...]:
         """End what a LINEAR or CIRCLE move cannot blend with, and wait before the first one (I11)."""
         lead: tuple[Piece, ...] = ()
-        if self._pvt_velocity is not None or self._spline is not None:
+        if self._pvt_velocity is not None or self._spline is not None or self._axis_blend is not None:
             lead = self._rest()
         return lead + self._first_delay() if self._after_break else lead
 
@@ -287,6 +331,8 @@ class MotionPlanner:
         ended, self._spline = self._spline, None
         if ended is not None:
             return spline.end(ended)
+        if self._axis_blend is not None:
+            return self._rest_of_axes(self._axis_blend, least_ms)
         if self._pvt_velocity is not None:
             if any(self._pvt_velocity):
                 raise PmacError(ErrorCode.DATA_ERROR, "a PVT sequence that does not end at rest")
@@ -297,6 +343,13 @@ class MotionPlanner:
         pieces = stop_course(self._blend, ta_ms, ts_ms, self._frame.limits())
         self._blend = at_rest(self.target)
         return pieces
+
+    def _rest_of_axes(self, blend: Blend, least_ms: float) -> tuple[Piece, ...]:
+        self._axis_blend = None
+        ta_ms = max(self._variables.blend_ms(self._system, 87), least_ms)
+        pieces = stop_course(blend, ta_ms, self._variables.blend_ms(self._system, 88), NO_LIMITS)
+        # A segmentation time that was switched off on the way ends with the move that began with it.
+        return through_inverse(pieces, self._frame.segment_ms or SEGMENT_MS, self._frame.solve)
 
     def _interrupt_ms(self) -> float:
         return (self._variables.i(8) + 1.0) * servo_cycle_ms(self._variables.i(10))

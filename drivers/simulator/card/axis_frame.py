@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins
+from drivers.pmac.axes import AxisDefinition, Solver, axis_positions, preset_origins, refuse_inverse
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.trajectory.pieces import Vector
 from drivers.simulator.card.motor import Motor
@@ -13,12 +13,13 @@ from drivers.simulator.card.motor import Motor
 class AxisFrame:
     """Axis definitions by motor, with the origins that PSET, `X=5` and Z have set for the axes (user units).
 
-    `motors` are those of the axes, in the order of their numbers.
+    `motors` are those of the axes, in the order of their numbers. `kinematics` move those that are defined by it.
     """
 
     def __init__(self, motors: Mapping[int, Motor]) -> None:
         self.definitions: dict[int, AxisDefinition] = {}
         self.motors: tuple[Motor, ...] = ()
+        self.kinematics: Solver | None = None
         self._origins: dict[str, float] = {}
         self._motors = motors
 
@@ -30,7 +31,9 @@ class AxisFrame:
     @property
     def shifted(self) -> tuple[AxisDefinition, ...]:
         """The axis definitions with the present origins, in the same order."""
-        return tuple(self.definitions[number].shifted(self._origins) for number in sorted(self.definitions))
+        ordered = [self.definitions[number] for number in sorted(self.definitions)]
+        solver = self.kinematics
+        return tuple([d.solved_by(solver) if d.inverse else d.shifted(self._origins) for d in ordered])
 
     @property
     def stopped_at(self) -> Vector | None:
@@ -61,6 +64,7 @@ class AxisFrame:
 
     def preset(self, presets: Mapping[str, float]) -> None:
         """Preset the present axis positions; nothing moves. Raises PmacError: 003, there is no such axis here."""
+        refuse_inverse(self.definitions.values(), "PSET")
         positions = self.positions()
         if unknown := [axis for axis in presets if axis not in positions]:
             raise PmacError(ErrorCode.DATA_ERROR, f"no axis {unknown[0]}")

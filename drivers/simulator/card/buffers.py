@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 
+from drivers.pmac.execution.kinematics import stored_kinematic_line
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
@@ -44,6 +45,27 @@ def open_plc(context: Context, number: int) -> None:
     controller.open_buffer = OpenBuffer(plc=number, owner=context)
 
 
+def open_kinematic(context: Context, kind: str) -> None:
+    """OPEN INVERSE or FORWARD of the addressed system. Raises PmacError: as `open_program`."""
+    controller = context.controller
+    _refuse_open(controller)
+    _refuse_running(controller, "OPEN")
+    refuse_locked(controller)
+    context.system.kinematic_lines.setdefault(kind, [])
+    controller.open_buffer = OpenBuffer(kinematic=(context.system_number, kind), owner=context)
+
+
+def delete_kinematic(context: Context, kind: str) -> None:
+    """DELETE INVERSE or FORWARD. Raises PmacError: 001 while a program runs, 002 protected, 007 it is open."""
+    controller = context.controller
+    _refuse_running(controller, "DELETE")
+    opened = controller.open_buffer
+    if opened is not None and opened.kinematic == (context.system_number, kind):
+        raise PmacError(ErrorCode.BUFFER_IN_USE, f"{opened} is open")
+    refuse_locked(controller)
+    context.system.kinematic_lines.pop(kind, None)
+
+
 def clear(controller: Controller) -> None:
     """CLEAR the open buffer. Raises PmacError: 005, none is open."""
     opened = _opened(controller)
@@ -51,6 +73,8 @@ def clear(controller: Controller) -> None:
         controller.programs[opened.program].clear()
     elif opened.plc is not None:
         controller.plcs.buffers[opened.plc].clear()
+    elif opened.kinematic is not None:
+        _kinematic_lines(controller, opened.kinematic).clear()
 
 
 def close(controller: Controller) -> None:
@@ -90,6 +114,8 @@ def delete_all(controller: Controller) -> None:
         refuse_protected(controller, number, PROTECTED_PLCS)
     controller.gather.delete()
     controller.programs.clear()
+    for system in controller.systems.values():
+        system.kinematic_lines.clear()
     for number in tuple(controller.plcs.buffers):
         controller.plcs.delete(number)
     controller.tables.replace(())
@@ -110,6 +136,8 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     line: StoredLine | None = None
     if reading.filling is Filling.PLC:
         plc_lines = stored_plc_lines(text)
+    elif reading.filling is Filling.KINEMATIC:
+        line = None if text.strip().upper() in ("RETURN", "RET") else stored_kinematic_line(text)
     else:
         line = stored_line(text)
 
@@ -129,6 +157,10 @@ def _store(controller: Controller, line: StoredLine | None, plc_lines: tuple[Sto
         lines = controller.programs[opened.program]
         _refuse_full(controller, len(lines), 1)
         lines += [line] if line is not None and line.statements else []
+    elif opened.kinematic is not None:
+        lines = _kinematic_lines(controller, opened.kinematic)
+        _refuse_full(controller, len(lines), 1)
+        lines += [line] if line is not None and line.statements else []
     elif opened.plc is not None:
         stored = controller.plcs.buffers[opened.plc]
         _refuse_full(controller, len(stored), len(plc_lines))
@@ -143,7 +175,14 @@ def room_lines(controller: Controller) -> int:
 def stored_lines_in(controller: Controller) -> int:
     """Return the number of lines in all programs and PLCs."""
     programs, plcs = controller.programs.values(), controller.plcs.buffers.values()
-    return sum(len(lines) for lines in programs) + sum(len(lines) for lines in plcs)
+    kinematic = (lines for system in controller.systems.values() for lines in system.kinematic_lines.values())
+    return sum(map(len, programs)) + sum(map(len, plcs)) + sum(map(len, kinematic))
+
+
+def refuse_locked(controller: Controller) -> None:
+    """Check that kinematic programs may be read. Raises PmacError: 002, a password is set and was not given."""
+    if controller.password.locked:
+        raise PmacError(ErrorCode.PASSWORD, "kinematic programs are protected")
 
 
 def refuse_protected(controller: Controller, number: int, protected: range) -> None:
@@ -159,6 +198,11 @@ def is_program_text(text: str) -> bool:
     with suppress(PmacError):
         return bool(parse_plc_line(text))
     return False
+
+
+def _kinematic_lines(controller: Controller, which: tuple[int, str]) -> list[StoredLine]:
+    system, kind = which
+    return controller.systems[system].kinematic_lines.setdefault(kind, [])
 
 
 def _refuse_full(controller: Controller, stored: int, more: int) -> None:

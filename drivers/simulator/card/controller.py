@@ -186,6 +186,8 @@ class Controller:
         owner = self.system_of(motor)
         if owner is not None and owner.number != system:
             raise PmacError(ErrorCode.DATA_ERROR, f"motor {motor} is in &{owner.number}")
+        if definition is not None and definition.inverse and self.dialect.kinematics is None:
+            raise PmacError(ErrorCode.DATA_ERROR, "this family has no inverse kinematics")
         if definition is not None:
             refuse_singular({**self.systems[system].frame.definitions, motor: definition}.values())
         self.systems[system].define(motor, definition)
@@ -246,6 +248,7 @@ class Controller:
         self.password = Password("" if factory is not None else self.password.text)
         if factory is not None:
             self.programs.clear()
+            self.each_system(lambda system: system.kinematic_lines.clear())
             self.plcs.buffers.clear()
             self.variables.pointers.clear()
             self.tables.replace(())

@@ -7,9 +7,11 @@ from functools import cache
 
 from drivers.pmac.axes import AxisDefinition
 from drivers.pmac.dialect import Setting
+from drivers.pmac.execution.kinematics import kinematics_of
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.run import Library, ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.listing import StoredLine
 from drivers.pmac.requests import ProgramHost
 from drivers.pmac.trajectory.pieces import Vector
 from drivers.pmac.variables import VariableStore
@@ -45,6 +47,7 @@ class CoordinateSystem:
         self.motion = ProgramMotion(number, variables, motors, self.frame, self.time_base)
         self.program_number: int | None = None
         self.modes = Modes()
+        self.kinematic_lines: dict[str, list[StoredLine]] = {}
         self.end_of_block_stop = False
         self.program_hold = False
         self.resume_error = False
@@ -153,6 +156,8 @@ class CoordinateSystem:
         """PMATCH: take the axis positions from the motors, also to resume. Raises PmacError: 001, it moves."""
         self._refuse_moving()
         self.frame.stopped_at = None
+        self._take_kinematics()
+        self.frame.positions()
 
     def set_axis(self, axis: str, position: float) -> None:
         """`X=5`: preset an axis (user units) at rest. Raises PmacError: 001 a program moves, 003 no such axis."""
@@ -204,6 +209,7 @@ class CoordinateSystem:
         motion = self.motion
         if self.program_number is None:
             raise PmacError(ErrorCode.NO_PROGRAM, f"&{self.number} points to no program")
+        self._take_kinematics()
         if not motion.resumable:
             motion.load(self._program(self.program_number))
             self._label = None
@@ -212,6 +218,11 @@ class CoordinateSystem:
         self._refuse_moved(stopped)
         if stopped is None:
             motion.relocate()
+
+    def _take_kinematics(self) -> None:
+        """Solve the axes by the kinematic programs as they are now. Raises PmacError: 009, 016, malformed."""
+        lines = {kind: [line.statements for line in kept] for kind, kept in self.kinematic_lines.items()}
+        self.frame.kinematics = kinematics_of(lines, self._variables, self.number)
 
     def _program(self, number: int) -> ProgramRun:
         if (code := self._library(number)) is None:

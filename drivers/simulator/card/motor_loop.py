@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import inf
 
-from drivers.pmac.reported_velocity import AveragedVelocity
+from drivers.pmac.reported_velocity import averaged_velocity
 from drivers.pmac.settings import PARTS_PER_COUNT
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
@@ -60,8 +60,7 @@ class MotorLoop:
         self._last_actual = 0.0
         self._followed_since_scan = 0.0
         self._correction_at_scan = 0.0
-        self._lost_counts = 0.0
-        self._losing = False
+        self._lost_counts, self._losing = 0.0, False
         self._variables = variables
         self._home = home
         self.jog = JogMotion(number, variables)
@@ -69,8 +68,7 @@ class MotorLoop:
         self._poller = 0
         self._track, self._machine, self._origin = list[float](), list[float](), 0.0
         self.replay = Replay()
-        average = variables.dialect.velocity_average
-        self._averaged = AveragedVelocity(variables, average) if average is not None else None
+        self._averaged = averaged_velocity(variables)
         self._guard = read_guard(variables, number)
         self._guard_revision = variables.i_revision
 
@@ -168,8 +166,9 @@ class MotorLoop:
         start, machine = self.true_position, self._in_machine(track, axis.origin)
         self.true_position = machine[-1]
         self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
-        if self._averaged is not None and self._averaged.due(cycles, self.cycles_run):
-            self._averaged.pass_by(self._counted(track), self.cycles_run)
+        if self._averaged is not None:
+            for at in self._averaged.kept(cycles, self.cycles_run):
+                self._averaged.keep(self.encoder if self._losing else read_encoder(track[at] + self.scale.now))
         self.cycles_run += cycles
         if self._losing:
             self._last_actual = self.actual
@@ -181,13 +180,6 @@ class MotorLoop:
         if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
-
-    def _counted(self, track: Sequence[float]) -> list[float]:
-        """Return what the encoder counts along a track; one that is lost stays where it was."""
-        if self._losing:
-            return [self.encoder] * len(track)
-        noise = self.scale.now
-        return [float(read_encoder(place + noise)) for place in track]
 
     @property
     def undisturbed(self) -> bool:

@@ -15,13 +15,19 @@ ADDRESS_OF_PROGRAMS = Addressed()  # the addressing of a motion program's comman
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OpenBuffer:
-    """The program, or the PLC, being filled, and the host that opened it: no other host may fill it."""
+    """The program, or the PLC, being filled, and the host that opened it: no other host may fill it.
+
+    `kinematic` is a coordinate system, and which of its kinematic programs.
+    """
 
     program: int | None = None
     plc: int | None = None
+    kinematic: tuple[int, str] | None = None
     owner: object
 
     def __str__(self) -> str:
+        if self.kinematic is not None:
+            return f"{self.kinematic[1]} of &{self.kinematic[0]}"
         return f"program {self.program}" if self.plc is None else f"PLC {self.plc}"
 
 

@@ -39,7 +39,7 @@ class SavedState:
     """The whole state as text, by number; `axes` are definitions such as `#1->X` by coordinate system.
 
     `tables` are the lines that send a compensation table, by its motor, `conversion` the changed words of the
-    encoder conversion table, by their line.
+    encoder conversion table, by their line, `kinematics` the programs INVERSE and FORWARD by coordinate system.
     """
 
     family: str
@@ -52,6 +52,7 @@ class SavedState:
     # Missing in files of earlier versions.
     tables: Texts = field(default_factory=dict)
     conversion: Mapping[str, int] = field(default_factory=dict)
+    kinematics: Mapping[str, Texts] = field(default_factory=dict)
 
 
 class Memories(Protocol):
@@ -129,6 +130,13 @@ def _taken(controller: Memories) -> SavedState:
         conversion={str(line): word for line, word in controller.conversion.changed_words.items()},
         tables=_texts({number: table_lines(table) for number, table in controller.tables.tables.items()}),
         password=controller.password.text,
+        kinematics={
+            str(number): {
+                kind: tuple(line.text for line in lines) for kind, lines in system.kinematic_lines.items()
+            }
+            for number, system in controller.systems.items()
+            if system.kinematic_lines
+        },
     )
 
 
@@ -165,6 +173,9 @@ def _put_back(state: SavedState, controller: Memories) -> None:
         int(number): [kept for line in lines for kept in stored_plc_lines(line)]
         for number, lines in state.plcs.items()
     }
+    for index, system in controller.systems.items():
+        kept = state.kinematics.get(str(index), {})
+        system.kinematic_lines = {kind: [stored_line(line) for line in lines] for kind, lines in kept.items()}
     controller.programs.clear()
     controller.programs.update(programs)
     controller.plcs.buffers.clear()

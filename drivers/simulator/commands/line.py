@@ -17,13 +17,30 @@ from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
-from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
+from drivers.simulator.commands import (
+    addressing,
+    buffer_words,
+    card,
+    jogs,
+    kinematic_words,
+    status,
+    systems,
+    values,
+)
 from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, Filling, Reading, Step, signed_constant
 
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
 _COMMAND_WORK = 5  # cost of any command, in values read or set
 
-_ALWAYS_ON_LINE = addressing.WORDS | buffer_words.WORDS | card.WORDS | status.WORDS | systems.WORDS | values.WORDS
+_ALWAYS_ON_LINE = (
+    addressing.WORDS
+    | buffer_words.WORDS
+    | card.WORDS
+    | kinematic_words.WORDS
+    | status.WORDS
+    | systems.WORDS
+    | values.WORDS
+)
 """Words that are never stored, even while a buffer is open."""
 
 _WORDS = _ALWAYS_ON_LINE | jogs.WORDS | buffer_words.SHARED_WORDS  # with those of programs; the longest wins
