@@ -80,6 +80,7 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
 
 
 @pytest.mark.long
+@pytest.mark.timeout(240)
 def test_a_part_of_a_study_is_the_part_that_a_run_cuts(console: Console, tmp_path: Path) -> None:
     (row,) = carried_out(study_file(tmp_path, plants='["realistic"]', compare='"on"'), tmp_path / "out")
     job = tmp_path / "job.toml"

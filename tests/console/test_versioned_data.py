@@ -13,9 +13,11 @@ import pytest
 
 import console.session.versioning.git as git
 from console.session.data.run_reader import runs, story
+from console.session.station.commands import Disarm
 from console.session.versioning.cut_from import VERSIONED, cut_from
 from console.session.versioning.status import Change, How, clone_status
 from profiles.store import load_job, save_job
+from tests.console.floor import Floor
 
 pytestmark = pytest.mark.skipif(
     shutil.which("git") is None, reason="git is not installed (Debian: apt-get install git)"
@@ -140,6 +142,23 @@ def test_texts_are_compared_with_the_commit(clone: Path) -> None:
     changed = cut_from(clone, {"job": (ring, f"{text}# more\n"), "new": (clone / "jobs" / "new.toml", text)})
     assert changed == {"commit": commit, "job_differs": True, "new_differs": True}
     assert cut_from(clone / "jobs", {}) is None
+
+
+def test_a_cut_on_the_screens_keeps_the_commit_too(aligned: Floor) -> None:
+    folder, found = aligned.context.records, list[Any]()
+    folder.mkdir(exist_ok=True)
+    by_git(folder, "init", "-q")
+    by_git(folder, "commit", "-q", "--allow-empty", "-m", "nothing yet")
+    loaded = load_job(EXPERIMENT)
+    for source in (loaded, None):
+        aligned.arm(loaded.job, loaded=source)
+        aligned.do(Disarm())
+        aligned.context.end_record()
+        newest = story(folder, runs(folder)[0].run_id)
+        found += [event.data for event in newest.events if event.kind == VERSIONED]
+    commit = by_git(folder, "rev-parse", "HEAD")
+    # Bundled, so of no commit; then as it was edited on the screen.
+    assert [(each["commit"], each["job_differs"]) for each in found] == [(commit, None), (commit, True)]
 
 
 @pytest.mark.long
