@@ -246,7 +246,7 @@ def _off_axis(centred: _Centred, radius_mm: float | None) -> tuple[Problem, ...]
     needed_mm = seen_oval_um_pp(eccentricity_um, 1.0) / _MOST_OVALITY_UM
     value, limit = f"{eccentricity_um:.3g} um", f"{needed_mm:.3g} mm"
     size = f"{seen_oval_um_pp(eccentricity_um, _EXAMPLE_MM):.3g} um (R = {_EXAMPLE_MM:g} mm)"
-    return (Problem(code=OFF_AXIS, where=size, key="radius_mm", value=value, limit=limit),)
+    return (Problem(code=OFF_AXIS, key=size, value=value, limit=limit),)
 
 
 def _sampling(points: int, filter_upr: float | None) -> tuple[Problem, ...]:

@@ -131,8 +131,7 @@ def _depth_holds(depth_mm: float, lobe_mm: float) -> Finding:
     """Check that the tool cuts all round; the limit is rounded up, so that it is accepted when it is typed."""
     least_mm = math.ceil(round((lobe_mm + LEAST_CHIP_MM) * 1e4, 6)) / 1e4
     value, limit = f"{depth_mm:.6g} mm", f">= {least_mm:.6g} mm"
-    chip = f"{LEAST_CHIP_MM:g} mm"
-    problem = Problem(code="rule.depth_under_lobe", where=chip, key="depth_of_cut_mm", value=value, limit=limit)
+    problem = Problem(code="rule.depth_under_lobe", key="depth_of_cut_mm", value=value, limit=limit)
     return judged(depth_mm >= least_mm, problem)
 
 

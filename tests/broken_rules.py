@@ -284,6 +284,27 @@ _SCIENCE: tuple[Mutation, ...] = (
         test="tests/profiles/test_ring.py::test_the_series_is_the_closed_form",
     ),
     Mutation(
+        rule="The moment under a jaw is W R (1/h - cot h) / 2.",
+        file="profiles/chucking/ring.py",
+        old="(1 / h - 1 / math.tan(h))\n    return 6",
+        new="(1 / h)\n    return 6",
+        test="tests/profiles/test_ring.py::test_the_stress_under_a_jaw_is_that_of_finite_elements",
+    ),
+    Mutation(
+        rule="Faster gains need responses in which no flexible mode can hide.",
+        file="profiles/axis/loop_design.py",
+        old="HIDDEN_CHANGE = 0.7",
+        new="HIDDEN_CHANGE = 1e9",
+        test="tests/profiles/test_loop_design.py::test_responses_that_would_not_show_a_mode_refuse_faster_gains",
+    ),
+    Mutation(
+        rule="A flexible mode of the axis is in the loop that gains are designed for.",
+        file="profiles/axis/plant_fit.py",
+        old="if likely and problem.is_resonance(with_mode.values):",
+        new="if likely and not problem.is_resonance(with_mode.values):",
+        test="tests/profiles/test_loop_design.py::test_a_mode_above_the_measured_frequencies_is_found",
+    ),
+    Mutation(
         rule="The filter lets half of its cut-off through.",
         file="profiles/metrology/filters.py",
         old="_ALPHA = math.sqrt(math.log(2) / math.pi)",

@@ -14,7 +14,7 @@ LOGGED = frozenset(
     {
         None,  # the screens
         *("run", "doctor", "controller", "identify", "health", "tune"),
-        *("simulator", "metrics", "mtconnect", "mqtt"),
+        *("simulator", "metrics", "mtconnect", "mqtt", "ship"),
     }
 )
 """Commands that work a machine, or serve others. A fault of the program is in it anyway.

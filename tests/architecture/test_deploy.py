@@ -37,7 +37,7 @@ def test_a_unit_starts_a_command_with_options_that_it_has(unit: Path) -> None:
 @pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
 def test_systemd_finds_nothing_wrong_with_a_unit(unit: Path, tmp_path: Path) -> None:
     text = unit.read_text(encoding="utf-8").replace("/usr/local/bin/console", "/bin/true")
-    text = text.replace("EnvironmentFile=/etc/trilobe/mqtt.env", "EnvironmentFile=/dev/null")
+    text = text.replace("EnvironmentFile=/etc/trilobe/", "EnvironmentFile=-/etc/trilobe/")
     copy = tmp_path / unit.name.replace("@", "@lathe-3")
     copy.write_text(text, encoding="utf-8")
     done = subprocess.run(["systemd-analyze", "verify", str(copy)], capture_output=True, text=True, check=False)

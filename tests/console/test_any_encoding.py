@@ -140,7 +140,7 @@ def test_what_json_says_is_what_it_was_and_steers_nothing(text: str) -> None:
             print_json({text: [text]})
             sys.stdout.flush()
         found = bytes_.getvalue().decode(encoding)
-        assert steering(found) == set() and json.loads(found) == {text: [text]}
+        assert steering(found) == set() and json.loads(found) == {"schema": 1, text: [text]}
 
 
 @pytest.mark.parametrize("text", ["plain", "µm ± 3 °", "한국어 보상", "a\nb\tc", "a\u3000b\xa0c"])

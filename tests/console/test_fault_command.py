@@ -65,7 +65,7 @@ def test_as_json_it_is_the_answer_and_the_reason(
     path = tmp_path / "faults"
     with answering(path, b"a\nb\n" + verdict + b"\n"):
         said = console("fault", f"unix:{path}", "active", "--json")
-    assert json.loads(said.out) == {"answer": ["a", "b"], "refused": reason, "simulated": True}
+    assert json.loads(said.out) == {"schema": 1, "answer": ["a", "b"], "refused": reason, "simulated": True}
     assert said.code == (0 if reason is None else 1)
 
 

@@ -70,6 +70,7 @@ def test_gains_are_applied_read_back_kept_on_disk_and_taken_back(owner: WithStat
     assert (kept["open"], kept["before"], kept["proposed"]) == (True, BEFORE, HALF_KP)
     assert [event["what"] for event in kept["events"]] == ["begun", "applied"]
     assert kept["margins"]["gain_margin"] == pytest.approx(2.0 * 5.58, rel=0.002)
+    assert kept["axis"]["acceleration_per_v"] == pytest.approx(624.025 / 4.74, rel=1e-4)
     state = owner.do(RevertGains())
     assert (owner.refusals, owner.alarms, stands(owner)) == ([], [], BEFORE)
     assert state.trial is None and state.uncommissioned == () and state.alignment.settings == ()
@@ -254,6 +255,20 @@ def test_the_touch_off_is_void_with_other_gains_home_and_jaw_1_are_not(owner: Wi
     state = owner.do(order(HALF_KP))
     assert state.alignment.touch_off is None and state.alignment.jaw is not None
     assert [each.code for each in state.alignment.lost] == ["alignment.retuned"]
+
+
+def test_a_trial_that_was_kept_without_its_axis_is_read_and_judged_by_the_profile(
+    owner: WithStation, tmp_path: Path
+) -> None:
+    owner.do(order(HALF_KP))
+    file = tmp_path / "trials" / MACHINE / "trial-000001.json"
+    kept = record(tmp_path)
+    del kept["axis"]
+    file.write_text(json.dumps(kept), encoding="utf-8")
+    state = owner.do(Verify())
+    assert state.trial is not None and state.trial.whole
+    file.write_text(json.dumps({**kept, "axis": {"delay_s": 0.1}}), encoding="utf-8")
+    assert owner.do(Verify()).trial is None and "trial.file" in owner.alarms
 
 
 @pytest.mark.parametrize("content", ["{", '{"schema": 9}'])

@@ -107,7 +107,7 @@ def test_the_version_is_stated(console: Console) -> None:
     assert said.code == 0
     assert said.out.startswith("trilobe 0.")
     stated = console("--version", "--json").json
-    assert stated == {"name": "trilobe", "version": said.out.split()[1]}
+    assert stated == {"schema": 1, "name": "trilobe", "version": said.out.split()[1]}
 
 
 def test_json_may_stand_before_the_command(console: Console) -> None:

@@ -81,7 +81,7 @@ def test_the_opened_loop_and_its_stability_are_those_of_another_program(name: st
     hz = np.array([0.5, 5.0, 50.0, 400.0, 1000.0])
     expected = np.array([other(np.exp(2j * np.pi * f * loop.period_s)) for f in hz])
     assert loop.opened(hz) == pytest.approx(expected, rel=1e-6)
-    poles = control.feedback(control.ss(other), 1).poles()
+    poles = control.feedback(other, 1).poles()
     assert is_stable(loop) is bool((np.abs(poles) < 1.0 - 1e-9).all()) is (name not in UNSTABLE)
 
 

@@ -156,7 +156,7 @@ def test_a_circle_off_the_axis_without_a_radius_is_told(eccentricity_um: float, 
     circle = e * np.cos(theta) + np.sqrt(26_000.0**2 - (e * np.sin(theta)) ** 2) - 26_000.0
     result = evaluate(ANGLE, circle, None)
     assert result.ront_um == pytest.approx(e**2 / 52_000, rel=0.01)
-    assert [[p.value, p.where, p.limit] for p in result.warnings if p.code == "trace.off_axis"] == [told]
+    assert [[p.value, p.key, p.limit] for p in result.warnings if p.code == "trace.off_axis"] == [told]
     assert evaluate(ANGLE, circle, None, radius_mm=26.0).warnings == ()
     assert evaluate(ANGLE, circle, None, radius_mm=26.0).ront_um == pytest.approx(0.0, abs=0.05)
     assert evaluate(ANGLE, circle * 0.04, None).warnings == (), "20 um are centred well enough for any part"

@@ -8,8 +8,9 @@ from profiles.chucking.grip import centrifugal_loss_n, grip_margin_n
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.rules import check
+from profiles.rules import LEAST_CHIP_MM, check
 from profiles.store import load_job, load_machine
+from profiles.words.sentences import LANGUAGES, Sentences, words_of
 
 ONE = load_job("lee-2001-experiment-1").job
 TWO = load_job("lee-2001-experiment-2").job
@@ -90,6 +91,14 @@ def test_a_depth_that_does_not_hold_the_lobe_at_the_end_where_it_is_largest_is_r
         met = told(replace(grown, depth_of_cut_mm=depth_mm), "rule.depth_under_lobe")
         assert met == (severity, f"{depth_mm:g} mm", ">= 0.0435 mm")
     assert told(grown, "rule.depth_over_wall")[1] == "2.3615 mm"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_refusal_of_a_shallow_cut_has_the_least_depth_and_what_the_edge_needs(language: str) -> None:
+    """0.02 mm with a lobe of 55 um previews as round and leaves 7.5 um: 27.5 um and 5 um for the edge."""
+    (finding,) = refusals(check(replace(ONE, depth_of_cut_mm=0.02), LATHE))
+    said = Sentences(words_of(language)).problem(replace(finding.problem, where="/some/job.toml"))
+    assert all(fact in said for fact in ("0.02 mm", "0.0325 mm", f"{1000 * LEAST_CHIP_MM:g} um"))
 
 
 def test_a_wall_that_yields_under_the_jaws_or_is_cut_through_is_refused_with_what_would_pass() -> None:

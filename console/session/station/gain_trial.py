@@ -10,12 +10,12 @@ from console.session.errors import SessionError
 from console.session.station import commands
 from console.session.station.alarms import Priority
 from console.session.station.context import StationContext
-from console.session.trial.standing import StandingTrial
+from console.session.trial.standing import UNPROVEN, StandingTrial
 from console.session.trial.trial import TrialPlace, apply_trial, revert_trial, safe_trial
 from drivers.errors import LinkError
 from profiles.problem import Problem, ProblemError
 
-ALARMS = ("trial.active", "trial.stands", "trial.unknown", "trial.file")
+ALARMS = ("trial.active", "trial.stands", "trial.unknown", "trial.file", *UNPROVEN)
 
 
 def verified(context: StationContext) -> tuple[Problem, ...]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from console.session.data.kept_files import folder_name, keep, kept, numbered_files, utc_now
 from console.session.operator import operator_name
 from drivers.link.address import without_options
+from profiles.axis.sampled_loop import AxisPlant, FlexibleMode
 from profiles.files import printable, write_atomically
 from profiles.own_values import read_own
 
@@ -35,6 +36,8 @@ class TrialEvent:
 class TrialRecord:
     """One trial: gains `before`, as read, and `proposed`, with their margins; `open` until it is over.
 
+    `axis` is the one of those margins, as `values_of` writes it; {} is that of the profile.
+
     `address` is that of the link, without options; a simulated machine has none that lasts.
     """
 
@@ -48,11 +51,36 @@ class TrialRecord:
     margins: Mapping[str, float]
     open: bool
     events: tuple[TrialEvent, ...]
+    axis: Mapping[str, float] = field(default_factory=dict)
 
     def then(self, what: str, found: Mapping[str, float], *, over: bool = False) -> TrialRecord:
         """Return the record with one more event, and closed where the trial is over."""
         event = TrialEvent(date=utc_now(), what=what, by=operator_name(), found=dict(found))
         return replace(self, events=(*self.events, event), open=self.open and not over)
+
+
+def values_of(plant: AxisPlant) -> dict[str, float]:
+    """Return an axis as values for a file."""
+    values = {
+        "acceleration_per_v": plant.acceleration_per_v,
+        "damping_per_s": plant.damping_per_s,
+        "delay_s": plant.delay_s,
+    }
+    for mode in plant.modes:
+        values |= {"mode_hz": mode.hz, "mode_damping_ratio": mode.damping_ratio, "mode_fraction": mode.fraction}
+    return values
+
+
+def plant_of(values: Mapping[str, float]) -> AxisPlant | None:
+    """Return the axis that `values_of` has written; None for {}."""
+    if not values:
+        return None
+    rigid = {name: values[name] for name in ("acceleration_per_v", "damping_per_s", "delay_s")}
+    modes: tuple[FlexibleMode, ...] = ()
+    if "mode_hz" in values:
+        hz, ratio, fraction = (values[f"mode_{name}"] for name in ("hz", "damping_ratio", "fraction"))
+        modes = (FlexibleMode(hz=hz, damping_ratio=ratio, fraction=fraction),)
+    return AxisPlant(**rigid, modes=modes)
 
 
 def file_of_new(data: Path, machine: str) -> Path:
@@ -100,3 +128,10 @@ def _judge(record: TrialRecord) -> None:
     for value in (*record.before.values(), *record.proposed.values()):
         if not (float(value).is_integer() and abs(value) <= MOST_SETTING):
             raise ValueError(f"{value:g}")
+    if record.axis:
+        try:
+            plant = plant_of(record.axis)
+        except KeyError as error:
+            raise ValueError(f"axis {error}") from error
+        if plant is None or plant.acceleration_per_v <= 0.0 or plant.damping_per_s < 0.0 or plant.delay_s < 0.0:
+            raise ValueError("axis")

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from profiles.problem import Problem
 
+UNPROVEN = ("trial.unproven", "trial.overshoots", "trial.swings", "trial.incoherent")
+"""Why nothing is cut with gains that the profile has taken over from a trial."""
+
 Gains = tuple[tuple[str, float], ...]
 """Ix30 to Ix33 of the tool: names and values."""
 

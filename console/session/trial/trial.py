@@ -14,8 +14,8 @@ from pathlib import Path
 from console.session.errors import SessionError, refuse
 from console.session.trial import record as records
 from console.session.trial.air_proof import unproven
-from console.session.trial.proposal import bound_problems, known_loop, margins_with
-from console.session.trial.record import TrialRecord, open_trial
+from console.session.trial.proposal import KnownLoop, bound_problems, known_loop, margins_with
+from console.session.trial.record import TrialRecord, open_trial, plant_of, values_of
 from console.session.trial.standing import Gains, StandingTrial, listed, stands_problem
 from drivers.commissioning.gains import refuse_unready
 from drivers.errors import DriverError, LinkError, RefusedError
@@ -23,6 +23,7 @@ from drivers.identification.tool_gains import ToolGains, matches
 from drivers.identification.tool_loop import ToolLoop
 from drivers.link.address import without_options
 from drivers.pmac.client import PmacClient
+from profiles.axis.sampled_loop import loop_of
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
 
@@ -87,7 +88,8 @@ def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float])
     problems: tuple[Problem, ...] = (_active(trial),) if whole else (stands_problem(before, proposed, now),)
     if whole:
         read = place.gains.loop("")
-        known = known_loop(read.on(place.machine), place.data, simulated=place.simulated)
+        # The axis that it was bounded by: to fit it anew takes longer than the link thread may.
+        known = KnownLoop(loop=loop_of(read.on(place.machine), plant_of(trial.axis)))
         if bounds := bound_problems(place.machine, read, trial.proposed, known):
             whole, problems = False, (*bounds, stands_problem(before, proposed, now))
     began = trial.events[0] if trial.events else None
@@ -130,7 +132,7 @@ def apply_trial(place: TrialPlace, settings: Mapping[str, float], shown: Mapping
         )
     known = known_loop(read.on(place.machine), place.data, simulated=place.simulated)
     refuse(bound_problems(place.machine, read, settings, known))
-    file, trial = _begun(place, read, found, settings)
+    file, trial = _begun(place, read, found, settings, known)
     _write(place, file, trial, settings, records.APPLIED)
 
 
@@ -147,14 +149,17 @@ def revert_trial(place: TrialPlace) -> None:
 
 
 def _begun(
-    place: TrialPlace, read: ToolLoop, found: Mapping[str, float], settings: Mapping[str, float]
+    place: TrialPlace,
+    read: ToolLoop,
+    found: Mapping[str, float],
+    settings: Mapping[str, float],
+    known: KnownLoop,
 ) -> tuple[Path, TrialRecord]:
     """Keep what stands now, before anything is written."""
     proposed = {name: float(value) for name, value in settings.items()}
     kept, data, name = place.trial(), place.data, place.machine.name
     before = found if kept is None else kept[1].before
     version, kind = place.firmware
-    known = known_loop(read.on(place.machine), data, simulated=place.simulated)
     margins = margins_with(place.machine, read, proposed, known)
     trial = TrialRecord(
         machine=name,
@@ -164,6 +169,7 @@ def _begun(
         kind=kind,
         before=before,
         proposed=proposed,
+        axis=values_of(known.loop.plant),
         margins={
             "gain_margin": margins.gain_margin or 0.0,
             "phase_margin_deg": margins.phase_margin_deg or 0.0,
