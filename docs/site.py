@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 DOCUMENTS = ("CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "benchmarks/README.md")
 PARTS: Mapping[str, Sequence[str]] = {
     "Begin": ("operator", "operator.ko", "trainee", "engineer", "integrator", "safety", "gallery"),
-    "Look up": ("commands", "troubleshooting", "troubleshooting.ko", "glossary", "operator-rules"),
+    "Look up": ("commands", "install", "troubleshooting", "troubleshooting.ko", "glossary", "operator-rules"),
     "The part": ("calibration", "strategies", "learning", "traces", "records", "report", "api"),
     "The machine": (
         "commissioning",

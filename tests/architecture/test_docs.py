@@ -93,6 +93,28 @@ def test_relative_links_lead_to_a_file(document: str) -> None:
     assert [target for target in targets if target and not (folder / target).exists()] == []
 
 
+def anchors_of(path: Path) -> set[str]:
+    """The names by which the headings of a document are linked to: small letters, hyphens for blanks, no signs."""
+    text = re.sub(r"^```.*?^```", "", path.read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL)
+    headings = re.findall(r"^#+ (.+)$", text, flags=re.MULTILINE)
+    return {re.sub(r"[^\w -]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_links_to_a_heading_lead_to_one(document: str) -> None:
+    here = ROOT / document
+    links = (target.partition("#") for target in LINK.findall(text_of(document)) if "://" not in target)
+    named = [(here.parent / name if name else here, anchor) for name, _, anchor in links if anchor]
+    assert [(path.name, anchor) for path, anchor in named if anchor not in anchors_of(path)] == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS)
+def test_a_fence_that_is_opened_is_closed(document: str) -> None:
+    fences = re.findall(r"^[ ]*(```.*)$", text_of(document), flags=re.MULTILINE)
+    assert len(fences) % 2 == 0
+    assert {fence for fence in fences[1::2] if fence != "```"} == set()
+
+
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_source_files_that_are_named_exist(document: str) -> None:
     sources = [f"/{path.relative_to(ROOT)}" for path in project_texts() if path.suffix == ".py"]
