@@ -92,10 +92,9 @@ def test_every_command_says_what_is_closed(
     place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("HOME", str(place))
-    for command in (
-        *READS,
-        *WRITES,
-    ):  # once by this account: what the interpreter loads may be closed to the other
+    monkeypatch.chdir(place)
+    # Once by this account: what the interpreter loads may be closed to the other.
+    for command in (*READS, *WRITES):
         main([*written_to(place / "warm", command), "--data", str(place / "data")])
     (place / "out").mkdir(mode=0o700)
     (place / "data").rename(place / "kept")
