@@ -67,6 +67,9 @@ def add_shared(
         parser.add_argument(f"--{name}", default=absent, help=text(key), **_SHARED[name])
 
 
+INDICATOR = "indicator"  # instead of a file: the indicator of the simulated lathe
+
+
 def add_practice(parser: Parser, text: Catalogue) -> None:
     """Add the recording whose event is practised, and how long before it that begins."""
     parser.add_argument("--from", metavar="FILE", dest="from_file", help=text("help.from"))

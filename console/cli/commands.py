@@ -45,6 +45,7 @@ COMMANDS = {
     "health": "console.cli.machine.health",
     "tune": "console.cli.machine.tune",
     "calibrate": "console.cli.measured.calibrate",
+    "fingerprint": "console.cli.measured.fingerprint",
     "learn": "console.cli.measured.learn",
     "records": "console.cli.measured.records",
     "reproduce": "console.cli.measured.reproduce",

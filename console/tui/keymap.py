@@ -177,6 +177,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="align.go", keys=("f6",), shown="F6", row="", moves=True, once=True),
     Action(id="align.flank", keys=("i", "ㅑ"), shown="i", row="", once=True),
     Action(id="align.skim", keys=("m", "ㅡ"), shown="m", row="", once=True),
+    Action(id="align.clamping", keys=("n", "ㅜ"), shown="n", row=""),
     Action(id="align.force", keys=("f", "ㄹ"), shown="f", row=""),
     Action(id="align.hold", keys=("h", "ㅗ"), shown="h", row=""),
     Action(id="align.back", keys=("b", "ㅠ"), shown="b", row=""),

@@ -28,6 +28,7 @@ from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -159,6 +160,10 @@ class SimulatedLathe:
     def measure_clamped(self) -> Trace:
         """Measure the part in the chuck, see `SimulatedWorkshop.measure_clamped`."""
         return self._floor.measure_clamped()
+
+    def indicate(self, places: int | None = None) -> ClampReadings:
+        """Return what an indicator shows of the clamping, see `SimulatedWorkshop.indicate`."""
+        return self._floor.indicate(places)
 
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck, without counts and zeros."""

@@ -9,8 +9,8 @@ from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
-SCHEMA = 2
-READ = (1, SCHEMA)  # the first had neither `plain` nor `frozen`
+SCHEMA = 3
+READ = (1, 2, SCHEMA)  # the first had neither `plain` nor `frozen`, the second no `clamped`
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
@@ -31,12 +31,27 @@ class HoldsFor:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class ClampedRead:
+    """The fingerprint of a part's clamping: by what its lobe was multiplied, and what the indicator has shown.
+
+    The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe that the
+    deflection stands for, at rest, with the standard deviation of each of its components.
+    """
+
+    height: float
+    turn_deg: float
+    felt: PathHarmonic
+    felt_sd_um: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class PartRead:
     """The part that a version was learned from: how it was cut, and what was left on it.
 
     It was cut with `fraction` of `version` (0: of the model, nothing learned); `target` is the lobe
     of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
-    amplitude. `plain` are the other harmonics of the part as it would have been without a path.
+    amplitude. `plain` are the other harmonics of the part as it would have been without a path. Of a part that was
+    `clamped` by its fingerprint, all of it is as it would have been in the mean clamping.
     """
 
     version: int
@@ -46,6 +61,7 @@ class PartRead:
     lobe_sd_um: float
     ront_um: float
     plain: tuple[PathHarmonic, ...] = ()
+    clamped: ClampedRead | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +179,9 @@ def _judge(learned: LearnedCompensation) -> None:
         *learned.path.target.harmonics,
         *learned.path.command.harmonics,
         *((part.target, part.lobe, *part.plain) if part else ()),
+        *((part.clamped.felt,) if part and part.clamped else ()),
     ]
+    if part and part.clamped and not (part.clamped.height > 0.0 and part.clamped.felt_sd_um > 0.0):
+        raise ValueError(f"height {part.clamped.height}, felt_sd_um {part.clamped.felt_sd_um}")
     if (least := min(harmonic.lobes for harmonic in harmonics)) < 1:
         raise ValueError(f"lobes {least}")

@@ -21,7 +21,7 @@ from enum import StrEnum
 from itertools import pairwise
 
 from profiles.compensations.certificate import Certified, Follows
-from profiles.compensations.learned import MODEL, HoldsFor, LearnedCompensation, PartRead
+from profiles.compensations.learned import MODEL, ClampedRead, HoldsFor, LearnedCompensation, PartRead
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
@@ -78,6 +78,7 @@ class CutWith:
 
     `parent` is the path of the previous part, from which the version was learned: without it only the
     convergence of the lobe can be judged. `history` are the versions that led to this one, which is the last.
+    `clamped` is the fingerprint of its clamping: path and part are then those of the mean clamping.
     """
 
     path: CutPath
@@ -85,6 +86,7 @@ class CutWith:
     version: LearnedCompensation | None
     parent: CutPath | None = None
     history: tuple[LearnedCompensation, ...] = ()
+    clamped: ClampedRead | None = None
 
     @property
     def number(self) -> int:
@@ -263,6 +265,7 @@ def _read(cut: CutWith, part: PartHarmonics, lobes: int, parts: Sequence[OrderSe
         lobe_sd_um=part.sd_um[lobes],
         ront_um=part.ront_um(),
         plain=tuple(PathHarmonic.of(each.order, each.shown_um[-1]) for each in parts if each.order != lobes),
+        clamped=cut.clamped,
     )
 
 

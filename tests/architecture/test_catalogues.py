@@ -30,7 +30,11 @@ NO_CODES = {"controller.variables", "simulator.ready", "key.help", *(action.id f
 PROBLEM_FIELDS = {"where", "key", "value", "limit"}
 HIGHEST_CONTROLLER_ERROR = 19
 COMPOSED = (
-    *(f"{area}.{what}" for area in ("file", "trace", "calibration") for what in ("unreadable", "too_large")),
+    *(
+        f"{area}.{what}"
+        for area in ("file", "trace", "calibration", "clamping")
+        for what in ("unreadable", "too_large")
+    ),
     *(f"learned.{what}_changed" for what in ("job", "machine")),
     *(f"controller.err{number:03d}" for number in range(HIGHEST_CONTROLLER_ERROR + 1)),
 )

@@ -21,6 +21,7 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
@@ -56,6 +57,9 @@ class Floor:
 
     def measure(self) -> Trace:
         return self.sim.measure()
+
+    def indicate(self, places: int | None = None) -> ClampReadings:
+        return self.sim.indicate(places)
 
     def look(self) -> WorkshopView:
         return self.sim.look()

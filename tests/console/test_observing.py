@@ -26,6 +26,7 @@ from console.session.station.commands import (
     GoTo,
     Home,
     IdentifyTool,
+    Indicate,
     Jog,
     Measure,
     NoteSkim,
@@ -35,6 +36,7 @@ from console.session.station.commands import (
     RevertGains,
     Start,
     TakeControl,
+    TakeFingerprint,
     TakeFlank,
     TakeJaw,
     TakeTouchOff,
@@ -63,6 +65,7 @@ REFUSED: tuple[Command, ...] = (
     Approach(job=JOB),
     Jog(axis=AxisName.TOOL, distance=-1.0),
     GoTo(axis=AxisName.CARRIAGE, target=1.0),
+    TakeFingerprint(job=JOB, readings=None),
     TakeFlank(),
     NoteSkim(),
     TakeJaw(),
@@ -80,6 +83,7 @@ REFUSED: tuple[Command, ...] = (
     TakeTrace(path=Path("part.csv"), sha256="", job=JOB, loaded=None, answers={}),
     CorrectTouchOff(),
     AskTruth(),
+    Indicate(places=8),
 )
 
 

@@ -20,6 +20,7 @@ from drivers.cutting.planning import CutPlan, Strategy
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.problem import ProblemError
 from profiles.traces import Trace
@@ -155,6 +156,9 @@ class Made:
     def measure(self) -> Trace:
         self.measured = True
         return cast(Trace, None)
+
+    def indicate(self, places: int | None = None) -> ClampReadings:
+        return self.watched.sim.indicate(places)
 
     def look(self) -> WorkshopView:
         return self.watched.sim.look()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -9,7 +10,15 @@ from pathlib import Path
 import pytest
 
 from console.session.cut.alignment import Alignment
-from console.session.station.commands import Command, NoteSkim, TakeFlank, TakeJaw, TakeTouchOff
+from console.session.station.commands import (
+    Command,
+    Forget,
+    NoteSkim,
+    TakeFingerprint,
+    TakeFlank,
+    TakeJaw,
+    TakeTouchOff,
+)
 from console.session.station.state import StationState
 from console.session.work import edited
 from console.tui.pages.align import AlignPage
@@ -177,3 +186,55 @@ def test_another_job_asks_for_what_it_changes(changes: dict[str, str], asked: st
         other = edited(other, key, value)
     page = shown(state(VALID), work=other)
     assert "● 2 clamped" in page.text and asked in page.text
+
+
+CLAMPED = state(replace(NO_JAW, readings=None))
+
+
+def readings_keys(places: int, tight: float, full: float) -> list[str]:
+    """Return the keys that type readings: the same at each place, but for 30 um up and down three times a turn."""
+    keys = ["align.clamping", str(places), "align.take"]
+    for base, lobe in ((tight, 0.0), (full, 30.0)):
+        for place in range(places):
+            keys += [f"{base - lobe * math.cos(2.0 * math.pi * 3 * place / places):.1f}", "align.take"]
+    return keys
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_n_asks_for_readings_in_both_states_and_enter_takes_them_for_this_part(language: str) -> None:
+    text, orders, codes = typed(CLAMPED, *readings_keys(12, 4.0, -2.0), language=language)
+    assert codes == []
+    assert "3/rev 60.0 ±" in text
+    _, orders, _ = typed(CLAMPED, *readings_keys(12, 4.0, -2.0), "align.take", language=language)
+    (taken,) = [each for each in orders if isinstance(each, TakeFingerprint)]
+    assert taken.readings is not None and taken.readings.from_jaw_1
+    assert taken.readings.angle_deg[:3] == (0.0, 30.0, 60.0)
+    assert taken.readings.finger_um == (4.0,) * 12
+    assert taken.readings.full_um[:2] == (-32.0, -2.0)
+
+
+def test_a_reading_is_dropped_and_what_was_typed_is_kept_while_the_entry_is_closed() -> None:
+    keys = ["align.clamping", "8", "align.take", "5", "align.take", "6", "align.take"]
+    text, orders, _ = typed(CLAMPED, *keys, "align.back", "align.clamping", "align.clamping")
+    assert "place 2 of 8, 45° past jaw 1" in text and "finger-tight" in text
+    assert not [each for each in orders if isinstance(each, (TakeFingerprint, Forget))]
+
+
+@pytest.mark.parametrize(
+    ("keys", "code"),
+    [
+        (["align.take"], "screen.no_places"),
+        (["5", "align.take"], "screen.number_out_of_range"),
+        (["7.5", "align.take"], "screen.number_out_of_range"),
+        (["8", "align.take", "align.take"], "screen.no_reading"),
+        (["8", "align.take", "9999", "align.take"], "screen.number_out_of_range"),
+    ],
+)
+def test_what_is_no_reading_is_not_taken(keys: list[str], code: str) -> None:
+    _, _, codes = typed(CLAMPED, "align.clamping", *keys)
+    assert codes == [code]
+
+
+def test_readings_are_of_a_clamped_blank() -> None:
+    _, orders, codes = typed(UNCLAMPED, "align.clamping")
+    assert codes == ["screen.no_readings_now"] and orders == []

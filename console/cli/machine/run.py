@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 
 from console.cli.arguments import (
+    INDICATOR,
     LINK,
     OUT_OF_TOLERANCE,
     PLANT,
@@ -38,6 +39,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     parser.add_argument("--stage", choices=STAGES, default="full", help=text("help.stage"))
     version_help = text("help.compensation")
     parser.add_argument("--compensation", metavar="VERSION", type=compensation, default="none", help=version_help)
+    parser.add_argument("--fingerprint", metavar=f"FILE|{INDICATOR}", help=text("help.fingerprint_of"))
     parser.add_argument("--part", metavar="FILE.csv", help=text("help.part"))
     add_fail_out_of_tolerance(parser, text)
     parser.add_argument("--yes", action="store_true", help=text("help.run.yes"))

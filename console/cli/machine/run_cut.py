@@ -23,18 +23,20 @@ from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.data.learned_store import NONE
-from console.session.data.made_parts import AS_FILED, CUT_JAW, INVERTED, MODEL
+from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.server import FeedServer
-from console.session.learning.learning import LearnResult, learn
+from console.session.learning.learning import learn
+from console.session.learning.row_result import LearnResult
 from console.session.operator import operator_name
 from console.session.signals import Interruption
 from console.session.stages import Stage
 from console.session.station.actions import stopped_by
 from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
+from console.text.fingerprint import fingerprint_line
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
 from profiles.job import Job
@@ -157,6 +159,8 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
     lines = [text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)]
     if not request.address:
         lines.append(force_line(request.job.job, request.machine.machine, text))
+    if request.fingerprint is not None:
+        lines.append(fingerprint_line(request.fingerprint, text))
     # In one piece: a reader that closes after the first line is noticed at the first step, which stops the cut.
     print("".join(f"{text('sim')}  {line}\n" if request.simulated else f"{line}\n" for line in lines), end="")
 
@@ -177,6 +181,7 @@ def _made(request: RunRequest) -> dict[str, str]:
         "stage": plan.stage.value,
         INVERTED: plan.inverted or MODEL,
         CUT_JAW: AS_FILED,
+        **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
     }
 
 
@@ -197,6 +202,7 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
             "aligned": False,
             "calibrations": machine.used,
             "inverted": plan.inverted or MODEL,
+            **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
             "address": "" if request.address is None else str(request.address),
             "warnings": warnings,
         },
@@ -284,7 +290,7 @@ def _cut(
 
         if request.parts is None:
             return run(request.plan, open_machine, tell)
-        return learn(request.plan, open_machine, tell, request.parts)
+        return learn(request.plan, open_machine, tell, request.parts, fingerprint=request.felt)
     stopping = Stopping(interruption, text)
 
     def seen(snapshot: Snapshot) -> None:

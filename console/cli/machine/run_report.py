@@ -8,13 +8,14 @@ from console.cli.judgement import span_fields
 from console.cli.measured.roundness_report import roundness_fields
 from console.cli.output import fields_of, harmonics_of
 from console.session.cut.run import RunResult
-from console.session.data.made_parts import tool_lobe_event
-from console.session.learning.learning import LearnedPart, LearnResult
+from console.session.data.made_parts import FINGERPRINT, tool_lobe_event
+from console.session.learning.row_result import LearnedPart, LearnResult
 from console.session.stages import Stage
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
+from console.text.fingerprint import clamped_fields
 from profiles.compensations.path import PathHarmonic
 from profiles.roundness import RoundnessResult
 
@@ -40,6 +41,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "stage": plan.stage.value,
         "compensation": plan.compensation,
         "inverted": plan.inverted or "model",
+        **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
         "expected": None if plan.expected is None else harmonics_of(plan.expected),
         "clamping": span_fields(plan.job, plan.machine),
         "spindle_rpm": figures.spindle_speed_rpm,
@@ -78,6 +80,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
             "certificate": certificate_fields(part.certificate),
+            "fingerprint": None if part.clamped is None else clamped_fields(part.clamped, path.target.lobes),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
     }

@@ -6,12 +6,16 @@ from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
 
+from console.cli.arguments import INDICATOR
 from console.cli.library import data_of, job_of, machine_of, true_parameters_of
+from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.identified import asked_response
 from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
+from console.session.learning.fingerprint import Fingerprint
+from console.session.learning.history import history_of
 from console.session.learning.learning import refuse_unlearnable
 from console.session.stages import Stage, nominal_path
 from console.session.station.whereabouts import address_of
@@ -19,6 +23,7 @@ from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
+from profiles.axis.response import ServoResponse
 from profiles.compensations.learned import LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.files import printable
@@ -33,8 +38,9 @@ class RunRequest:
     """`address` is None for a simulated machine in this process, which runs as fast as it is computed.
 
     `true` is the actual plant of that one, None for one as its profile says. `parts` is the length of a learning
-    series. `part_file` is the file for the trace of the part. `warnings` are reported before anything moves, among
-    them what was learned and is not used in this cut.
+    series, each part of it `felt` by an indicator or not. `part_file` is the file for the trace of the part.
+    `fingerprint` is what an indicator has shown of the clamping of a single part. `warnings` are reported before
+    anything moves, among them what was learned and is not used in this cut.
     """
 
     job: LoadedJob
@@ -46,6 +52,8 @@ class RunRequest:
     parts: int | None
     part_file: Path | None
     warnings: tuple[Problem, ...]
+    fingerprint: Fingerprint | None = None
+    felt: bool = False
 
 
 def requested(options: Namespace) -> RunRequest:
@@ -54,29 +62,17 @@ def requested(options: Namespace) -> RunRequest:
     machine = loaded.machine
     address = None if options.sim else address_of(machine, options.link, simulated=False)
     simulated = address is None or isinstance(address, SimulatedAddress)
-    part_file = _part_file(options, simulated=simulated)
     asked = asked_for(job, loaded, options.strategy, simulated=simulated)
     known = () if options.compensation == NONE else versions(data_of(options), asked)
     learned = chosen(options.compensation, known, asked)
     path, inverted = _path(options, job.job, machine, learned, simulated=simulated)
-    plan = plan_run(
-        job.job,
-        machine,
-        Strategy(options.strategy),
-        options.ts,
-        str(job.path),
-        watchdog=cut_condition(machine),
-        stage=Stage(options.stage),
-        path=path,
-        inverted=inverted,
-        compensation=None if learned is None else learned.version,
-        simulated=simulated,
-    )
-    unused = _unused(options, job, loaded, simulated=simulated)
     true = None if address is not None else true_parameters_of(options, machine)
-    if options.learn is not None:
-        _refuse_beside_learning(options)
-        refuse_unlearnable(plan, measured=address is None)
+    history = history_of(learned, known)
+    fingerprint = _fingerprint(options, job.job, machine, path, inverted, history, true)
+    path = path if fingerprint is None else fingerprint.path
+    made = "" if fingerprint is None else fingerprint.made
+    plan = _plan(options, job, machine, path, inverted, learned, made, simulated=simulated)
+    _refuse_beside_learning(options, plan, measured=address is None)
     return RunRequest(
         job=job,
         machine=loaded,
@@ -85,8 +81,15 @@ def requested(options: Namespace) -> RunRequest:
         simulated=simulated,
         true=true,
         parts=options.learn,
-        part_file=part_file,
-        warnings=(*loaded.warnings, *date_problems(learned), *unused, *plan.warnings),
+        part_file=_part_file(options, simulated=simulated),
+        warnings=(
+            *loaded.warnings,
+            *date_problems(learned),
+            *_unused(options, job, loaded, simulated=simulated),
+            *plan.warnings,
+        ),
+        fingerprint=fingerprint,
+        felt=options.fingerprint is not None,
     )
 
 
@@ -108,16 +111,70 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simul
 
 def _path(
     options: Namespace, job: Job, machine: MachineProfile, learned: LearnedCompensation | None, *, simulated: bool
-) -> tuple[CutPath | None, str]:
-    """Return the learned path, or the inverse of the identified response with its name; None for the model's."""
+) -> tuple[CutPath | None, ServoResponse | None]:
+    """Return the learned path, or the inverse of the identified response with that; None for the model's."""
     if options.identified is None:
-        return None if learned is None else learned.path, ""
+        return None if learned is None else learned.path, None
     strategy = Strategy(options.strategy)
     data, asked = data_of(options), options.identified
     response = asked_response(data, asked, machine, strategy, simulated=simulated).response
     if learned is not None:
         raise SessionError(Problem(code="run.two_inverses", key="--compensation", value="--identified"))
-    return nominal_path(job, machine, strategy, response), response.name
+    return nominal_path(job, machine, strategy, response), response
+
+
+def _plan(
+    options: Namespace,
+    job: LoadedJob,
+    machine: MachineProfile,
+    path: CutPath | None,
+    inverted: ServoResponse | None,
+    learned: LearnedCompensation | None,
+    fingerprint: str,
+    *,
+    simulated: bool,
+) -> RunPlan:
+    return plan_run(
+        job.job,
+        machine,
+        Strategy(options.strategy),
+        options.ts,
+        str(job.path),
+        watchdog=cut_condition(machine),
+        stage=Stage(options.stage),
+        path=path,
+        inverted="" if inverted is None else inverted.name,
+        compensation=None if learned is None else learned.version,
+        simulated=simulated,
+        fingerprint=fingerprint,
+    )
+
+
+def _fingerprint(
+    options: Namespace,
+    job: Job,
+    machine: MachineProfile,
+    path: CutPath | None,
+    inverted: ServoResponse | None,
+    history: tuple[LearnedCompensation, ...],
+    true: TrueParameters | None,
+) -> Fingerprint | None:
+    """Return the fingerprint that a single cut was asked for with, None where it was not."""
+    if options.fingerprint is None or options.learn is not None:
+        return None
+    cut = AskedCut(
+        job=job,
+        machine=machine,
+        strategy=Strategy(options.strategy),
+        stage=Stage(options.stage),
+        path=path,
+        inverted=inverted,
+        history=history,
+        true=true,
+    )
+    in_process = bool(options.sim)
+    simulated = in_process or isinstance(address_of(machine, options.link, simulated=False), SimulatedAddress)
+    return asked_fingerprint(options.fingerprint, cut, in_process=in_process, simulated=simulated)
 
 
 def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
@@ -132,13 +189,17 @@ def _part_file(options: Namespace, *, simulated: bool) -> Path | None:
     return path
 
 
-def _refuse_beside_learning(options: Namespace) -> None:
-    """Refuse options that a learning series sets by itself."""
+def _refuse_beside_learning(options: Namespace, plan: RunPlan, *, measured: bool) -> None:
+    """Refuse options that a learning series sets by itself, and a cut from which nothing can be learned."""
+    if options.learn is None:
+        return
     given = {
         "--compensation": options.compensation != NONE,
         "--stage": options.stage != Stage.FULL,
         "--part": options.part is not None,
         "--identified": options.identified is not None,
+        "--fingerprint FILE": options.fingerprint not in (None, INDICATOR),
     }
     if value := ", ".join(option for option, there in given.items() if there):
         raise SessionError(Problem(code="learning.alone", key="--learn", value=value))
+    refuse_unlearnable(plan, measured=measured)

@@ -20,6 +20,7 @@ from enum import StrEnum
 
 from profiles.chucking.force import force_as_measured, same_force
 from profiles.findings import Severity
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -95,7 +96,8 @@ class Alignment:
 
     `flanks` are readings for jaw 1 that are not taken yet, degrees from the index; `skim_counts` is where the tool
     made a skim cut that is to be measured. Both mean nothing without home. `on` is what is mounted now. `lost`
-    records why and when stamps became invalid.
+    records why and when stamps became invalid. `readings` are those of an indicator on this clamping, which need
+    not be taken; another clamping loses them.
     """
 
     settings: tuple[Problem, ...] | None = None
@@ -108,6 +110,7 @@ class Alignment:
     skim_counts: float | None = None
     lost: tuple[Problem, ...] = ()
     on: Mounted = Mounted()
+    readings: ClampReadings | None = None
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
@@ -145,7 +148,8 @@ def unclamped(alignment: Alignment, at: str) -> Alignment:
     if alignment.clamping is None:
         return alignment
     return _without(
-        replace(alignment, clamping=None, skim_counts=None), Problem(code="alignment.unclamped", value=at)
+        replace(alignment, clamping=None, skim_counts=None, readings=None),
+        Problem(code="alignment.unclamped", value=at),
     )
 
 
@@ -153,7 +157,7 @@ def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
     """Return the alignment with the blank of a job; a change of jaws requires finding jaw 1 again."""
     before = alignment.jaw or alignment.clamping
     flanks = alignment.flanks if before is None or before.jaws == job.jaws else ()
-    fresh = replace(alignment, clamping=clamping_of(job, at), skim_counts=None, flanks=flanks)
+    fresh = replace(alignment, clamping=clamping_of(job, at), skim_counts=None, flanks=flanks, readings=None)
     fresh = _settled(fresh, "alignment.unclamped", "alignment.handed_over")
     if alignment.jaw is None or alignment.jaw.jaws == job.jaws:
         return fresh
@@ -184,7 +188,7 @@ def without_reading(alignment: Alignment) -> Alignment:
 
 def handed_over(alignment: Alignment, at: str) -> Alignment:
     """Return the alignment after another console has had control."""
-    alignment = replace(alignment, flanks=(), skim_counts=None)
+    alignment = replace(alignment, flanks=(), skim_counts=None, readings=None)
     if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:
         return alignment
     gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=())

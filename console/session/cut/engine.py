@@ -30,6 +30,7 @@ from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import way_problems
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.traces import Trace
@@ -70,6 +71,12 @@ class Workshop(Protocol):
 
     def measure(self) -> Trace:
         """Release the part and measure it."""
+
+    def indicate(self, places: int | None = None) -> ClampReadings:
+        """Return what an indicator on the clamped part shows, finger-tight and at full force.
+
+        The `places` count from jaw 1; None is as many as the lobe needs, from the spindle index.
+        """
 
     def look(self) -> WorkshopView:
         """Return what can be seen at the chuck."""

@@ -44,7 +44,8 @@ class RunPlan:
 
     There is no `reference`, the same without compensation, where the controller does not drive the spindle: only a
     program that follows it can be cut there. `compensation` is the learned version, None the model's;
-    `inverted` the name of the identified response, empty for the model's.
+    `inverted` the name of the identified response, empty for the model's. `fingerprint` says how the part is
+    clamped, where an indicator showed it; empty where none did.
     """
 
     job: Job
@@ -55,6 +56,7 @@ class RunPlan:
     stage: Stage = Stage.FULL
     compensation: int | None = None
     inverted: str = ""
+    fingerprint: str = ""
 
     @property
     def expected(self) -> Expected | None:
@@ -161,6 +163,7 @@ def plan_run(
     compensation: int | None = None,
     inverted: str = "",
     simulated: bool = False,
+    fingerprint: str = "",
 ) -> RunPlan:
     """Judge a job and plan its cuts; `ts_ms` is the TS of the `paper` strategy, None as printed.
 
@@ -186,6 +189,7 @@ def plan_run(
         stage=stage,
         compensation=compensation,
         inverted=inverted,
+        fingerprint=fingerprint,
     )
 
 
@@ -220,6 +224,7 @@ def cut_part(
     *,
     homed: bool = False,
     blank: bool = True,
+    clamped: bool = False,
     measured: bool = True,
     name: PartName = ONLY_PART,
 ) -> CutOutcome:
@@ -227,7 +232,8 @@ def cut_part(
 
     The record has it under its `name`.
 
-    Without a `blank` it is an air cut, clear of what is clamped. A part not to be `measured` stays clamped.
+    Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
+    A part not to be `measured` stays clamped.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
@@ -247,7 +253,7 @@ def cut_part(
         tell(Step.LOAD, f"{kind} {version}")
         load(context, plan, tell, aligned=False)
         tell(Step.ALIGN, "")
-        _switch_on(context, job, homed=homed, blank=blank)
+        _switch_on(context, job, homed=homed, blank=blank and not clamped)
         see = (lambda _: None) if beside is None else beside.see
         end = cut(context, job, plan, begin, see, settle_tool=not homed)
         return _outcome(context, job, end, tell, measured=measured and blank)

@@ -43,6 +43,7 @@ INVERTED, MODEL = "inverted", "model"
 TOOL_LOBE = "tool_lobe_um"
 CHANGED = "changed"
 CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
+FINGERPRINT = "fingerprint"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,7 +52,8 @@ class MadeWith:
 
     `inverted` names the response that was inverted where nothing was learned. `cut_jaw_1_deg` is the spindle angle
     at which jaw 1 was found for it, "file" where it is that of the job's file: what was learned was turned by the
-    difference. `changed` is what was changed while it was cut, empty where nothing was.
+    difference. `changed` is what was changed while it was cut, empty where nothing was. `fingerprint` says how it
+    was clamped, where an indicator showed it, see `console.session.learning.fingerprint`.
     """
 
     compensation: str
@@ -60,6 +62,7 @@ class MadeWith:
     inverted: str
     cut_jaw_1_deg: str = AS_FILED
     changed: str = ""
+    fingerprint: str = ""
 
     def __str__(self) -> str:
         changed = f" · {self.changed}" if self.changed else ""
@@ -78,11 +81,17 @@ class MadeWith:
 
     def header(self) -> dict[str, str]:
         """Return the keys and values that the header of a trace has of it."""
-        return {key: value for key, value in asdict(self).items() if key != CHANGED or value}
+        return {key: value for key, value in asdict(self).items() if key not in (CHANGED, FINGERPRINT) or value}
 
 
 KEYS = ("compensation", "strategy", "stage")  # what must be known of a cut
-_ALL_KEYS = (*KEYS, INVERTED, CUT_JAW, CHANGED)  # the others default to the model's response and jaw 1 as filed
+_ALL_KEYS = (
+    *KEYS,
+    INVERTED,
+    CUT_JAW,
+    CHANGED,
+    FINGERPRINT,
+)  # the others default to the model's response and jaw 1 as filed
 
 
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
@@ -196,6 +205,7 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
             inverted=inverted,
             cut_jaw_1_deg=AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg)),
             changed=text(event.get(CHANGED, "")),
+            fingerprint=text(event.get(FINGERPRINT, "")),
         )
     except (ValueError, TypeError, KeyError):
         # Written by another version of the console, which did not record how a cut on the screen was made.

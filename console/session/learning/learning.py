@@ -8,8 +8,10 @@ to its best state and no longer learned.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
 
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.recording import PartName
@@ -18,16 +20,17 @@ from console.session.cut.run import (
     Beside,
     CutOutcome,
     RunPlan,
-    RunResult,
     TellPart,
     cut_part,
     planned,
     roundness_of,
 )
-from console.session.cut.telemetry import CutFigures
 from console.session.errors import SessionError, refuse
 from console.session.learning.learning_beside import AirWatch, CutLearner
+from console.session.learning.lobe_learning import LobeLearning
 from console.session.learning.order_learning import LearnHow, OrderLearning
+from console.session.learning.row_result import LearnedPart, LearnResult
+from console.session.learning.trim_folding import TrimFolding
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
@@ -37,11 +40,12 @@ from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
 from profiles.compensations.certificate import Certified
 from profiles.compensations.learning import (
+    REPEATS_SD_UM,
     SIGNIFICANT,
     Deviation,
-    Grown,
     HarmonicFit,
     Watch,
+    coefficient_of,
     fit_harmonics,
     learned_command,
     learned_part,
@@ -50,6 +54,7 @@ from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath
 from profiles.compensations.uncompensated import uncompensated
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
@@ -64,75 +69,24 @@ AIR_TURNS = 30
 HOW = LearnHow()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LearnedPart:
-    """One part: its roundness, the tool error, and the path and trim that it was cut with.
-
-    `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
-    part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
-    longer learned.
-    """
-
-    roundness: RoundnessResult
-    figures: CutFigures
-    path: CutPath
-    trim_um: complex
-    tool_off: Deviation
-    air_um: tuple[float, ...]
-    part_gain: float
-    learned: tuple[int, ...]
-    grown: tuple[Grown, ...]
-    collisions: tuple[str, ...]
-    certificate: tuple[Certified, ...] = ()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LearnResult:
-    """Parts made: `before` without compensation, the parts in order, `floor` a part without a lobe."""
-
-    plan: RunPlan
-    before: RoundnessResult
-    floor: RoundnessResult
-    parts: tuple[LearnedPart, ...]
-
-    @property
-    def last(self) -> RunResult:
-        """The series as a run: its part is the last one, its collisions are those of all parts."""
-        part = self.parts[-1]
-        return RunResult(
-            plan=self.plan,
-            simulated=True,
-            before=self.before,
-            after=part.roundness,
-            figures=part.figures,
-            collisions=tuple(dict.fromkeys(kind for each in self.parts for kind in each.collisions)),
-        )
-
-    @property
-    def warnings(self) -> tuple[Problem, ...]:
-        """Harmonics that were not learned: `learning.grew`, with an amplitude each."""
-        return tuple(
-            Problem(
-                code="learning.grew",
-                key=f"{each.order}/rev",
-                value=f"{each.grown_um:.2f} um",
-                limit=f"{each.best_um:.2f} um",
-            )
-            for each in self.parts[-1].grown
-        )
-
-
 def learn(
-    plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart, parts: int, how: LearnHow | None = None
+    plan: RunPlan,
+    open_machine: Callable[[], CutContext],
+    tell: TellPart,
+    parts: int,
+    how: LearnHow | None = None,
+    *,
+    fingerprint: bool = False,
 ) -> LearnResult:
-    """Cut `parts` parts on one machine, each corrected by the ones before.
+    """Cut `parts` parts on one machine, each corrected by the ones before, and by its own `fingerprint`.
 
     Raises:
         ProblemError: `learning.no_gauge`, `learning.strategy`; why a part cannot be learned from, as for a single
             one; what went wrong, see `cut_part`.
     """
     refuse_unlearnable(plan, measured=True)
-    learner = _Learner(plan, open_machine(), tell, how or HOW)
+    how = how or HOW
+    learner = _Learner(plan, open_machine(), tell, replace(how, fingerprint=fingerprint or how.fingerprint))
     before, floor = learner.reference(), learner.floor()
     learner.in_air()
     made = tuple(learner.part(number) for number in range(1, parts + 1))
@@ -161,6 +115,10 @@ class _Learner:
         self._job, self._machine, self._strategy = plan.job, plan.machine, plan.cut.strategy
         self._path = nominal_path(plan.job, plan.machine, self._strategy)
         self._orders = OrderLearning(plan.job, plan.machine, self._strategy, how)
+        self._lobe = LobeLearning(plan.job, plan.machine)
+        self._how = how
+        self._folding = TrimFolding(plan.job.jaws)
+        self._cutting = self._path  # of the present cut: that of the mean lobe, by its fingerprint
         self._watch = Watch()
         self._air_um: list[float] = []
         self._homed = False
@@ -191,7 +149,14 @@ class _Learner:
         return outcome.trace
 
     def _cut(
-        self, job: Job, plan: CutPlan, name: str, beside: Beside | None = None, number: int = 0
+        self,
+        job: Job,
+        plan: CutPlan,
+        name: str,
+        beside: Beside | None = None,
+        number: int = 0,
+        *,
+        clamped: bool = False,
     ) -> CutOutcome:
         """Cut a part; reports name it with its number, if it has one. One in air has no blank."""
 
@@ -199,8 +164,8 @@ class _Learner:
             self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
 
         part = PartName(name=f"{name} {number or ''}".strip(), product=name == "part")
-        blank = name != "air"
-        outcome = cut_part(self._context, job, plan, tell, beside, homed=self._homed, blank=blank, name=part)
+        how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped, "name": part}
+        outcome = cut_part(self._context, job, plan, tell, beside, **how)
         self._homed = True
         return outcome
 
@@ -242,20 +207,22 @@ class _Learner:
 
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn during the cut, and from its trace for the next one."""
-        plan = self._planned(self._job, self._strategy, Stage.FULL, self._path, trimmed=True)
+        readings = self._felt()
+        self._path, path = self._lobe.clamp(self._path, readings, self._response)
+        plan = self._planned(self._job, self._strategy, Stage.FULL, path, trimmed=True)
+        self._cutting = path
         watch = CutLearner(
             self._context.lathe, self._job, self._error, trims=self._learns_lobe, oval=self._orders.trims_oval
         )
-        outcome = self._cut(self._job, plan, "part", watch, number)
+        outcome = self._cut(self._job, plan, "part", watch, number, clamped=readings is not None)
         tool_off, trim_um = watch.in_the_middle()
         trace = self._traced(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
-        cut_with = self._path
         learned, certificate = self._learn_from(trim_um, trace, tool_off, gain)
         return LearnedPart(
             roundness=roundness_of(trace),
             figures=outcome.figures,
-            path=cut_with,
+            path=path,
             trim_um=trim_um,
             tool_off=tool_off,
             air_um=tuple(self._air_um) if number == 1 else (),
@@ -264,7 +231,17 @@ class _Learner:
             grown=self._watch.grown,
             collisions=outcome.collisions,
             certificate=certificate,
+            clamped=self._lobe.clamped,
+            trim_short_um=watch.short_um,
         )
+
+    def _felt(self) -> ClampReadings | None:
+        """Clamp the blank and return its fingerprint, None where none is taken."""
+        workshop = self._context.workshop
+        if not self._how.fingerprint or workshop is None or not self._lobe.known:
+            return None
+        workshop.mount(self._job)
+        return workshop.indicate()
 
     def _learn_from(
         self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float
@@ -273,28 +250,67 @@ class _Learner:
         job, orders = self._job, self._orders
         found = self._teaching(trace)
         self._refuse_worse(found, tool_off)
-        by_program = nominal_response(Strategy.PVT, self._machine, job.lobe_frequency_hz)
-        folded = self._path.command.plus({job.jaws: trim_um * by_program / self._response(job.jaws)})
-        path = CutPath(target=self._path.target, command=folded)
-        left = orders.left(found, tool_off)
+        path = self._folded(trim_um, tool_off)
+        left = self._lobe.of_mean(orders.left(found, tool_off), path)
         self._watch = self._watch.judged(path, left, orders.sd_um(found, path))
         high = self._watch.learned({n: c for n, c in left.items() if abs(c) > SIGNIFICANT * found.sd_um[n]})
         missed = self._watch.learned(orders.of_tool(tool_off))
-        part = Deviation(mean_um=found.mean_um, coefficients_um=high)
-        tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=missed)
         errors = {n: c - missed.get(n, 0j) for n, c in high.items()}
         gains = {n: orders.gain(n, e, found, path) for n, e in errors.items()}
+        self._lobe_step(found, tool_off, path, high, missed, gains)
+        fraction = self._folding.fraction
+        tabled = {n: fraction * c for n, c in missed.items()}
+        high = {n: c - missed.get(n, 0j) + tabled.get(n, 0j) for n, c in high.items()}
+        part = Deviation(mean_um=found.mean_um, coefficients_um=high)
+        tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=tabled)
         kept = self._watch.kept(path)
-        self._path = learned_part(kept, part, tool, self._response, gain, gains)
+        steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
+        self._path = learned_part(kept, part, tool, self._response, gain, steps)
         orders.step(path, self._path)
         certificate = orders.certificate(left, found, gains, self._watch.frozen)
         return tuple(sorted({*high, *missed})), certificate
+
+    def _folded(self, trim_um: complex, tool_off: Deviation) -> CutPath:
+        """Return the path with what goes into its table of the trim of the cut."""
+        lobes = self._job.jaws
+        by_program = nominal_response(Strategy.PVT, self._machine, self._job.lobe_frequency_hz)
+        through, off_um = self._response(lobes), tool_off.coefficients_um.get(lobes, 0j)
+        change_um = self._folding.change(trim_um * by_program / through, off_um / through)
+        return CutPath(target=self._path.target, command=self._path.command.plus({lobes: change_um}))
+
+    @property
+    def _filters(self) -> bool:
+        """Whether the lobe is learned by all that is known of it, instead of by the gain of an order."""
+        return self._how.optimal and self._lobe.known and self._learns_lobe
+
+    def _lobe_step(
+        self,
+        found: PartHarmonics,
+        tool_off: Deviation,
+        path: CutPath,
+        high: dict[int, complex],
+        missed: Mapping[int, complex],
+        gains: dict[int, float],
+    ) -> None:
+        """Let the part tell of the lobe; put into `high` what makes the path that of the mean lobe."""
+        if not self._lobe.known:
+            return
+        lobes, tool_um = self._job.jaws, tool_off.coefficients_um.get(self._job.jaws, 0j)
+        plain_um = found.coefficients_um[lobes] + coefficient_of(self._cutting.target, lobes) - tool_um
+        sd_um = math.hypot(found.sd_um[lobes], tool_off.sd_um, REPEATS_SD_UM)
+        mean_um = self._lobe.measured(plain_um, sd_um)
+        if not self._filters:
+            return
+        step_um = mean_um - coefficient_of(path.target, lobes)
+        error_um = abs(high.get(lobes, found.coefficients_um[lobes]) - missed.get(lobes, 0j))
+        high[lobes] = missed.get(lobes, 0j) + step_um
+        gains[lobes] = min(abs(step_um) / error_um, 1.0) if error_um else 0.0
 
     def _refuse_worse(self, part: PartHarmonics, tool_off: Deviation) -> None:
         """Refuse to learn from a part that its compensation has made worse, by the rule for a single part."""
         lobes = self._job.jaws
         # The tool error was measured here.
-        done_um = self._path.target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
+        done_um = self._cutting.target.harmonics[0].coefficient - tool_off.coefficients_um.get(lobes, 0j)
         plain = uncompensated(part.coefficients_um[lobes], part.sd_um[lobes], done_um, 1.0, self._job)
         refuse(plain.reasons())
 
@@ -313,7 +329,7 @@ class _Learner:
     def _error(self, batch: Batch) -> HarmonicFit:
         """Return the tool error of a batch, positive where the tool was not in far enough."""
         self._context.recorder.gathered(batch)
-        target_um = self._path.target.at_um(batch.angle_deg, batch.past_middle_mm)
+        target_um = self._cutting.target.at_um(batch.angle_deg, batch.past_middle_mm)
         return fit_harmonics(batch.angle_deg, target_um - batch.infeed_um, self._orders.fitted)
 
     def _response(self, order: int) -> complex:

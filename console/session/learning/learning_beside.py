@@ -12,16 +12,27 @@ from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
-from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, OVAL
+from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, OVAL, beside_order
 from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
+from profiles.compensations.trim_response import TrimResponse
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
 AIR_BATCH_S, CUT_BATCH_S = 1.0, 0.25
 TRIM_GAIN = 0.7
+ROUNDED = 1e-6  # of a trim at its limit: its number must not be above that
+
+TRIM_LIMIT_UM = MOST_TRIM_UM  # of the program that is trimmed
+MOST_NEEDED_UM = 2.0 * TRIM_LIMIT_UM
+"""Trim beyond which tool or drive are broken: it ends the cut. Between the two the trim stays at its limit."""
 
 HELD_FOR = ("learning.trim_limit", "learning.few_samples", "gather.failed")
 """Problems that end a cut as a hold does: the machine is sound, only the learning has failed."""
+
+
+def blank_orders(lobes: int) -> frozenset[int]:
+    """Return the orders of the tool's error that a blank makes, which are trimmed and not learned."""
+    return frozenset({OVAL, beside_order(lobes)})
 
 
 class AirWatch:
@@ -55,13 +66,17 @@ class CutLearner:
         self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True, oval: bool = True
     ) -> None:
         self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
-        self._oval = oval and job.jaws != OVAL
+        self._oval, self._beside = oval, beside_order(job.jaws)
         self._gather = lathe.program.batches()
+        batch_mm = CUT_BATCH_S * job.feed_mm_per_rev * job.spindle_speed_rpm / 60.0
+        self._in_part_mm = 0.5 * (batch_mm - job.cut_length_mm)
+        rate_hz = job.spindle_speed_rpm / 60.0
         self._response, self._oval_response = (
-            nominal_response(Strategy.PVT, lathe.machine, order * job.spindle_speed_rpm / 60.0)
-            for order in (job.jaws, OVAL)
+            TrimResponse(nominal=nominal_response(Strategy.PVT, lathe.machine, order * rate_hz))
+            for order in (job.jaws, self._beside)
         )
-        self._found: list[tuple[float, HarmonicFit, complex]] = []
+        self._found: list[tuple[float, HarmonicFit, complex, float]] = []
+        self._short_um = self.short_um = 0.0  # by how much the trim was at its limit: now, and in the middle
         self._over = False
         self._failed: DriverError | ProfileError | None = None
         self.trim_um, self.oval_um = 0j, 0j
@@ -84,17 +99,29 @@ class CutLearner:
 
     def _take(self, batch: Batch) -> None:
         found = self._off(batch)
-        self._found.append((batch.past_middle_mm, found, self.trim_um))
-        if self._over:
+        self._found.append((batch.past_middle_mm, found, self.trim_um, self._short_um))
+        # Before the tool is in the part no chip presses it: a trim of that would be wrong in the cut.
+        if self._over or batch.past_middle_mm < self._in_part_mm:
             return
+        self._short_um = 0.0
         error_um = found.coefficients_um
         if self._trims:
             lobe_um = error_um[self._job.jaws]
-            self.trim_um = trimmed(self.trim_um, lobe_um, self._response, TRIM_GAIN, MOST_TRIM_UM)
+            self._response = self._response.seen(self.trim_um, lobe_um)
+            self.trim_um = self._next(self.trim_um, lobe_um, self._response.value)
         if self._oval:
-            self.oval_um = trimmed(self.oval_um, error_um[OVAL], self._oval_response, TRIM_GAIN, MOST_TRIM_UM)
+            self._oval_response = self._oval_response.seen(self.oval_um, error_um[self._beside])
+            self.oval_um = self._next(self.oval_um, error_um[self._beside], self._oval_response.value)
         if self._trims or self.oval_um:
             self._lathe.program.trim(self.trim_um, self.oval_um)
+
+    def _next(self, trim_um: complex, error_um: complex, response: complex) -> complex:
+        """Return the next trim; one beyond the limit of the program stays there, and is told after the cut."""
+        needed_um = trimmed(trim_um, error_um, response, TRIM_GAIN, MOST_NEEDED_UM)
+        if abs(needed_um) <= MOST_TRIM_UM:
+            return needed_um
+        self._short_um = max(self._short_um, abs(needed_um) - MOST_TRIM_UM)
+        return needed_um * (1.0 - ROUNDED) * MOST_TRIM_UM / abs(needed_um)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
         """Return the tool error and the trim where the part is measured, or raise what has ended the cut."""
@@ -104,7 +131,7 @@ class CutLearner:
         self._gather.finish()  # fetch what a slow line has not transferred during the cut
         if not self._found:
             raise SessionError(Problem(code="learning.nothing_gathered"))
-        _, nearest, trim_um = min(self._found, key=lambda each: abs(each[0]))
+        _, nearest, trim_um, self.short_um = min(self._found, key=lambda each: abs(each[0]))
         off = Deviation(
             mean_um=nearest.mean_um,
             coefficients_um=nearest.coefficients_um,

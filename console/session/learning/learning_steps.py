@@ -26,6 +26,8 @@ from console.session.data.made_parts import (
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
 from console.session.data.made_parts import date_problems as cut_date_problems
 from console.session.errors import SessionError, refuse
+from console.session.learning.fingerprint import of_mean_clamping
+from console.session.learning.history import history_of
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.following import follows_by_order
@@ -143,8 +145,9 @@ def taught_by(
     orders = _orders(filed, strategy, extra, follows)
     beside = _beside(strategy, orders, follows)
     part = _part(trace, filed, made, extra, beside, robust=robust)
-    parent, history = _parent(version, known, filed), _history(version, known)
+    parent, history = _parent(version, known, filed), history_of(version, known)
     cut = CutWith(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
+    cut, part = of_mean_clamping(cut, part, made.fingerprint, filed.jaws, lambda n: follows(n).response)
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
@@ -153,7 +156,7 @@ def taught_by(
         made=made,
         stage=stage,
         warnings=(*date_problems(version), *part.warnings, *step.warnings),
-        harmonics=tuple(_left(n, part, step, path, stage) for n in sorted({*orders, *step.learned})),
+        harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=_causes(trace, part, cut, filed, made, scatter, tool_um),
     )
 
@@ -245,18 +248,6 @@ def _parent(
     if version.parent == MODEL:
         return CutPath(target=target_path(job), command=target_path(job))
     return next((each.path for each in known if each.version == version.parent), None)
-
-
-def _history(
-    version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...]
-) -> tuple[LearnedCompensation, ...]:
-    """Return the versions that led to one, oldest first; it is the last."""
-    by_number = {each.version: each for each in known}
-    found: list[LearnedCompensation] = []
-    while version is not None:
-        found.insert(0, version)
-        version = by_number.get(version.parent) if version.parent < version.version else None
-    return tuple(found)
 
 
 def _next(known: tuple[LearnedCompensation, ...]) -> int:

@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
-from console.session.learning.learning_beside import CUT_BATCH_S
+from console.session.learning.learning_beside import CUT_BATCH_S, blank_orders
 from console.session.learning.learning_steps import LEAST_FOLLOWED, OVERTONES, scatter_um
 from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
 from drivers.cutting.strategy import Strategy
@@ -34,10 +34,14 @@ ALWAYS_FITTED = (1, OVAL)  # run-out and oval of a blank would leak into the oth
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LearnHow:
-    """How parts teach: `every_order`, or the lobe and its overtones; by `optimal` gains, or by fixed ones."""
+    """How parts teach: `every_order`, or the lobe and its overtones; by `optimal` gains, or by fixed ones.
+
+    With `fingerprint` an indicator shows the clamping of each part before it is cut.
+    """
 
     every_order: bool = True
     optimal: bool = True
+    fingerprint: bool = False
 
 
 class OrderLearning:
@@ -52,7 +56,7 @@ class OrderLearning:
         multiples = {self._lobes, *(n for n in overtones if is_promised(self.follows(n), LEAST_FOLLOWED))}
         promised = promised_orders(self.follows, LEAST_FOLLOWED, _highest(job)) if how.every_order else ()
         self.learned = tuple(sorted({*multiples, *promised}))
-        self.fitted = tuple(sorted({*ALWAYS_FITTED, *self.learned}))
+        self.fitted = tuple(sorted({*ALWAYS_FITTED, *blank_orders(self._lobes), *self.learned}))
         self.beside = tuple(n for n in self.learned if n not in multiples)
         self._steps_um: dict[int, list[float]] = {}
 
@@ -63,7 +67,7 @@ class OrderLearning:
 
     def of_blank(self, order: int) -> bool:
         """Whether the tool's error at this order is that of an oval blank, and another one in each part."""
-        return order == OVAL != self._lobes
+        return order in blank_orders(self._lobes)
 
     def of_tool(self, tool_off: Deviation) -> dict[int, complex]:
         """Return the tool's error in a part that the table has to correct for the next one."""

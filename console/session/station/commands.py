@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from drivers.beside.side_line import SideLine
     from drivers.cutting.strategy import Strategy
     from profiles.compensations.learned import LearnedCompensation
+    from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
     from profiles.problem import Problem
     from profiles.store import LoadedJob
@@ -209,6 +210,22 @@ class Instruct(Command):
     order: Order
     answered: Callable[[Answer], None]
     logged: ClassVar[bool] = False  # the log has the acts of the instructor instead
+
+
+@dataclass(frozen=True, kw_only=True)
+class Indicate(Command):
+    """Read the indicator on the clamped part of the simulated lathe at so many places, from jaw 1 on."""
+
+    logged: ClassVar[bool] = False
+    places: int
+
+
+@dataclass(frozen=True, kw_only=True)
+class TakeFingerprint(Command):
+    """Record the readings of an indicator on the clamped blank of this job, None to drop them. Nothing moves."""
+
+    job: Job
+    readings: ClampReadings | None
 
 
 class AskTruth(Command):

@@ -10,10 +10,12 @@ from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, loa
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
-from console.session.data.learned_store import NONE
+from console.session.data.learned_store import NONE, versions
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe_event
 from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
+from console.session.learning.fingerprint import fingerprinted, refuse_unusable
+from console.session.learning.history import history_of
 from console.session.stages import Stage
 from console.session.station.adjusting.passing_on import Adjusting, left_behind
 from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
@@ -29,6 +31,8 @@ from drivers.errors import RefusedError
 from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.axis.response import ServoResponse
+from profiles.compensations.path import CutPath
+from profiles.fingerprint.readings import readings_text
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -46,7 +50,7 @@ def arm(context: StationContext, command: Arm) -> None:
     refuse(problems(alignment, command.job))
     also = _learned(context, command), own.commissioned(own.lathe.snapshot())
     refuse_unplannable(job, context.machine, strategy, *also, jaw_found=True, simulated=own.simulated)
-    plan = _planned(context, command, job)
+    plan, fingerprint = _planned(context, command, job)
     context.tell(loading_until_s=context.clock.now_s() + _loading_s(context, plan))
     try:
         load(own, plan, lambda *_: None, aligned=True)
@@ -59,6 +63,7 @@ def arm(context: StationContext, command: Arm) -> None:
         stage=Stage(command.stage).value,
         inverted=MODEL if command.inverts is None else command.inverts.name,
         cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
+        fingerprint=fingerprint,
     )
     _open_record(context, command, plan, made)
     context.plan = plan
@@ -106,8 +111,11 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
     return problems if learned is None else (*problems, *stored_problems(learned, context.records))
 
 
-def _planned(context: StationContext, command: Arm, job: Job) -> CutPlan:
-    """Plan the cut; nothing has been sent, so every objection is a refusal."""
+def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, str]:
+    """Plan the cut, by the fingerprint of the clamping where one was taken, and return what that says.
+
+    Nothing has been sent, so every objection is a refusal.
+    """
     strategy, machine, stage = command.strategy, context.machine, Stage(command.stage)
     path = path_of(job, command.job, command.compensation)
     # From the whole turn nearest to the spindle position: each cut leaves it some hundreds further on.
@@ -117,9 +125,31 @@ def _planned(context: StationContext, command: Arm, job: Job) -> CutPlan:
     try:
         if path is None:
             path = inverted_path(job, machine, strategy, command.inverts)
-        return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn)
+        path, said = _clamped(context, command, job, path)
+        return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn), said
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
+
+
+def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | None) -> tuple[CutPath | None, str]:
+    """Return the path for this clamping and what its fingerprint says, the same path where none was taken."""
+    readings, learned, strategy = context.state.alignment.readings, command.compensation, command.strategy
+    if readings is None or not strategy.traits.inverts or Stage(command.stage) is Stage.AIR:
+        return path, ""
+    refuse_unusable(strategy, Stage(command.stage), readings, simulated=context.shop is not None)
+    known = () if learned is None else versions(context.records, learned.holds_for)
+    inverted = None if command.inverts is None else command.inverts.response
+    found = fingerprinted(
+        readings,
+        job,
+        command.job,
+        context.machine,
+        strategy,
+        path=path,
+        history=history_of(learned, known),
+        inverted=inverted,
+    )
+    return found.path, found.made
 
 
 def disarm(context: StationContext, _: Disarm) -> None:
@@ -313,6 +343,7 @@ def _facts(context: StationContext, command: Arm) -> RunFacts:
             "aligned": True,
             "calibrations": calibrations_of(context.loaded_machine),
             "inverted": MODEL if command.inverts is None else command.inverts.name,
+            "indicated": None if alignment.readings is None else readings_text(alignment.readings),
             "address": context.state.address,
         },
     )

@@ -22,7 +22,15 @@ from console.session.station.cutting import arm, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verified
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
-from console.session.station.readings import forget, note_skim, take_flank, take_jaw, take_touch_off
+from console.session.station.readings import (
+    forget,
+    indicate,
+    note_skim,
+    take_fingerprint,
+    take_flank,
+    take_jaw,
+    take_touch_off,
+)
 from console.session.station.state import Activity
 from console.session.station.targets import GO_TO, distance_to, target_problems
 from console.session.station.tuning import check_tool, identify_tool, read_loop
@@ -78,6 +86,7 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
         context.shop.mount(command.job)
     alignment = clamped(context.state.alignment, command.job, context.local_time())
     context.tell(alignment=alignment, cut=None, cut_done=False, touched=None, marks_mm=(), measured=None)
+    context.tell(indicated=None)
 
 
 def ask_truth(context: StationContext, _: commands.AskTruth) -> None:
@@ -226,6 +235,8 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.NoteSkim: (Activity.READY, note_skim),
     commands.TakeTouchOff: (Activity.READY, take_touch_off),
     commands.Forget: (Activity.READY, forget),
+    commands.Indicate: (Activity.READY, indicate),
+    commands.TakeFingerprint: (Activity.READY, take_fingerprint),
     commands.ReadLoop: (Activity.VERIFYING, read_loop),
     commands.ApplyGains: (Activity.WRITING, apply_gains),
     commands.RevertGains: (Activity.WRITING, revert_gains),

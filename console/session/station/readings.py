@@ -15,7 +15,9 @@ from console.session.station import commands, jogging
 from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from drivers.lathe.snapshot import AxisName, Snapshot
-from profiles.problem import Problem
+from profiles.fingerprint.readings import readings_problem
+from profiles.fingerprint.this_clamping import felt
+from profiles.problem import Problem, ProfileError
 
 
 def take_flank(context: StationContext, _: commands.TakeFlank) -> None:
@@ -71,6 +73,28 @@ def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> N
         skimmed=command.skimmed,
     )
     context.tell(alignment=touched_off(alignment, stamp))
+
+
+def indicate(context: StationContext, command: commands.Indicate) -> None:
+    """Read the indicator on the clamped part of the simulated lathe; `session.not_simulated`."""
+    require(context.state.alignment.clamping is not None, "alignment.no_clamping")
+    if context.shop is None:
+        raise SessionError(Problem(code="session.not_simulated"))
+    context.tell(indicated=context.shop.indicate(command.places))
+
+
+def take_fingerprint(context: StationContext, command: commands.TakeFingerprint) -> None:
+    """Record the readings of an indicator on the clamped blank, if they show its lobe; or drop them."""
+    alignment = context.state.alignment
+    require(alignment.clamping is not None, "alignment.no_clamping")
+    if command.readings is not None:
+        few = readings_problem(command.readings)
+        refuse(() if few is None else (few,))
+        try:
+            felt(command.readings, command.job)
+        except ProfileError as refused:
+            raise SessionError(*refused.problems) from refused
+    context.tell(alignment=replace(alignment, readings=command.readings))
 
 
 def forget(context: StationContext, _: commands.Forget) -> None:

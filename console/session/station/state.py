@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
     from drivers.simulator.plant.workshop_view import Truth, WorkshopView
+    from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
@@ -183,8 +184,9 @@ class StationState:
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
     read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
     trial, as the controller had them when it was compared last. `truth` is what is so at a simulated lathe, once
-    it was asked. `speed` is how many times as fast as real time that runs, 0 while its instructor has paused it;
-    `stop_waits` is whether a stop was sent to it meanwhile.
+    it was asked; `indicated` what an indicator shows there of the clamping, likewise. `speed` is how many times as
+    fast as real time that runs, 0 while its instructor has paused it; `stop_waits` is whether a stop was sent to
+    it meanwhile.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -223,6 +225,7 @@ class StationState:
     tested: str = ""
     trial: StandingTrial | None = None
     truth: Truth | None = None
+    indicated: ClampReadings | None = None
     speed: float = 1.0
     stop_waits: bool = False
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from console.session.station.commands import NoteSkim, TakeTouchOff
+from console.session.station.commands import Indicate, NoteSkim, TakeFingerprint, TakeTouchOff
 from console.session.station.state import StationState
 from console.tui.align.align_entry import AlignEntry
 from console.tui.align.answers import answered
-from console.tui.align.asked import AXES, Answer, Asked, Question
+from console.tui.align.asked import AXES, CLAMPING, Answer, Asked, Question
+from console.tui.align.clamp_typing import ClampTyping
 from console.tui.pages.align_jog import JOGS, JogKeys
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
@@ -14,6 +15,11 @@ from profiles.problem import Problem
 TARGETS, FORCES, DIAMETER = (Asked.Z, Asked.C), (Asked.TORQUE, Asked.FORCE), (Asked.DIAMETER,)
 """What one key asks for, one after the other."""
 
+_NOTHING_TYPED = {
+    Asked.DIAMETER: Problem(code="screen.no_diameter"),
+    Asked.PLACES: Problem(code="screen.no_places"),
+    Asked.READING: Problem(code="screen.no_reading"),
+}
 _NOT_MEANWHILE = (*JOGS, "align.step")
 """Keys that would move something else while a number is typed."""
 
@@ -23,6 +29,7 @@ class AskKeys:
 
     def __init__(self, ui: UiContext, entry: AlignEntry, jog: JogKeys) -> None:
         self.ui, self._entry, self._jog = ui, entry, jog
+        self._clamp = ClampTyping()
 
     @property
     def asked(self) -> Asked:
@@ -43,10 +50,17 @@ class AskKeys:
             job=view.job,
             machine=self.ui.machine.machine,
             units=self.ui.text.units,
+            clamp=self._clamp,
         )
 
     def keep(self, state: StationState) -> None:
         """Keep the keys in the entry; close it where the machine takes no command any more."""
+        clamping = state.alignment.clamping
+        at = "" if clamping is None else clamping.at
+        if at != self._clamp.at:  # what was typed is of a clamping that is no more
+            self._clamp = ClampTyping(at=at)
+            if self.asked in CLAMPING:
+                self.close()
         if self.is_open and refusal(state, "align.goto"):
             self.close()
         self._entry.keep_focus()
@@ -74,16 +88,53 @@ class AskKeys:
         if self.asked in TARGETS:
             return (Problem(code="screen.f6_goes"),)
         answer = self._answer(view)
-        if answer.value is None and not answer.problems and self.asked is Asked.DIAMETER:
-            return (Problem(code="screen.no_diameter"),)
+        if answer.value is None and not answer.problems and self.asked in _NOTHING_TYPED:
+            return (_NOTHING_TYPED[self.asked],)
         return answer.problems
 
     def take(self, view: View) -> None:
         """Take the diameter of a skim cut; a torque or a force was only asked for. Nothing moves."""
         asked, answer = self.asked, self._answer(view)
+        if asked in CLAMPING:
+            self._take_clamp(view, answer.value)
+            return
         self.close()
         if asked is Asked.DIAMETER and answer.value is not None:
             self.ui.control.post(TakeTouchOff(radius_mm=answer.value / 2.0, skimmed=True))
+
+    def clamp(self) -> None:
+        """Ask for the readings of an indicator on the part, from where they were left; or close the entry."""
+        if self.asked in CLAMPING:
+            self.close()
+        else:
+            self._ask_clamp()
+
+    def drop(self) -> bool:
+        """Drop the last reading that was typed, if readings are asked for; return whether they are."""
+        if self.asked not in CLAMPING:
+            return False
+        self._clamp = self._clamp.dropped()
+        self._ask_clamp()
+        return True
+
+    def _ask_clamp(self) -> None:
+        typing = self._clamp
+        asked = Asked.INDICATED if typing.complete else Asked.READING if typing.places else Asked.PLACES
+        self._entry.open(asked)
+
+    def _take_clamp(self, view: View, value: float | None) -> None:
+        """Take a number of places, a reading, or all of them."""
+        simulated = view.state.simulated
+        if self.asked is Asked.INDICATED and view.job is not None:
+            readings = self._clamp.readings(simulated=simulated)
+            self.close()
+            self._clamp = ClampTyping(at=self._clamp.at)
+            self.ui.control.post(TakeFingerprint(job=view.job, readings=readings))
+        elif value is not None:
+            if self.asked is Asked.PLACES and simulated:
+                self.ui.control.post(Indicate(places=round(value)))
+            self._clamp = self._clamp.with_value(value)
+            self._ask_clamp()
 
     def skim(self, view: View) -> None:
         """Note the skim cut where the tool stands; once it is noted, ask for its diameter."""

@@ -9,6 +9,7 @@ from console.session.cut.alignment import Alignment
 from console.session.station.state import StationState
 from console.session.typed_length import typed_length
 from console.text.units import METRIC, Units
+from console.tui.align.clamp_typing import NOTHING_TYPED, ClampTyping
 from console.tui.lines import Line, dim, fitted
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
@@ -28,17 +29,32 @@ class Asked(StrEnum):
     DIAMETER = "diameter"
     TORQUE = "torque"
     FORCE = "force"
+    PLACES = "places"
+    READING = "reading"
+    INDICATED = "indicated"
 
+
+CLAMPING = (Asked.PLACES, Asked.READING, Asked.INDICATED)
+"""What is asked for of the readings of an indicator on the part."""
 
 AXES = {Asked.Z: AxisName.CARRIAGE, Asked.C: AxisName.SPINDLE}
 """Axes that go to a typed target."""
 
-UNITS = {Asked.Z: "mm", Asked.C: "°", Asked.DIAMETER: "mm", Asked.TORQUE: "N m", Asked.FORCE: "N"}
+UNITS = {
+    Asked.Z: "mm",
+    Asked.C: "°",
+    Asked.DIAMETER: "mm",
+    Asked.TORQUE: "N m",
+    Asked.FORCE: "N",
+    Asked.PLACES: "",
+    Asked.READING: "um",
+    Asked.INDICATED: "",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Question:
-    """What an entry is judged by; `units` are those in which it is typed."""
+    """What an entry is judged by; `units` are those in which it is typed, `clamp` readings typed before it."""
 
     asked: Asked
     typed: str
@@ -46,6 +62,7 @@ class Question:
     job: Job | None
     machine: MachineProfile
     units: Units = METRIC
+    clamp: ClampTyping = NOTHING_TYPED
 
     @property
     def alignment(self) -> Alignment:

@@ -136,6 +136,7 @@ class AlignPage(Page):
                 "align.force": self._ask_force,
                 "align.skim": self._skim,
                 "align.flank": self._take_flank,
+                "align.clamping": self._ask_clamping,
                 "align.hold": lambda _: self._jog.calibrate(),
             }
             answers[action](action)
@@ -293,7 +294,9 @@ class AlignPage(Page):
         self.ui.control.post(commands.TakeJaw())
 
     def _take_back(self, key: str) -> None:
-        """Forget the touch-off or, before it, jaw 1: that step is the present one again. Nothing moves."""
+        """Forget a typed reading, the touch-off or, before it, jaw 1, whose step is the present one again."""
+        if self._ask.drop():
+            return
         if not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.Forget())
 
@@ -327,6 +330,11 @@ class AlignPage(Page):
         """Take a flank of jaw 1 at the indicator (i). Nothing moves."""
         if not self.ui.answers(self.why_not(key, self.ui.view)):
             self.ui.control.post(commands.TakeFlank())
+
+    def _ask_clamping(self, key: str) -> None:
+        """Ask for indicator readings of this clamping (n). Nothing moves; who skips it leaves all as it is."""
+        if self._ask.is_open or not self.ui.answers(self.why_not(key, self.ui.view)):
+            self._ask.clamp()
 
     def _show_asked(self, view: View) -> None:
         """Show the entry in the place of the jog panel, with how it is understood."""

@@ -338,6 +338,9 @@ def _taken(text: Catalogue, alignment: Alignment) -> Iterator[tuple[str, str, st
     clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
     if clamping is not None:
         yield text("align_page.stamp.force"), f"{clamping.force_n:.0f} N", "", clamping.at
+    if alignment.readings is not None:
+        places = text("align_page.stamp.places", places=alignment.readings.places)
+        yield text("align_page.stamp.indicator"), places, "", "" if clamping is None else clamping.at
     if jaw is not None:
         on = ", ".join(filter(None, (text("align_page.stamp.jaws", jaws=jaw.jaws), jaw.on.chuck)))
         within = "" if jaw.spread_deg is None else f" ± {jaw.spread_deg:.2f}"

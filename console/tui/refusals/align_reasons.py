@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.cut.alignment import AlignStep, force_problems
+from console.session.cut.alignment import AlignStep, force_problems, step_problems
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.station.state import StationState
 from console.tui.pages import align_lines
@@ -28,6 +28,8 @@ def align_reasons(
             return _against_target(state)
         case "align.flank":
             return _against_flank(state, job)
+        case "align.clamping":
+            return _against_readings(state, job)
         case "align.skim":
             return _against_skim(state, job, machine)
         case "align.force" if job is None:
@@ -97,6 +99,13 @@ def _against_flank(state: StationState, job: Job | None) -> tuple[Problem, ...]:
     if len(state.alignment.flanks) >= READINGS:
         return (Problem(code="alignment.flanks_complete", limit=str(READINGS)),)
     return ()
+
+
+def _against_readings(state: StationState, job: Job | None) -> tuple[Problem, ...]:
+    if job is None:
+        return _because("screen.nothing_to_align")
+    clamped = not step_problems(state.alignment, AlignStep.CLAMP, job)
+    return () if clamped else _because("screen.no_readings_now")
 
 
 def _against_skim(state: StationState, job: Job | None, machine: MachineProfile) -> tuple[Problem, ...]:

@@ -1,10 +1,11 @@
 """In-process trim of a cut on a table: two small harmonics of the program, superimposed on the table.
 
 A table cannot be changed during the cut. So the program adds a harmonic at the lobe frequency and one of twice a
-turn, as an oval blank makes it, read once per segment from variables that a host may write at any time: P39 is
-the commanded cosine amplitude, P40 the sine, in counts against the lobe angle of the spindle; P60 and P61 against
-twice its angle. The effective values follow smoothly, so that no write causes a step, and a host that falls silent
-leaves them as they are. During the retraction the harmonics fade out with the depth.
+turn, as an oval blank makes it (three times a turn where twice is the lobe), read once per segment from variables
+that a host may write at any time: P39 is the commanded cosine amplitude, P40 the sine, in counts against the lobe
+angle of the spindle; P60 and P61 against that of the other. The effective values follow smoothly, so that no write
+causes a step, and a host that falls silent leaves them as they are. During the retraction the harmonics fade out
+with the depth.
 """
 
 from __future__ import annotations
@@ -27,8 +28,17 @@ SMOOTHED_MS = 40.0  # Time constant with which the effective harmonic follows th
 
 def trim_segment_ms(job: Job) -> int:
     """Return the longest segment in which cubics reproduce the largest harmonic."""
-    largest = LobedPath(mean_um=0.0, amplitude_um=MOST_TRIM_UM, lobes=job.jaws, phase_deg=0.0)
-    return longest_segment_ms(largest, job.lobe_frequency_hz)
+    order = max(job.jaws, beside_order(job.jaws))
+    largest = LobedPath(mean_um=0.0, amplitude_um=MOST_TRIM_UM, lobes=order, phase_deg=0.0)
+    return longest_segment_ms(largest, order * job.spindle_speed_rpm / 60.0)
+
+
+def beside_order(lobes: int) -> int:
+    """Return the order that is trimmed beside the lobe: twice a turn, or three times where that is the lobe.
+
+    With two jaws an oval blank moves the tool as their lobe does; dry friction makes three times a turn of it.
+    """
+    return OVAL if lobes != OVAL else OVAL + 1
 
 
 def trim_line(trim_um: complex, tool_count_um: float, oval_um: complex | None = None) -> str:
@@ -50,7 +60,7 @@ def trim_values(job: Job, setup: CutSetup, segment_ms: int, first_spindle: float
     """Return the values of `TRIM_VALUES` and `TRIMMED_CUT`, except those common to every cut."""
     turns_per_ms = job.spindle_speed_rpm / 60_000.0
     values: dict[str, object] = {}
-    for name, order in (("", job.jaws), ("oval_", OVAL)):
+    for name, order in (("", job.jaws), ("oval_", beside_order(job.jaws))):
         speed = 2.0 * math.pi * order * job.spindle_speed_rpm / 60.0
         start_deg = math.fmod(360.0 * order * first_spindle / setup.counts_per_turn, 360.0)
         scales = point_scales(speed * segment_ms / 1000.0)

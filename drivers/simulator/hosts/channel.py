@@ -1,8 +1,9 @@
 """The private channel between the process of the simulated lathe and the one that started it.
 
 It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`, `{"do": "measure"}`,
-`{"do": "look"}`, `{"do": "truth"}`, `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it),
-`{"do": "pace", "speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to
+`{"do": "look"}`, `{"do": "truth"}`, `{"do": "indicate", "places": 12}` (an indicator on the clamped part),
+`{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it), `{"do": "pace", "speed": 2.0}` (0
+pauses) and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to
 an impossible request is `{"refused": reason}`. Before any request, one line `{"ready": device}` names the device
 of the controller. The reply to `{"do": "checkpoint"}` comes with the line to a frozen copy, see `frozen`.
 """
@@ -23,7 +24,7 @@ from drivers.simulator.hosts.frozen import GoOn, freeze
 from drivers.simulator.hosts.real_time import Pace
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
-from profiles.own_values import from_json, positive
+from profiles.own_values import from_json, positive, whole
 from profiles.problem import ProfileError
 
 
@@ -61,6 +62,8 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
                 trace = lathe.measure()
                 columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
                 return {**columns, "meta": dict(trace.meta)}
+            case "indicate":
+                return asdict(lathe.indicate(_places(request.get("places"))))
             case "truth":
                 return asdict(lathe.truth())
             case "spindle":
@@ -79,6 +82,11 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
+
+
+def _places(asked: Any) -> int | None:
+    """Return a number of places; ValueError for what is none."""
+    return None if asked is None else whole(asked)
 
 
 def _is_checkpoint(line: bytes) -> bool:

@@ -20,7 +20,9 @@ from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
 from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
+from profiles.own_values import record
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -95,6 +97,13 @@ class SimulatorProcess:
         said = self._ask("look")
         dials = None if said["dials"] is None else Dials(**said["dials"])
         return WorkshopView(**{**said, "collisions": tuple(said["collisions"]), "dials": dials})
+
+    def indicate(self, places: int | None = None) -> ClampReadings:
+        """Return what an indicator on the part shows of its clamping, see `SimulatedWorkshop.indicate`.
+
+        Raises LinkError: `simulator.gone`; `simulator.refused`, no part.
+        """
+        return record(ClampReadings, self._ask("indicate", places=places))
 
     def truth(self) -> Truth:
         """Return what is so at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""

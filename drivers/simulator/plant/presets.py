@@ -83,6 +83,11 @@ PLANT_FIELDS = (
     Field(key="drift_parts", table="warm-up", default=5.0, above=0.0, at_most=1000.0),
     _amount("passive_force_share", "cut", "", 5.0),
     _amount("edge_force_n_per_mm", "cut", "N/mm", 100.0),
+    _amount("indicator_noise_um", "indicator", "um", 100.0),
+    _amount("indicator_backlash_um", "indicator", "um", 100.0),
+    _amount("indicator_graduation_um", "indicator", "um", 100.0),
+    _amount("finger_tight_percent", "indicator", "%", 90.0),
+    _amount("finger_tight_sd_percent", "indicator", "%", 30.0),
     _amount("eccentricity_um", "gauge", "um", 1000.0),
     _amount("noise_um", "gauge", "um", 10.0),
     _amount("mark_sd_deg", "gauge", "deg", 20.0),
@@ -197,7 +202,7 @@ def _with_friction(true: TrueParameters, friction_n: float, where: str) -> TrueP
 def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
     growth_percent = values["lobe_growth_percent_per_mm"]
     return replace(
-        nominal,
+        _measured_with(nominal, values),
         moving_mass_kg=values["mass_kg"] or values["mass_factor"] * nominal.moving_mass_kg,
         damping_n_s_per_m=values["damping_n_s_per_m"] or nominal.damping_n_s_per_m,
         force_n_per_v=values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
@@ -224,13 +229,25 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         blank_run_out_um=values["run_out_um"],
         drift_um=values["drift_um"],
         drift_parts=values["drift_parts"],
-        gauge_mark_sd_deg=values["mark_sd_deg"],
         lobe_growth_per_mm=None if growth_percent is None else growth_percent / 100.0,
         jaw_offset_deg=values["jaw_offset_deg"],
         jaw_1_harder=values["jaw_1_harder"],
         passive_fraction=values["passive_force_share"],
         edge_n_per_mm=values["edge_force_n_per_mm"],
+    )
+
+
+def _measured_with(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
+    """Return the parameters with indicator and gauge of a plant."""
+    return replace(
+        nominal,
+        indicator_noise_um=values["indicator_noise_um"],
+        indicator_backlash_um=values["indicator_backlash_um"],
+        indicator_graduation_um=values["indicator_graduation_um"],
+        finger_force_fraction=values["finger_tight_percent"] / 100.0,
+        finger_force_spread=values["finger_tight_sd_percent"] / 100.0,
         gauge_eccentricity_um=values["eccentricity_um"],
         gauge_noise_um=values["noise_um"],
         gauge_mark_known=values["start_mark"] == "known",
+        gauge_mark_sd_deg=values["mark_sd_deg"],
     )

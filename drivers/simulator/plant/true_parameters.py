@@ -18,6 +18,7 @@ from profiles.machine import Carriage, MachineProfile, ToolAxis
 
 JAW_STIFFNESS_N_PER_UM = 50.0  # radial stiffness of a jaw with its guide and its contact, a usual value
 OVAL = 2
+THIN_WALL = 0.2  # wall over radius below which a part bends as a ring
 TIP_OFF_BY_UM = 300  # deviation of the tip from its nominal radius for a tool that was clamped by hand
 
 FRICTION_FOUND_AT_MM_PER_S = 100.0
@@ -69,6 +70,10 @@ class TrueParameters:
     makes `belt_ratio` turns for one of the spindle: not 1 when it sits on the motor. `slip_rpm` and
     `ramp_rpm_per_s` are of an inverter. Its speed oscillates by the fraction `speed_ripple` about its mean,
     `ripple_per_turn` times a turn, and its axis wanders by `radial_error_um_pp` (peak to peak, see `RadialError`).
+
+    An indicator on the part has `indicator_noise_um` (rms of a reading), `indicator_backlash_um` and
+    `indicator_graduation_um`, 0 for none. Finger-tight, a part is held with the fraction `finger_force_fraction`
+    of its force, with a standard deviation of `finger_force_spread` of it from clamping to clamping.
 
     On the gauge a part sits up to `gauge_eccentricity_um` off the axis, each point has a noise of
     `gauge_noise_um` (rms), and where no mark is known the trace begins at a random angle. A known mark is found
@@ -133,6 +138,11 @@ class TrueParameters:
     jaw_1_deg: float | None = None
     jaw_1_harder: float = 0.0
     clamping_force_spread: float = 0.0
+    indicator_noise_um: float = 0.0
+    indicator_backlash_um: float = 0.0
+    indicator_graduation_um: float = 0.0
+    finger_force_fraction: float = 0.0
+    finger_force_spread: float = 0.0
     gauge_eccentricity_um: float = 0.0
     gauge_noise_um: float = 0.0
     gauge_mark_known: bool = True
@@ -176,10 +186,14 @@ class TrueParameters:
         """Return how much further in the tool is than its scale reads, at a place of its travel."""
         return self.scale_error_um / 1000.0 * math.sin(2000.0 * math.pi * tool_mm / self.scale_period_um)
 
-    def blank(self, job: Job, force_factor: float = 1.0) -> Blank:
-        """Return the blank that is clamped for a job, with `force_factor` times the force that it specifies."""
+    def blank(self, job: Job, force_factor: float = 1.0, at_rpm: float | None = None) -> Blank:
+        """Return the blank that is clamped for a job, with `force_factor` times the force that it specifies.
+
+        It springs back from the force that is left at the speed of the job, or `at_rpm`.
+        """
         said_deg = job.jaw_1_deg + self.jaw_offset_deg
-        lobe_um_pp = self._lobe_um_pp(job, force_factor * job.chucking_force_n)
+        rpm = job.spindle_speed_rpm if at_rpm is None else at_rpm
+        lobe_um_pp = self._lobe_um_pp(job, force_factor * job.chucking_force_n, rpm)
         past_deg = job.lobe_past_jaw_deg if self.lobe_past_jaw_deg is None else self.lobe_past_jaw_deg
         jaws = Jaws(count=job.jaws, force_n=force_factor * job.chucking_force_n, first_harder=self.jaw_1_harder)
         return Blank(
@@ -193,14 +207,31 @@ class TrueParameters:
             oval_um=jaws.oval_fraction * 0.5 * lobe_um_pp,
         )
 
-    def _lobe_um_pp(self, job: Job, force_n: float) -> float:
-        """Return the spring-back of a job's part, peak to peak, clamped at rest with a total of `force_n`."""
+    def pressed(self, job: Job, force_factor: float) -> Blank:
+        """Return the blank as the jaws press it at rest, before anything was turned off its wall.
+
+        A ring bends by 1 / t^3 of its wall t; one whose wall is thick is no ring, and hardly changes.
+        """
+        blank, wall_mm = self.blank(job, force_factor, at_rpm=0.0), job.wall_thickness_mm
+        if wall_mm / job.radius_mm >= THIN_WALL:
+            return blank
+        stiffer = (1.0 - job.depth_of_cut_mm / wall_mm) ** 3
+        return replace(blank, lobe_um_pp=stiffer * blank.lobe_um_pp, oval_um=stiffer * blank.oval_um)
+
+    def finger_factor(self, random: Random) -> float:
+        """Draw the force of finger-tight, relative to that of the job; never less than none."""
+        if not self.finger_force_fraction:
+            return 0.0
+        return max(random.gauss(self.finger_force_fraction, self.finger_force_spread), 0.0)
+
+    def _lobe_um_pp(self, job: Job, force_n: float, rpm: float) -> float:
+        """Return the spring-back of a part, peak to peak, clamped at rest with `force_n`, turning at `rpm`."""
         found_um_pp, found_n = job.lobe_error_um_pp, job.error_force_n
         if self.lobe_um_pp is not None and job.lobe_error_um_pp:
             found_um_pp, found_n = self.lobe_um_pp, self.lobe_force_n or job.error_force_n
         found_rpm = job.lobe_spindle_speed_rpm or job.spindle_speed_rpm
         then_n = self._held_n(job.jaws, found_n, found_rpm)
-        now_n = self._held_n(job.jaws, force_n, job.spindle_speed_rpm)
+        now_n = self._held_n(job.jaws, force_n, rpm)
         return self.lobe_factor * found_um_pp * _lobe_ratio(now_n, then_n)
 
     def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,11 +14,13 @@ from numpy.typing import NDArray
 from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
 from drivers.simulator.plant.dials import AtTheChuck
 from drivers.simulator.plant.drives import Drives
+from drivers.simulator.plant.part_indicator import FromJaw, PartIndicator
 from drivers.simulator.plant.tip_load import CELLS, Stock, cutting_torque_n_m, material_of
 from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Blank, Workpiece
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
+from profiles.fingerprint.readings import ClampReadings
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_origin import with_modelled_lobe
 from profiles.machine import MachineProfile
@@ -90,9 +93,11 @@ class SimulatedWorkshop:
         self._seen: tuple[object, ...] = ()
         self._times_seen = 0
         self._passed: Block | None = None
-        self._gauge = Gauge(true)
+        self._gauge, self._indicator = Gauge(true), PartIndicator(true)
         self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
         self._clampings, self._blanks = true.chance("clampings"), true.chance("blanks")
+        self._fingers = true.chance("fingers")
+        self._pressed: tuple[Job, float, float] | None = None  # the job, both forces of its clamping over its own
         self._parts = 0  # clamped since the machine was cold
         self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
@@ -113,8 +118,10 @@ class SimulatedWorkshop:
         self._free_end_mm = true.jaw_face_mm - job.overhang_mm
         middle_mm = self._free_end_mm + 0.5 * job.cut_length_mm
         growth_per_mm = true.growth_per_mm(job)
+        factor = true.force_factor(self._clampings)
+        self._pressed = job, true.finger_factor(self._fingers), factor
         blank = replace(
-            true.blank(job, true.force_factor(self._clampings)),
+            true.blank(job, factor),
             middle_mm=middle_mm,
             growth_per_mm=growth_per_mm,
             form=true.form(self._blanks),
@@ -181,6 +188,28 @@ class SimulatedWorkshop:
         if self._wander is not None:
             clamped_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
         return self._gauge.trace(clamped_um, self._nominal_radius_mm, "clamped")
+
+    def indicate(self, places: int | None = None) -> ClampReadings:
+        """Return what an indicator in the middle of the cut shows of this clamping, in both of its states.
+
+        The `places` count from jaw 1; None is as many as the lobe needs, from the spindle index.
+        Raises RuntimeError: no part is mounted.
+        """
+        if self._part is None or self._pressed is None:
+            raise RuntimeError("no part is mounted")
+        job, *factors = self._pressed
+        finger, full = (partial(self._clamped_um, self._true.pressed(job, factor)) for factor in factors)
+        from_jaw_1 = None if places is None else FromJaw(places=places, jaw_1_deg=self._part.blank.jaw_1_deg)
+        return self._indicator.readings(finger, full, job.jaws, job.chucking_force_n, from_jaw_1)
+
+    def _clamped_um(self, pressed: Blank, angle_deg: float) -> float:
+        """Return how far out a blank is that was turned round, then pressed; with the spindle's error."""
+        assert self._part is not None
+        turns = angle_deg / 360.0
+        wander_mm = 0.0 if self._wander is None else self._wander.at_mm(turns)
+        own_mm = self._part.blank.radius_at_mm(turns) - self._part.blank.radius_mm
+        in_um = float(pressed.spring_back_um(np.array([angle_deg]), pressed.middle_mm)[0])
+        return 1000.0 * (own_mm + wander_mm) - in_um
 
     def truth(self) -> Truth:
         """Return what is so, whatever was found."""

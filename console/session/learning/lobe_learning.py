@@ -1,0 +1,73 @@
+"""The lobe of a row of parts: what its parts, and the fingerprints of their clampings, tell of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from profiles.compensations.learning import REPEATS_SD_UM
+from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
+from profiles.compensations.path import CutPath, free_state_lobe
+from profiles.fingerprint.lobe_filter import LobeFilter, Seen
+from profiles.fingerprint.readings import ClampReadings
+from profiles.fingerprint.this_clamping import (
+    Clamped,
+    clamped_by,
+    clamped_orders,
+    clamped_path,
+    felt,
+    known_lobe,
+    ratio_of,
+    with_added,
+)
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+
+
+class LobeLearning:
+    """The lobe of one row of parts. Where its job has none, or no grip at speed, nothing is known of it."""
+
+    def __init__(self, job: Job, machine: MachineProfile) -> None:
+        self._job = job
+        self._filter: LobeFilter | None = None
+        self.clamped: Clamped | None = None
+        if job.lobe_amplitude_um:
+            lobe_um = free_state_lobe(job).harmonics[0].coefficient
+            try:
+                self._filter = known_lobe(lobe_um, job, machine, PRIOR_FRACTION, PRIOR_DEG)
+            except ProfileError:  # no grip: such a job is refused before it is cut
+                self._filter = None
+
+    @property
+    def known(self) -> bool:
+        """Whether anything is known of the lobe."""
+        return self._filter is not None
+
+    def clamp(
+        self, path: CutPath, readings: ClampReadings | None, response: Callable[[int], complex]
+    ) -> tuple[CutPath, CutPath]:
+        """Return the path of the mean clamping, and that of the part that is clamped: by its fingerprint."""
+        self.clamped = None
+        if self._filter is None:
+            return path, path
+        self._filter = self._filter.clamped(REPEATS_SD_UM)
+        if readings is None:
+            return path, path
+        lobes = self._job.jaws
+        self._filter, self.clamped = clamped_by(self._filter, felt(readings, self._job), path, lobes)
+        mean = with_added(path, self.clamped.added_um, response)
+        return mean, clamped_path(mean, lobes, self.clamped.ratio, response)
+
+    def of_mean(self, left_um: Mapping[int, complex], path: CutPath) -> dict[int, complex]:
+        """Return what a part with the force of the job would have had left of each order."""
+        clamped = self.clamped
+        if clamped is None:
+            return dict(left_um)
+        lobes, made = self._job.jaws, clamped_orders(path, self._job.jaws)
+        return {n: c / ratio_of(n, lobes, clamped.ratio) if n in made else c for n, c in left_um.items()}
+
+    def measured(self, plain_um: complex, sd_um: float) -> complex:
+        """Return the mean lobe, after a part that would have had `plain_um` of it without a path."""
+        assert self._filter is not None
+        self._filter = self._filter.measured(Seen(value=plain_um, sd_um=sd_um))
+        return self._filter.lobe_um

@@ -1,0 +1,80 @@
+"""The parts of a row that learns: what each was cut with and left, and what is reported of the row."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from console.session.cut.run import RunPlan, RunResult
+from console.session.cut.telemetry import CutFigures
+from console.session.learning.learning_beside import TRIM_LIMIT_UM
+from profiles.compensations.certificate import Certified
+from profiles.compensations.learning import Deviation, Grown
+from profiles.compensations.path import CutPath
+from profiles.fingerprint.this_clamping import Clamped
+from profiles.problem import Problem
+from profiles.roundness import RoundnessResult
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnedPart:
+    """One part: its roundness, the tool error, and the path and trim that it was cut with.
+
+    `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
+    part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
+    longer learned. `clamped` is its fingerprint, `trim_short_um` how much more trim it needed than there is.
+    """
+
+    roundness: RoundnessResult
+    figures: CutFigures
+    path: CutPath
+    trim_um: complex
+    tool_off: Deviation
+    air_um: tuple[float, ...]
+    part_gain: float
+    learned: tuple[int, ...]
+    grown: tuple[Grown, ...]
+    collisions: tuple[str, ...]
+    certificate: tuple[Certified, ...] = ()
+    clamped: Clamped | None = None
+    trim_short_um: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LearnResult:
+    """Parts made: `before` without compensation, the parts in order, `floor` a part without a lobe."""
+
+    plan: RunPlan
+    before: RoundnessResult
+    floor: RoundnessResult
+    parts: tuple[LearnedPart, ...]
+
+    @property
+    def last(self) -> RunResult:
+        """The series as a run: its part is the last one, its collisions are those of all parts."""
+        part = self.parts[-1]
+        return RunResult(
+            plan=self.plan,
+            simulated=True,
+            before=self.before,
+            after=part.roundness,
+            figures=part.figures,
+            collisions=tuple(dict.fromkeys(kind for each in self.parts for kind in each.collisions)),
+        )
+
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Harmonics that were not learned: `learning.grew`; parts that needed more trim: `learning.trim_short`."""
+        return (*map(_grew, self.parts[-1].grown), *_short_of_trim(self.parts))
+
+
+def _grew(each: Grown) -> Problem:
+    grown, best = f"{each.grown_um:.2f} um", f"{each.best_um:.2f} um"
+    return Problem(code="learning.grew", key=f"{each.order}/rev", value=grown, limit=best)
+
+
+def _short_of_trim(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
+    needed = {n: TRIM_LIMIT_UM + each.trim_short_um for n, each in enumerate(parts, start=1) if each.trim_short_um}
+    return tuple(
+        Problem(code="learning.trim_short", key=str(n), value=f"{um:.1f} um", limit=f"{TRIM_LIMIT_UM:g} um")
+        for n, um in needed.items()
+    )

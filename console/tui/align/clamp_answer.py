@@ -1,0 +1,79 @@
+"""The panel of indicator readings of a clamping: which reading is asked for, and what all of them show."""
+
+from __future__ import annotations
+
+from console.text.catalogue import Catalogue
+from console.tui.align.asked import Answer, Asked, Question, entry_row, number_of
+from console.tui.align.clamp_typing import LEAST_TYPED, MOST_TYPED
+from console.tui.lines import BLANK, Line, dim, line, wrapped
+from console.tui.theme import Token
+from profiles.problem import Problem, ProfileError
+
+MOST_TYPED_UM = 2000.0
+
+
+def clamp_answer(question: Question) -> Answer:
+    """Return how the entry is understood; nothing typed is no problem yet."""
+    if question.asked is Asked.INDICATED:
+        return Answer()
+    if question.asked is Asked.READING:
+        return number_of(question, "indicator_um", -MOST_TYPED_UM, MOST_TYPED_UM, decimals=0)
+    answer = number_of(question, "places", LEAST_TYPED, MOST_TYPED, decimals=0)
+    if answer.value is not None and not answer.problems and answer.value != round(answer.value):
+        limit = f"{LEAST_TYPED}, {LEAST_TYPED + 1} … {MOST_TYPED}"
+        return Answer(
+            value=answer.value,
+            problems=(Problem(code="screen.number_out_of_range", value=question.typed, limit=limit),),
+        )
+    return answer
+
+
+def clamp_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
+    """Return the panel: what to read where, or what the readings show."""
+    typing = question.clamp
+    if question.asked is Asked.PLACES:
+        advice = text("align_page.clamp_places", low=LEAST_TYPED, high=MOST_TYPED)
+        return [entry_row(text("align_page.places"), question), *wrapped(advice, width, Token.DIM)]
+    if question.asked is Asked.INDICATED:
+        return _shown(text, question, width)
+    state = text("align_page.full_force" if typing.full else "align_page.finger_tight")
+    where = text("align_page.clamp_place", place=typing.place + 1, of=typing.places, angle=f"{typing.angle_deg:g}")
+    rows: list[Line] = [
+        entry_row(text("align_page.reads"), question),
+        line((state, Token.STRONG)),
+        line(where),
+    ]
+    if typing.full:
+        rows.append(line(dim(text("align_page.clamp_before", value=f"{typing.values[typing.place]:+g}"))))
+    return [*rows, *_simulated(text, question)]
+
+
+def _simulated(text: Catalogue, question: Question) -> list[Line]:
+    """Return what the indicator of the simulated lathe reads there."""
+    found, typing = question.state.indicated, question.clamp
+    if found is None or len(found.angle_deg) != typing.places:
+        return []
+    value = (found.full_um if typing.full else found.finger_um)[typing.place]
+    return [line(("SIM", Token.SIM), dim(" " + text("align_page.clamp_sim", value=f"{value:+.0f}")))]
+
+
+def _shown(text: Catalogue, question: Question, width: int) -> list[Line]:
+    """Return the deflection that all readings show, with its confidence, or why they show none."""
+    from profiles.fingerprint.deflection import deflection_of
+
+    job, typing = question.job, question.clamp
+    rows: list[Line] = [BLANK, line((text("align_page.clamp_all", count=2 * typing.places), Token.STRONG))]
+    if job is None:
+        return rows
+    try:
+        shown = deflection_of(typing.readings(simulated=question.state.simulated), job)
+    except ProfileError as refused:
+        said = [text.problem(each) for each in refused.problems]
+        return [*rows, *(row for each in said for row in wrapped(each, width, Token.WARNING))]
+    lobe = 2.0 * abs(shown.coefficients_um[job.jaws])
+    limit = 2.0 * shown.limit_um(job.jaws)
+    words = text("align_page.clamp_lobe", n=job.jaws, lobe=f"{lobe:.1f}", limit=f"{limit:.1f}")
+    rows.append(line(("→ ", Token.OK), (words, Token.STRONG)))
+    if shown.upright:
+        rows += wrapped(text("align_page.clamp_upright"), width, Token.DIM)
+    return rows

@@ -1,0 +1,196 @@
+"""The lobe of the part that is clamped now: the job's or the learned one, corrected by the fingerprint.
+
+The jaws make the lobe, its multiples and the oval of a jaw that presses harder, all in proportion to the force.
+So all of them are scaled with the lobe, and the multiples turn with it. What the spindle has of such an order is
+scaled with them: it is small beside them.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+
+from profiles.axis.response import AMPLIFICATION_LIMIT
+from profiles.chucking.grip import centrifugal_loss_n
+from profiles.chucking.holding import holding_of
+from profiles.chucking.ring import Ring, is_thin, spring_back_um_pp
+from profiles.compensations.learning import SIGNIFICANT, coefficient_of
+from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM
+from profiles.compensations.path import CutPath
+from profiles.fingerprint.deflection import ONCE, OVAL, Deflection, deflection_of
+from profiles.fingerprint.lobe_filter import ClampingScale, LobeFilter, Seen, lobe_filter
+from profiles.fingerprint.readings import ClampReadings
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.materials import material_or_none
+from profiles.problem import refused
+
+FINGER_FRACTION = 0.05  # of the full force that finger-tight has, where nobody has stated it; assumed
+FINGER_SD = 0.01  # with which it repeats, over the full force; assumed
+BESIDE_UM = 0.5  # of the order of the lobe that is of the spindle; assumed
+MOST_DEVIATION = 0.5  # of a force from that of the job: beyond that it is another clamping, or another part
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Felt:
+    """The fingerprint of one clamping: `seen` as the lobe that all of its force at rest would make, um.
+
+    `others` are the further orders that the jaws make, the same way.
+    """
+
+    seen: Seen
+    deflection: Deflection
+    others: Mapping[int, Seen]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Clamped:
+    """What a fingerprint makes of a path: orders are `added_um`, then the lobe becomes `ratio` times itself.
+
+    `force_deviation` is by which fraction this clamping pulls more than the job says, `lobe_um` the lobe of this
+    part with `sd_um`, the standard deviation of its amplitude. `weight` is how much of the deviation that the
+    indicator shows is believed. `felt` is what it has shown.
+    """
+
+    ratio: complex
+    added_um: Mapping[int, complex]
+    force_deviation: float
+    lobe_um: complex
+    sd_um: float
+    weight: float
+    felt: Seen
+
+
+def clamping_scale(job: Job, machine: MachineProfile) -> ClampingScale:
+    """Return how the force of a clamping bends the part of a job.
+
+    Raises `ProfileError`: `clamping.no_grip`, rotation takes all of the force.
+    """
+    force_n, loss_n = job.chucking_force_n, centrifugal_loss_n(job, machine)
+    if loss_n >= force_n:
+        raise refused("clamping.no_grip", value=f"{force_n:.0f} N", limit=f"> {loss_n:.0f} N")
+    at_speed = force_n / (force_n - loss_n)
+    return ClampingScale(at_speed=at_speed, at_rest=at_speed, sd=holding_of(machine).force_sd_fraction)
+
+
+def known_lobe(
+    lobe_um: complex, job: Job, machine: MachineProfile, height_sd: float, turn_sd_deg: float
+) -> LobeFilter:
+    """Return what is known of the lobe of a job before any part: height and angle, each with its uncertainty."""
+    scale = clamping_scale(job, machine)
+    return lobe_filter(lobe_um, job.jaws, scale, height_sd=height_sd, turn_sd_deg=turn_sd_deg, beside_um=BESIDE_UM)
+
+
+def felt(readings: ClampReadings, job: Job) -> Felt:
+    """Return what readings say of the lobe of a job; it has jaw 1 where it is.
+
+    Raises `ProfileError`: the places do not show the lobe; `clamping.finger_force`, finger-tight was no less.
+    """
+    finger = FINGER_FRACTION
+    if readings.finger_force_n is not None:
+        finger = readings.finger_force_n / job.chucking_force_n
+        if finger >= MOST_DEVIATION:
+            value, limit = f"{readings.finger_force_n:g} N", f"< {MOST_DEVIATION * job.chucking_force_n:.0f} N"
+            raise refused("clamping.finger_force", value=value, limit=limit)
+    shown = deflection_of(readings, job)
+    blank = (1.0 - finger) * blank_over_part(job)  # over the lobe that all of the force at rest would make
+    found = {n: _as_lobe(c / blank, shown.sd_um[n] / blank) for n, c in shown.coefficients_um.items()}
+    seen = found.pop(job.jaws)
+    return Felt(
+        seen=replace(seen, along=seen.value if shown.upright else None),
+        deflection=shown,
+        others={n: each for n, each in found.items() if n != ONCE},
+    )
+
+
+def _as_lobe(value: complex, sd_um: float) -> Seen:
+    return Seen(value=value, sd_um=math.hypot(sd_um, FINGER_SD * abs(value)))
+
+
+def blank_over_part(job: Job) -> float:
+    """Return by how much a blank deflects, over the part that it becomes: a thicker ring bends less."""
+    material = material_or_none(job.material)
+    if material is None or not is_thin(job.wall_thickness_mm, job.radius_mm):
+        return 1.0
+    walls = (job.wall_thickness_mm, job.wall_thickness_mm - job.depth_of_cut_mm)
+    outside = (job.diameter_mm, 2.0 * job.finished_radius_mm)
+    if walls[1] <= 0.0:
+        return 1.0
+    bent = [
+        spring_back_um_pp(Ring(outside_mm=d, wall_mm=t, length_mm=1.0, material=material), job.jaws, 1.0)
+        for d, t in zip(outside, walls, strict=True)
+    ]
+    return bent[0] / bent[1]
+
+
+def clamped_by(before: LobeFilter, found: Felt, path: CutPath, lobes: int) -> tuple[LobeFilter, Clamped]:
+    """Return the filter with a fingerprint, and what becomes of a path.
+
+    Orders of the jaws that no part has taught yet are those of the fingerprint.
+    Raises `ProfileError`: `clamping.not_like`, the deflection is not that of this clamping.
+    """
+    mean_um, at_rest = before.lobe_um, before.scale.at_rest
+    _refuse_unlike(found.seen.value / (at_rest * mean_um) if mean_um else 1.0 + 0j)
+    after = before.felt(found.seen)
+    ratio = after.this_um / mean_um if mean_um else 1.0 + 0j
+    variance = before.sd_um**2
+    return after, Clamped(
+        ratio=ratio,
+        added_um={
+            n: _shown_um(each) / at_rest / ratio_of(n, lobes, ratio)
+            for n, each in found.others.items()
+            if not coefficient_of(path.target, n)
+        },
+        force_deviation=after.force_deviation,
+        lobe_um=after.this_um,
+        sd_um=after.sd_um,
+        weight=1.0 - after.sd_um**2 / variance if variance else 0.0,
+        felt=found.seen,
+    )
+
+
+def _refuse_unlike(shown: complex) -> None:
+    if abs(shown - 1.0) > MOST_DEVIATION:
+        value, limit = f"{abs(shown):.2f}", f"{1 - MOST_DEVIATION:g} - {1 + MOST_DEVIATION:g}"
+        raise refused("clamping.not_like", value=value, limit=limit)
+
+
+def _shown_um(seen: Seen) -> complex:
+    """Return an order as it is most likely, of which little was known: 0 within the noise."""
+    if abs(seen.value) <= SIGNIFICANT * seen.sd_um:
+        return 0j
+    return seen.value * PRIOR_OTHERS_UM**2 / (PRIOR_OTHERS_UM**2 + seen.sd_um**2)
+
+
+def clamped_orders(path: CutPath, lobes: int) -> tuple[int, ...]:
+    """Return the orders of a path that the jaws make."""
+    orders = {harmonic.lobes for harmonic in path.target.harmonics}
+    return tuple(sorted(n for n in orders if n % lobes == 0 or n == OVAL))
+
+
+def ratio_of(order: int, lobes: int, ratio: complex) -> complex:
+    """Return by what an order is multiplied where the lobe is by `ratio`: its height, and turned with it."""
+    turns = order / lobes if order % lobes == 0 else 0.0
+    return abs(ratio) * cmath.exp(1j * turns * cmath.phase(ratio))
+
+
+def with_added(path: CutPath, added_um: Mapping[int, complex], response: Callable[[int], complex]) -> CutPath:
+    """Return a path with these orders added to its target; the command follows by T.
+
+    An order that the tool hardly follows is left out: its command would be many times its motion.
+    """
+    followed = {n: c for n, c in added_um.items() if abs(response(n)) * AMPLIFICATION_LIMIT >= 1.0}
+    return CutPath(
+        target=path.target.plus(followed),
+        command=path.command.plus({n: c / response(n) for n, c in followed.items()}),
+    )
+
+
+def clamped_path(path: CutPath, lobes: int, ratio: complex, response: Callable[[int], complex]) -> CutPath:
+    """Return the path for a clamping whose lobe is `ratio` times that of the path."""
+    change = {
+        n: (ratio_of(n, lobes, ratio) - 1.0) * coefficient_of(path.target, n) for n in clamped_orders(path, lobes)
+    }
+    return with_added(path, change, response)

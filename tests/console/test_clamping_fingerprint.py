@@ -1,0 +1,170 @@
+"""The fingerprint of a clamping: in the session, on the command line, in the record and in what is learned."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.cut.alignment import Alignment, clamped, handed_over, unclamped
+from console.session.station.commands import Indicate, TakeFingerprint
+from drivers.cutting.strategy import Strategy
+from profiles.fingerprint.readings import ClampReadings, parse_readings, read_readings, readings_text
+from profiles.job import Job
+from tests.console.floor import experiment_1, set_up_once
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+CAM = ("--strategy", "cam")
+LATHE = ("--sim", "--plant", "realistic", "--seed", "3", "--clamping-sd", "5")
+
+
+def readings(job: Job, factor: float, places: int = 16) -> ClampReadings:
+    """Return what an indicator shows of a job's own lobe, from the force at rest, `factor` times as high.
+
+    At 1000 rpm 230 of 1314 N are lost, so the lobe at rest is 1314 / 1084 of that at speed; finger-tight has 5 %
+    of the force, and the blank of 2.5 mm is stiffer than the part of 2.4 mm: ((25 / 24.95) (2.4 / 2.5))^3 hardly.
+    """
+    wall, ring = job.wall_thickness_mm, job.diameter_mm
+    stiffer = ((wall - job.depth_of_cut_mm) / wall) ** 3
+    stiffer *= ((ring - wall) / (ring - 2 * job.depth_of_cut_mm - wall + job.depth_of_cut_mm)) ** 3
+    height = 27.5 * 1314.0 / 1084.0 * 0.95 * stiffer * factor
+    angles = [360.0 * place / places for place in range(places)]
+    return ClampReadings(
+        angle_deg=tuple(angles),
+        finger_um=(0.0,) * places,
+        full_um=tuple(round(-height * math.cos(math.radians(3 * angle)), 3) for angle in angles),
+        from_jaw_1=True,
+        graduation_um=0.1,
+    )
+
+
+def test_readings_are_kept_with_the_clamping_used_by_the_next_cut_and_lost_with_it(tmp_path: Path) -> None:
+    floor, job = set_up_once(tmp_path), experiment_1()
+    floor.do(TakeFingerprint(job=job, readings=None))
+    plain = floor.arm(job, Strategy.CAM).armed
+    assert plain is not None and plain.made.fingerprint == ""
+    state = floor.do(TakeFingerprint(job=job, readings=readings(job, 1.08)))
+    assert state.alignment.readings is not None and state.refusals == ()
+    armed = floor.arm(job, Strategy.CAM).armed
+    assert armed is not None and armed.made.fingerprint.startswith("height=1.0")
+    higher = armed.plan.target.amplitude_um / plain.plan.target.amplitude_um
+    # 8 % more at rest are 9.7 % more at speed; the job is believed a little, too.
+    assert 1.05 < higher < 1.10
+    aired = floor.arm(job, Strategy.CAM, stage="air").armed
+    assert aired is not None and aired.made.fingerprint == ""
+
+
+def test_another_clamping_and_another_console_lose_the_readings() -> None:
+    job = experiment_1()
+    felt = replace(clamped(Alignment(), job, "08:00"), readings=readings(job, 1.0))
+    assert clamped(felt, job, "09:00").readings is None
+    assert unclamped(felt, "09:00").readings is None
+    assert handed_over(felt, "09:00").readings is None
+
+
+def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(tmp_path: Path) -> None:
+    floor, job = set_up_once(tmp_path), experiment_1()
+    floor.do(TakeFingerprint(job=job, readings=None))
+    six = readings(job, 1.0, 6)
+    between = replace(six, angle_deg=tuple(angle + 30.0 for angle in six.angle_deg))
+    for wrong, code in (
+        (between, "clamping.dependent"),
+        (replace(six, finger_force_n=900.0), "clamping.finger_force"),
+    ):
+        state = floor.do(TakeFingerprint(job=job, readings=wrong))
+        assert [each.code for each in state.refusals] == [code] and state.alignment.readings is None
+    floor.do(TakeFingerprint(job=job, readings=replace(readings(job, 1.0), inward=True)))
+    assert [each.code for each in floor.arm(job, Strategy.CAM).refusals] == ["clamping.not_like"]
+    assert floor.do(TakeFingerprint(job=job, readings=None)).alignment.readings is None
+    assert floor.arm(job, Strategy.CAM).armed is not None
+
+
+def test_the_indicator_of_the_simulated_lathe_reads_from_jaw_1_on(tmp_path: Path) -> None:
+    floor = set_up_once(tmp_path)
+    found = floor.do(Indicate(places=12)).indicated
+    assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12
+    assert found.full_um[0] == pytest.approx(min(found.full_um)), "the jaws press it in"
+
+
+@pytest.fixture
+def short(job_file: JobFile) -> str:
+    return str(job_file(cut_length_mm="0.8", feed_mm_per_rev="0.1"))
+
+
+def test_a_file_of_readings_goes_through_the_cut_and_the_record_into_what_is_learned(
+    console: Console, close: tuple[str, str], short: str, tmp_path: Path
+) -> None:
+    file, part = str(tmp_path / "f.csv"), str(tmp_path / "p.csv")
+    taken = console("fingerprint", short, *close, *LATHE, *CAM, "--out", file)
+    assert taken.code == 0 and "--seed 3" in taken.out
+    judged = console("fingerprint", short, file, *close, *CAM, "--json").json
+    assert [each["n"] for each in judged["harmonics"]] == [1, 2, 3, 6]
+    assert 0.7 < judged["weight"] < 1.0 and not judged["upright"]
+    made = console("run", short, *close, *LATHE, *CAM, "--fingerprint", file, "--part", part, "--json").json
+    assert made["fingerprint"].startswith(f"height={judged['height']:.6f}")
+    learned = console("learn", part, "--job", short, *close, "--keep", "--json")
+    assert learned.code == 0
+    (version,) = (tmp_path / "data").rglob("version-000001.json")
+    clamped = json.loads(version.read_text())["part"]["clamped"]
+    assert clamped["height"] == pytest.approx(judged["height"], abs=1e-6)
+    again = console(
+        "run", short, *close, *LATHE, *CAM, "--compensation", "newest", "--fingerprint", file, "--json"
+    ).json
+    assert again["after"]["RONt_um"] < 0.85 * made["after"]["RONt_um"], (
+        "friction holds back what one part has taught"
+    )
+    # The record has it too: without the header of the trace, the part is the last one cut.
+    lines = Path(part).read_text().splitlines(keepends=True)
+    Path(part).write_text(
+        "".join(line for line in lines if not line.startswith(("# fingerprint", "# compensation")))
+    )
+    said = console("learn", part, "--job", short, *close, "--compensation", "1", "--json")
+    assert said.code == 0
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("--strategy", "none"), "follows no compensation"),
+        (("--strategy", "cam", "--stage", "air"), "follows no compensation"),
+        (("--strategy", "cam", "--learn", "2"), "--fingerprint FILE"),
+    ],
+)
+def test_a_cut_without_a_path_of_its_own_takes_no_file(
+    console: Console, close: tuple[str, str], short: str, tmp_path: Path, words: tuple[str, ...], said: str
+) -> None:
+    file = tmp_path / "f.csv"
+    file.write_text(readings_text(readings(experiment_1(), 1.0)))
+    found = console("run", short, *close, "--sim", *words, "--fingerprint", str(file))
+    assert found.code == 1 and said in found.err
+
+
+def test_readings_of_a_simulated_lathe_are_none_of_a_real_one(
+    console: Console, short: str, tmp_path: Path
+) -> None:
+    simulated = replace(readings(experiment_1(), 1.0), simulated=True)
+    assert parse_readings(readings_text(simulated).encode()).simulated
+    file = tmp_path / "f.csv"
+    file.write_text(readings_text(simulated))
+    assert read_readings(file) == simulated
+    found = console(
+        "run", short, "--link", "tcp:127.0.0.1:9", "--yes", "--strategy", "cam", "--fingerprint", str(file)
+    )
+    assert found.code == 1 and "simulated" in found.err
+
+
+def test_usage(console: Console, short: str, tmp_path: Path) -> None:
+    assert console("fingerprint", short).code == 2
+    assert console("fingerprint", short, "--out", str(tmp_path / "f.csv")).code == 2
+    assert console("fingerprint", short, str(tmp_path / "none.csv"), *CAM).code == 1
+    there = tmp_path / "there.csv"
+    there.write_text("")
+    assert console("fingerprint", short, "--sim", "--out", str(there)).code == 1
+    assert there.read_text() == ""

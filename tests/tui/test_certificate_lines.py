@@ -1,0 +1,41 @@
+"""The certificate of a part as key w shows it on Inspect, kept as a text in both languages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from console.text.catalogue import load
+from console.tui.lines import width_of
+from console.tui.pages.learn_lines import certified_lines
+from profiles.compensations.certificate import Certified, Standing
+from tests.golden_text import compare, writing
+from tests.tui.stage import LANGUAGES
+
+FOLDER = Path(__file__).parent / "certificates"
+WIDTH = 78
+
+PART = tuple(
+    Certified(order=order, gain=gain, factor=abs(1.0 - gain), bound=bound, left_um=left_um, standing=standing)
+    for order, gain, bound, left_um, standing in (
+        (2, 1.0, 0.30, 1.86, Standing.ONE_PART),
+        (3, 0.93, 0.37, 7.185, Standing.LEARNED),
+        (4, 1.0, 0.45, 0.012, Standing.NOISE),
+        (5, 0.5, 0.71, 0.4, Standing.VARIES),
+        (6, 1.0, 0.6, 0.77, Standing.GREW),
+        (13, 1.0, 1.42, 0.05, Standing.NO_PROMISE),
+    )
+)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_standing_is_shown_with_its_promise(language: str) -> None:
+    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
+    rows = certified_lines(learning, load(language), WIDTH)
+    assert all(width_of(row) <= WIDTH for row in rows)
+    shown = ["".join(text for text, _ in row) for row in rows]
+    assert "7.185" not in "".join(shown) and any("14.37" in row for row in shown), "peak to peak"
+    compare(shown, FOLDER / f"{language}.txt", write=writing())
