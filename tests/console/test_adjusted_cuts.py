@@ -154,6 +154,7 @@ def test_presses_between_two_polls_do_not_pass_the_bound(floor: Floor) -> None:
     assert [problem.code for problem in state.refusals] == ["cut.override_bound_inverse"]
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("strategy", "command", "code"),
     [

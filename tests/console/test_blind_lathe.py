@@ -126,6 +126,7 @@ def test_the_truth_is_in_nothing_that_the_console_has_seen(tmp_path: Path) -> No
     assert shown == {0.0}
 
 
+@pytest.mark.long
 def test_a_micrometer_reads_a_standing_part_that_the_tool_is_clear_of_and_scatters(tmp_path: Path) -> None:
     floor = homed(tmp_path, 6)
     find_jaw(floor)

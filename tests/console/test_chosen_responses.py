@@ -89,6 +89,7 @@ def test_the_command_refuses_the_newest_of_a_strategy_that_has_none(console: Con
     assert refused.code == 1 and "console identify" in refused.err
 
 
+@pytest.mark.long
 def test_the_cut_inverts_the_chosen_response_and_its_record_says_so(shop: Shop) -> None:
     """A response of 0.8 of the model commands another path, and the part teaches by that path."""
     machine = shop.machine.machine

@@ -113,6 +113,7 @@ def learned(shop: Shop) -> LearnedCompensation:
     return version
 
 
+@pytest.mark.long
 def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     shop: Shop, console: Console, tmp_path: Path
 ) -> None:

@@ -178,6 +178,7 @@ def test_a_run_whose_folder_is_taken_away_fails(
     assert "run record is lost" in said.err and "measure" not in said.out
 
 
+@pytest.mark.long
 def test_many_that_begin_at_once_wait_for_each_other(tmp_path: Path) -> None:
     many = [begins(tmp_path / "new", "many") for _ in range(6)]
     ended = [(*process.communicate(timeout=60), process.returncode) for process in many]

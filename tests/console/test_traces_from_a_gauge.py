@@ -161,6 +161,7 @@ def test_what_the_file_does_not_state_is_asked_and_the_answer_recorded(outside: 
     assert STATED.items() <= outside.events("measured")[-1].items()
 
 
+@pytest.mark.long
 def test_a_file_that_changed_since_it_was_seen_is_not_taken(outside: Outside) -> None:
     outside.cut()
     path = outside.gauge(**STATED)
@@ -183,6 +184,7 @@ def test_without_a_mark_a_part_is_judged_and_teaches_nothing(outside: Outside) -
     assert part.learning is not None and part.learning.reasons
 
 
+@pytest.mark.long
 def test_a_part_cut_before_the_console_was_restarted_is_judged_by_the_record(outside: Outside) -> None:
     outside.cut()
     path = outside.gauge(**STATED)

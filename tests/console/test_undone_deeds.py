@@ -12,6 +12,7 @@ from benchmarks.hostile_lines import Deed
 from console.session.cut.engine import Step
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("kind", "first", "later", "after_s", "for_s", "outcome"),
     [

@@ -145,6 +145,7 @@ def test_only_what_stands_out_of_the_noise_is_learned() -> None:
     assert nothing.next.path.target.harmonics[0].coefficient == pytest.approx(LOBE)
 
 
+@pytest.mark.long
 def test_a_fixed_gain_learns_half_of_the_noise_of_one_part() -> None:
     """gamma / (2 - gamma) of its variance: 0.54 at 0.7."""
     rng = np.random.default_rng(3)

@@ -41,6 +41,7 @@ def result(process: subprocess.Popen[str]) -> dict[str, Any]:
     return {key: value for key, value in found.items() if key not in OF_THIS_RUN}
 
 
+@pytest.mark.long
 def test_killing_those_who_publish_is_not_noticed_by_the_cut(tmp_path: Path) -> None:
     data, alone = tmp_path / "watched", tmp_path / "alone"
     machine, lone = save_compact(data), save_compact(alone)

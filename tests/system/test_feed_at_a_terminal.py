@@ -44,6 +44,7 @@ def until(link: socket.socket, activity: str) -> dict[str, Any]:
     raise AssertionError("the feed has ended")
 
 
+@pytest.mark.long
 def test_readers_do_not_touch_a_console_and_a_killed_one_leaves_nothing(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24, short_ways=True) as terminal:
         trainee = console_at(terminal)

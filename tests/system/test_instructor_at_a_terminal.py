@@ -77,6 +77,7 @@ def runs_on(terminal: Terminal) -> None:
     terminal.wait_for(lambda _: re.search(r"SIM (paused|멈춤)", terminal.row(0)) is None, 10.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_faults_the_screen_and_the_log(language: str, tmp_path: Path) -> None:
     with trainee_at(tmp_path, language, "--plant", "mounted") as terminal:

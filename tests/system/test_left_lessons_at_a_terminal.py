@@ -12,6 +12,7 @@ from tests.trainee import Trainee
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_lesson_whose_terminal_was_closed_goes_on_with_its_steps(language: str, tmp_path: Path) -> None:
     with lesson_at(tmp_path, "first-look", language, "--trainee", "Kim") as terminal:

@@ -274,6 +274,7 @@ def test_a_port_that_is_taken_is_refused_in_one_line(tmp_path: Path) -> None:
     assert "choose another port" in refused.stderr
 
 
+@pytest.mark.long
 def test_a_killed_console_at_a_terminal_becomes_unavailable_and_comes_back(tmp_path: Path) -> None:
     with serving(tmp_path, "--sim") as (process, address):
         agent = Agent(address)

@@ -20,6 +20,7 @@ def test_a_perfect_trainee_lives_through_a_second_console() -> None:
     assert score(Walk("second-console", PERFECT, "ko")) >= 95
 
 
+@pytest.mark.long
 def test_a_careless_trainee_scores_below_50() -> None:
     assert score(Walk("first-chucking", CARELESS, "en")) < 50
 
