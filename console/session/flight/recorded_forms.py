@@ -101,6 +101,7 @@ def names() -> Mapping[str, Any]:
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop
     from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
+    from profiles.fingerprint.readings import ClampReadings
     from profiles.roundness import RoundnessResult
     from profiles.store import LoadedJob
     from profiles.traces import Trace
@@ -121,5 +122,6 @@ def names() -> Mapping[str, Any]:
         WorkshopView,
         Dials,
         Truth,
+        ClampReadings,
     )
     return {**{each.__name__: each for each in found}, "CutPlan": RecordedPlan}
