@@ -57,9 +57,9 @@ class ProgramText:
     first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
-    controller then holds. `kinematics` are the programs INVERSE and FORWARD.
-    `places` are the line numbers (from 1) of each program's lines in the text,
-    `setting_places` those of the settings.
+    controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from 1)
+    of each program's lines in the text, `setting_places` those of the settings. `sources` name the place of each of
+    `lines`, such as `12`, or `12, limits.h:5` for one of an included file.
     """
 
     number: int
@@ -74,6 +74,7 @@ class ProgramText:
     tables: tuple[TextTable, ...] = ()
     setting_places: tuple[int, ...] = ()
     kinematics: Mapping[str, tuple[Line, ...]] = field(default_factory=dict)
+    sources: tuple[str, ...] = ()
 
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
@@ -118,6 +119,7 @@ def read_program(
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
+            taken.sources.append(f"{source.place}, {source.source}" if source.source else str(source.place))
             taken.take(source.text)
         except PmacError as error:
             if refused is not None:
@@ -137,6 +139,7 @@ class _Taken:
 
     tables: TableReader
     lines: list[str] = field(default_factory=list)
+    sources: list[str] = field(default_factory=list)
     settings: list[Line] = field(default_factory=list)
     setting_places: list[int] = field(default_factory=list)
     definitions: dict[int, AxisDefinition] = field(default_factory=dict)
@@ -159,6 +162,7 @@ class _Taken:
             settings=tuple(self.settings),
             program=tuple(self.programs[number]),
             lines=tuple(self.lines),
+            sources=tuple(self.sources),
             subprograms={n: tuple(lines) for n, lines in self.programs.items() if n != number},
             definitions=tuple(self.definitions.values()),
             commands=tuple(self.commands),
