@@ -57,9 +57,9 @@ class ProgramText:
     first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
-    controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from 1)
-    of each program's lines in the text, `setting_places` those of the settings. `sources` name the place of each of
-    `lines`, such as `12`, or `12, limits.h:5` for one of an included file.
+    controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from
+    1) of each program's lines in the text, `setting_places` those of the settings. `sources` name the place of
+    each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file.
     """
 
     number: int
