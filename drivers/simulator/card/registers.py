@@ -13,9 +13,9 @@ from collections.abc import Callable, Mapping, Sequence
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.variable_words import VariableWords
 from drivers.simulator.card import reports
+from drivers.simulator.card.buffers import StoredBuffers
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.countdown import Countdown
-from drivers.simulator.card.directory import StoredBuffers
 from drivers.simulator.card.motor import Motor
 
 PARTS = 32  # of a count, and that Ix08 (or Ix09) times
