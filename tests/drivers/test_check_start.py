@@ -93,7 +93,7 @@ def test_the_programs_of_the_project_have_no_fault_where_they_start(
     [
         ("UNDEFINE ALL", (4,)),
         ("&1 undef", (4,)),
-        ("#2->0", (1, 3, 4)),
+        ("#2->0", (1, 2, 3, 4)),
         ("#2->0 #2->100Y", (1, 2, 3, 4)),
         ("", (1, 2, 3, 4)),
     ],
