@@ -14,6 +14,7 @@ from drivers.commissioning.configuration import AxisEntry, Configuration, TableE
 from drivers.commissioning.setting_names import named
 from drivers.commissioning.values import highest_of, read_value_line, value_lines
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
+from drivers.pmac.execution.kinematics import FORWARD, INVERSE
 from drivers.pmac.language.text import format_number
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -60,6 +61,7 @@ _ENTRIES = re.compile(r"-?\d+(?: -?\d+)*")
 _TYPED = re.compile(r'(?:[^";]|"[^"]*"?)*')
 _LOCKED = re.compile(r"; locked (.+)")
 _OPEN = re.compile(r"OPEN (PLC|PROG)(\d+)")
+_OPEN_KINEMATIC = re.compile(rf"&(\d+)OPEN ({INVERSE}|{FORWARD})")
 
 
 def backup_text(configuration: Configuration, date: str) -> str:
@@ -95,6 +97,8 @@ def _body(configuration: Configuration) -> Iterator[str]:
     yield from _entries(configuration)
     yield from _buffers("PLC", configuration.plcs)
     yield from _buffers("PROG", configuration.programs)
+    for (system, kind), lines in sorted(configuration.kinematics.items()):
+        yield from ("", f"; {kind} of &{system}", f"&{system}OPEN {kind}", "CLEAR", *lines, "CLOSE")
     if configuration.values is not None:
         yield from ("", "; values of P, Q and M; all others are 0")
         yield from value_lines(configuration.values, dialect, configuration.pointers)
@@ -246,6 +250,7 @@ class _Gathered:
     locked: list[str] = field(default_factory=list)
     entries: dict[int, list[int]] = field(default_factory=dict)
     values: dict[str, float] | None = None
+    kinematics: dict[tuple[int, str], list[str]] = field(default_factory=dict)
     highest: int = 0
     _open: list[str] | None = None
     _table: list[int] = field(default_factory=list)
@@ -274,6 +279,8 @@ class _Gathered:
             self.locked.append(found[1])
         elif found := _OPEN.fullmatch(line):
             self._open = self.buffers[found[1]][int(found[2])] = []
+        elif found := _OPEN_KINEMATIC.fullmatch(line):
+            self._open = self.kinematics[int(found[1]), found[2]] = []
         elif line and line != UNDEFINE and not line.startswith(";"):
             self._table_line(line)
 
@@ -308,6 +315,7 @@ class _Gathered:
             locked=tuple(self.locked),
             entries={motor: tuple(entries) for motor, entries in self.entries.items()},
             values=self.values,
+            kinematics={which: tuple(lines) for which, lines in self.kinematics.items()},
         )
 
     def _setting(self, found: re.Match[str]) -> None:

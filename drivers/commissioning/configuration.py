@@ -40,7 +40,8 @@ class Configuration:
     `pointers` are the M-variables with a definition. `conversion` are the set-up words of the encoder
     conversion table, of families in which these are not I-variables. `locked` names what a password hides, such as
     `PLC 3`. `entries` are those of the compensation tables, `values` those of P, Q and M that are not 0, by names
-    such as `P7` and `&2Q5`; None where they were not asked for.
+    such as `P7` and `&2Q5`; None where they were not asked for. `kinematics` are the programs INVERSE and FORWARD
+    by coordinate system, where values were asked for.
     """
 
     family: str
@@ -56,6 +57,7 @@ class Configuration:
     locked: tuple[str, ...] = ()
     entries: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     values: Mapping[str, float] | None = None
+    kinematics: Mapping[tuple[int, str], tuple[str, ...]] = field(default_factory=dict)
 
     @property
     def dialect(self) -> Dialect:

@@ -14,6 +14,7 @@ from drivers.commissioning.values import read_values
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.execution.kinematics import FORWARD, INVERSE
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
@@ -98,9 +99,10 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
         programs=dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked)),
         tables=dict(_tables(client, tables, extent.unlisted_table, entries)),
         conversion=_conversion(client, dialect),
-        locked=tuple(locked),
         entries=entries if extent.values else {},
         values=read_values(client, dialect, pointers) if extent.values else None,
+        kinematics=dict(_kinematics(client, dialect, locked)) if extent.values else {},
+        locked=tuple(locked),
     )
 
 
@@ -211,16 +213,32 @@ def _listings(
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Yield the text of each buffer that has one; what is behind a password is named in `locked`."""
     for number in numbers:
-        try:
-            lines = ask_or_none(client, f"LIST {kind}{number}", timeout_s)
-        except ControllerError as error:
-            if error.error_number != ErrorCode.PASSWORD:
-                raise
-            locked.append(f"{kind} {number}")
-            continue
-        kept = without_end(line.strip() for line in lines or ())
+        kept = _listed(client, f"LIST {kind}{number}", f"{kind} {number}", timeout_s, locked)
         if kept:
             yield number, kept
+
+
+def _listed(client: Controller, line: str, name: str, timeout_s: float, locked: list[str]) -> tuple[str, ...]:
+    try:
+        lines = ask_or_none(client, line, timeout_s)
+    except ControllerError as error:
+        if error.error_number != ErrorCode.PASSWORD:
+            raise
+        locked.append(name)
+        return ()
+    return without_end(each.strip() for each in lines or ())
+
+
+def _kinematics(
+    client: Controller, dialect: Dialect, locked: list[str]
+) -> Iterator[tuple[tuple[int, str], tuple[str, ...]]]:
+    """Yield the kinematic programs of each coordinate system that have text, in a family that has any."""
+    for system in dialect.numbers(Scope.SYSTEM) if dialect.kinematics is not None else ():
+        for kind in (INVERSE, FORWARD):
+            lines = _listed(client, f"&{system}LIST {kind}", f"&{system} {kind}", LISTING_TIMEOUT_S, locked)
+            if lines:
+                yield (system, kind), lines
+    client.request("&1", lines=0)
 
 
 def _tables(

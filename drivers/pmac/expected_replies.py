@@ -48,7 +48,7 @@ def _range_lines(found: re.Match[str]) -> int | None:
 
 _VARIABLES = r"(?P<first>\d++)(?:\.\.(?P<last>\d++)|,(?P<count>\d++)(?:,(?P<step>\d++))?)?"
 _PLACE = r"(?:DP|TWB|TWD|TWR|TWS|[XYDLF])\s*:?\s*\$?[0-9A-F]++(?:,\w++)*+"
-_LISTED = r"PROG(?:RAM)?|PLCC?|GATHER|GAT|COMP\s*DEF|COMP|PC|PE"
+_LISTED = r"PROG(?:RAM)?|PLCC?|INV(?:ERSE)?|FORWARD|FWD|GATHER|GAT|COMP\s*DEF|COMP|PC|PE"
 
 _RULES = (
     _rule(rf"LIST\s*(?:{_LISTED})\s*[\d, ]*+(?![^\s\d])", None, reads=True),

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 from itertools import zip_longest
 
 from drivers.controller import REPLY_TIMEOUT_S, Controller
-from drivers.errors import DriverError
+from drivers.errors import ControllerError, DriverError
 from drivers.pmac.compensation.table_text import TextTable, definition_text, scan_definition
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.errors import PmacError
@@ -61,19 +61,37 @@ def load_program(client: Controller, program: ProgramText, dialect: Dialect) -> 
     On any failure no buffer is left open, or the error says that one may be.
 
     Raises:
-        ControllerError: a line was refused; the error names it.
+        ControllerError: a line was refused; the error names it, and where it is in the text.
         LinkError: the link broke or is out of step, see `Controller.download`.
         DriverError: `controller.program_differs`, a buffer does not hold what was sent: line, found, sent;
             `controller.constant_differs`, `controller.table_differs`.
     """
     client.request("CLOSE", lines=0)
-    client.download(program.lines)
+    _send(client, program)
     constants = constants_of(program, dialect)
     copied = read_values(client, (each.name for each in constants if each.value is None))
     loaded = LoadedProgram(program=program, dialect=dialect, constants=constants, copied=copied)
     _refuse(constant_problems(client, constants))
     _verify(client, loaded, tables=True, words=True)
     return loaded
+
+
+def _send(client: Controller, program: ProgramText) -> None:
+    sent = 0
+
+    def lines() -> Iterator[str]:
+        nonlocal sent
+        for line in program.lines:
+            sent += 1
+            yield line
+
+    try:
+        client.download(lines())
+    except ControllerError as error:
+        if not 0 < sent <= len(program.sources):
+            raise
+        source = Problem(code="program.refused_source", key=program.sources[sent - 1])
+        raise ControllerError(*error.problems, source, error_number=error.error_number) from error
 
 
 def verify_loaded(client: Controller, loaded: LoadedProgram, *, ended: bool = False, tables: bool = True) -> None:

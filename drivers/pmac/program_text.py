@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
@@ -45,6 +46,7 @@ _BUFFERED = (
     | syntax.Read
     | syntax.Return
 )
+_UNDEFINE = re.compile(r"UNDEF(INE)?\s*(ALL)?", re.IGNORECASE)
 _ON_LINE_LETTERS = ("B", "I")
 """B1 and I100 are commands, too."""
 
@@ -57,9 +59,10 @@ class ProgramText:
     first one that is not reserved for G, M, T and D codes (below 1000) is the program, the others are
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
-    controller then holds. `kinematics` are the programs INVERSE and FORWARD.
-    `places` are the line numbers (from 1) of each program's lines in the text,
-    `setting_places` those of the settings.
+    controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from
+    1) of each program's lines in the text, `setting_places` those of the settings. `sources` name the place of
+    each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines` is
+    whether it clears the axis definitions that there are before.
     """
 
     number: int
@@ -74,6 +77,8 @@ class ProgramText:
     tables: tuple[TextTable, ...] = ()
     setting_places: tuple[int, ...] = ()
     kinematics: Mapping[str, tuple[Line, ...]] = field(default_factory=dict)
+    sources: tuple[str, ...] = ()
+    undefines: bool = False
 
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
@@ -118,6 +123,7 @@ def read_program(
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
+            taken.sources.append(f"{source.place}, {source.source}" if source.source else str(source.place))
             taken.take(source.text)
         except PmacError as error:
             if refused is not None:
@@ -137,6 +143,7 @@ class _Taken:
 
     tables: TableReader
     lines: list[str] = field(default_factory=list)
+    sources: list[str] = field(default_factory=list)
     settings: list[Line] = field(default_factory=list)
     setting_places: list[int] = field(default_factory=list)
     definitions: dict[int, AxisDefinition] = field(default_factory=dict)
@@ -148,6 +155,7 @@ class _Taken:
     number: int = 0
     program: list[Line] | None = None
     plc: list[str] | None = None
+    undefines: bool = False
     kinematic: bool = True
     kinematics: dict[str, list[Line]] = field(default_factory=dict)
     calculation: list[Line] | None = None
@@ -159,6 +167,8 @@ class _Taken:
             settings=tuple(self.settings),
             program=tuple(self.programs[number]),
             lines=tuple(self.lines),
+            sources=tuple(self.sources),
+            undefines=self.undefines,
             subprograms={n: tuple(lines) for n, lines in self.programs.items() if n != number},
             definitions=tuple(self.definitions.values()),
             commands=tuple(self.commands),
@@ -244,6 +254,9 @@ class _Taken:
             if setting is None:
                 scanner.reset(mark)
                 rest = text[scanner.position :].strip()
+                if _UNDEFINE.fullmatch(rest):
+                    self.definitions.clear()
+                    self.undefines = True
                 self.tables.address(rest)
                 self.commands.append(rest)
                 break

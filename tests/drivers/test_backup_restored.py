@@ -35,6 +35,9 @@ def filled(machine: MachineProfile, random: Random) -> Commissioned:
         lines += [f"OPEN PROG {number} CLEAR", *random.choices(TEXTS, k=12), "CLOSE"]
     for number in range(1, PLCS + 1):
         lines += [f"OPEN PLC {number} CLEAR", *random.choices(PLC_TEXTS, k=9), "CLOSE"]
+    if dialect.kinematics is not None:
+        lines += ["&3", "OPEN INVERSE CLEAR", "P4=Q7*100", "IF(Q10=1)", "ENDIF", "CLOSE"]
+        lines += ["&16OPEN FORWARD CLEAR", "Q7=P4/100", "CLOSE", "&1"]
     card.tell(*lines)
     return card
 
@@ -81,6 +84,7 @@ def test_backup_restore_backup_is_identical(machine: MachineProfile) -> None:
     systems = first.dialect.system_count
     for line in ("P7=0.3333333333", "M7=5", f"&{systems}Q{systems}={systems}.5", "#4DEFINE COMP 40,#2,#4,40000"):
         assert f"\n{line}\n" in text
+    assert ("\n&3OPEN INVERSE\n" in text) == (first.dialect.kinematics is not None)
     assert text_of(restored(machine, text), extent) == text
     backup = read_backup(text, "file")
     assert backup_text(backup.configuration, backup.date) == text

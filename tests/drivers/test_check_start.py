@@ -86,3 +86,18 @@ def test_the_programs_of_the_project_have_no_fault_where_they_start(
     checked = check_program(f"{comment}\n{plan.text}", machine)
     assert [finding for finding in checked.findings if finding.severity is Severity.REFUSAL] == []
     assert Code.ENDS_DEEPER not in {finding.code for finding in checked.findings}
+
+
+@pytest.mark.parametrize(
+    ("line", "motors"),
+    [
+        ("UNDEFINE ALL", (4,)),
+        ("&1 undef", (4,)),
+        ("#2->0", (1, 2, 3, 4)),
+        ("#2->0 #2->100Y", (1, 2, 3, 4)),
+        ("", (1, 2, 3, 4)),
+    ],
+)
+def test_axes_that_a_text_clears_are_gone(machine: MachineProfile, line: str, motors: tuple[int, ...]) -> None:
+    text = f"{line}\n#4->W\nOPEN PROG 1 CLEAR\nTA10 TS0 TM20 W5\nCLOSE\n"
+    assert check_program(text, machine).motors == motors

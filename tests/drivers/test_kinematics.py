@@ -219,6 +219,7 @@ def test_the_checker_predicts_what_the_card_does(segment: int) -> None:
     turbo = of_family(load_machine("lee-2001-lathe").machine, "turbo")
     checked = check_program(TEXT.format(segment=segment), turbo)
     assert not [f for f in checked.findings if f.code in (Code.LINE_REFUSED, Code.RUN_TIME_ERROR)]
+    assert checked.motors == (4, 5), "the text undefines all other axes"
     arms = [checked.motors.index(motor) for motor in (4, 5)]
     for move, place in zip(checked.moves, ((600.0, 200.0), (450.0, -250.0)), strict=True):
         ends = [move.motors[index].target for index in arms]

@@ -252,3 +252,17 @@ def test_a_listing_that_a_fault_spoils_is_asked_for_once_more(bench: Recorded, f
     verify_program(bench.client, program)
     assert bench.times_sent("LIST PROG501") == 2
     assert bench.times_sent("LIST PROG1007") == 1
+
+
+def test_a_refused_line_is_told_with_its_place_in_the_source(bench: Recorded) -> None:
+    """The reader of a text does not know which motors the card has; the line may be of an included file."""
+    head = '#define FAST 20\n; a remark\n#include "axes.h"\nOPEN PROG 5 CLEAR\nF(FAST)\nX10\nCLOSE\n'
+    refused = read_program(head, include=lambda _: "P1=1\n#define MOTOR 99\n#MOTOR J/")
+    with pytest.raises(ControllerError) as error:
+        load_program(bench.client, refused, bench.client.dialect)
+    assert codes(error.value) == ["controller.err003", "program.refused_source"]
+    assert error.value.problems[1].key == "3, axes.h:3"
+    assert error.value.problems[0].value == "#99 J/"
+    good = read_program(head, include=lambda _: "P1=1")
+    load_program(bench.client, good, bench.client.dialect)
+    assert bench.client.question("LIST PROG5")[:2] == ("F(20)", "X10")

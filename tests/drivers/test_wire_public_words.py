@@ -121,6 +121,6 @@ def test_a_computed_variable_on_line(card: Wire) -> None:
     assert card.refusal("P(0-1)") == 3
 
 
-@pytest.mark.parametrize("line", ["OPEN INVERSE", "OPEN FORWARD", "OPEN ROT", "#1->I", "LEARN", "CC1", "!X5"])
+@pytest.mark.parametrize("line", ["OPEN PLCC 1", "OPEN ROT", "LEARN", "CC1", "!X5"])
 def test_what_is_not_there_is_refused(card: Wire, line: str) -> None:
     assert card.refusal(line) in (3, 5)

@@ -117,8 +117,8 @@ def check_program(
     as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=dialect.kinematics is not None)
     read = _with_times(as_typed, ta_ms, ts_ms)
     # The axes of the machine, replaced by those of the text; each motor has one definition.
-    own = (*read_definitions(machine.controller.axis_definitions), *read.definitions)
-    definitions = {definition.motor: definition for definition in own}.values()
+    own = () if read.undefines else read_definitions(machine.controller.axis_definitions)
+    definitions = {definition.motor: definition for definition in (*own, *read.definitions)}.values()
     begins = start_of(text, definitions, start)
     walked = walk(
         read,

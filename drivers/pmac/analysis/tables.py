@@ -14,7 +14,7 @@ from drivers.pmac.analysis.findings import Code, ProgramFinding, Value, finding
 from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length, unit_of
-from drivers.pmac.analysis.walk import COMPENSATION
+from drivers.pmac.analysis.watched_variables import COMPENSATION
 from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, Whereabouts, correction_range
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.syntax import Assign, VariableKind

@@ -16,6 +16,7 @@ from typing import NamedTuple
 
 from drivers.pmac.analysis.endless import Circle, EndlessWatch, Name, Turning, find_loops, way_out
 from drivers.pmac.analysis.timeline import Step
+from drivers.pmac.analysis.watched_variables import COMPENSATION, WatchedVariables
 from drivers.pmac.axes import AxisDefinition, axis_positions, preset_origins, refuse_inverse
 from drivers.pmac.dialect import PMAC, Dialect, Setting
 from drivers.pmac.execution.kinematics import kinematics_of, with_kinematics
@@ -24,16 +25,15 @@ from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
 from drivers.pmac.language.evaluate import evaluate
 from drivers.pmac.language.structure import link
-from drivers.pmac.language.syntax import Assign, VariableKind
+from drivers.pmac.language.syntax import Assign
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.requests import Finished, HomeRequest, PresetRequest, Request, TriggerRequest
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, position_at
 from drivers.pmac.trajectory.planned import Event, Planned
 from drivers.pmac.trajectory.planner import MotionPlanner
-from drivers.pmac.variables import MODAL_NUMBERS, VariableStore
+from drivers.pmac.variables import VariableStore
 
 MOST_STEPS = 20_000  # Maximum number of program requests in a walk
-COMPENSATION = 51  # I51 switches the compensation tables
 
 
 class Ending(StrEnum):
@@ -142,28 +142,6 @@ def settle(text: ProgramText, variables: VariableStore, substitutes: dict[Substi
                 substitutes[Substitute(program=0, line=place, detail=error.detail)] = None
                 value = evaluate(statement.value, variables, strict=False)
             variables.set(statement.target.kind, index, value)
-
-
-class WatchedVariables(VariableStore):
-    """Records what a program has set, except the modal times, which do not define its state.
-
-    `on_compensation` is called when I51 goes on or off.
-    """
-
-    def __init__(self, i_variables: Mapping[int, float], dialect: Dialect) -> None:
-        super().__init__(i_variables, dialect)
-        self.written: dict[tuple[VariableKind, int, int], float] = {}
-        self.on_compensation: Callable[[bool], None] | None = None
-
-    def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
-        """Store a value, see `VariableStore.set`."""
-        before = self.i(COMPENSATION)
-        super().set(kind, index, value, system)
-        after = self.i(COMPENSATION)
-        if after != before and self.on_compensation is not None:
-            self.on_compensation(after != 0.0)
-        if kind is not VariableKind.I or index % 100 not in MODAL_NUMBERS:
-            self.written[kind, index, system] = value
 
 
 class _Taken(NamedTuple):

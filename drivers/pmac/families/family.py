@@ -77,6 +77,15 @@ class ConversionTable:
 
 
 @dataclass(frozen=True, slots=True)
+class BufferDirectory:
+    """Where memory names the programs: a long word for each, one for each PLC, and where text begins."""
+
+    programs: range
+    plcs: range
+    storage: int
+
+
+@dataclass(frozen=True, slots=True)
 class GatherSettings:
     """The I-variables of data gathering: the period in servo cycles, masks of 24 sources each, the addresses."""
 
@@ -179,6 +188,7 @@ class Dialect:
     no_line_feeds_switch: int | None = None
     velocity_average: tuple[int, int] | None = None
     kinematics: int | None = None
+    buffer_directory: BufferDirectory | None = None
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""

@@ -6,6 +6,7 @@ Replies and defaults that no source confirms are choices (docs/pmac-emulation.md
 from __future__ import annotations
 
 from drivers.pmac.families.family import (
+    BufferDirectory,
     ConversionTable,
     Dialect,
     GatherSettings,
@@ -143,6 +144,7 @@ PMAC = Dialect(
     system_addresses=(93,),
     variable_addresses={"P": 0x1000, "Q": 0x1400},
     definitions_address=0xBC00,
+    buffer_directory=BufferDirectory(range(0xE00, 0xF00), range(0xF00, 0xF20), 0x1800),
     watchdog=Watchdog(count=511, of_interrupts=True),
     timer_words=(("X", 0x700), ("Y", 0x700), ("X", 0x701), ("Y", 0x701)),
     registers={

@@ -5,6 +5,7 @@ from __future__ import annotations
 from contextlib import suppress
 
 from drivers.pmac.execution.kinematics import stored_kinematic_line
+from drivers.pmac.families.family import BufferDirectory
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
@@ -18,6 +19,7 @@ from drivers.simulator.context import Context, Filling, Reading, Step
 MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
 ROOM_LINES = 100_000  # room for all of them
 _CHARACTERS_A_VALUE = 2  # lines stored in the time that a variable is read
+_PLC_OFF = 1 << 22  # the bit of a PLC that is off, in memory
 PROTECTED_PROGRAMS = range(1000, HIGHEST_PROGRAM + 1)
 PROTECTED_PLCS = range(16)
 """Programs that a password protects from opening and listing (Software Reference, PASSWORD)."""
@@ -224,3 +226,42 @@ def _opened(controller: Controller) -> OpenBuffer:
     if controller.open_buffer is None:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no buffer is open")
     return controller.open_buffer
+
+
+class StoredBuffers:
+    """What memory shows of stored programs, as far as a family is known to show it.
+
+    A program begins one word after each line of those before it; the real controller needs some words a line.
+    """
+
+    def __init__(self, controller: Controller) -> None:
+        self._controller = controller
+        self._places = controller.dialect.buffer_directory
+
+    def word(self, space: str, address: int) -> int | None:
+        """Return a word of the directory; None outside it."""
+        places = self._places
+        if places is None:
+            return None
+        if address in places.programs:
+            return self._program(space, address - places.programs.start, places)
+        if address in places.plcs:
+            return self._plc(space, address - places.plcs.start, places)
+        return None
+
+    def _program(self, space: str, entry: int, places: BufferDirectory) -> int:
+        """X the number, Y where it begins; in the order in which they were opened."""
+        programs = list(self._controller.programs.items())
+        if entry >= len(programs):
+            return 0
+        if space == "X":
+            return programs[entry][0]
+        return places.storage + sum(len(lines) for _, lines in programs[:entry])
+
+    def _plc(self, space: str, number: int, places: BufferDirectory) -> int:
+        plcs = self._controller.plcs
+        begins = places.storage + sum(map(len, self._controller.programs.values()))
+        begins += sum(len(lines) for n, lines in plcs.buffers.items() if n < number)
+        stored = number in plcs.buffers
+        off = 0 if stored and number in plcs.switches.enabled else _PLC_OFF
+        return (begins if stored else 0) | (off if space == "Y" else 0)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping, Sequence
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.variable_words import VariableWords
 from drivers.simulator.card import reports
+from drivers.simulator.card.buffers import StoredBuffers
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.countdown import Countdown
 from drivers.simulator.card.motor import Motor
@@ -119,6 +120,7 @@ class CardMemory:
         self._timers = Countdown(dialect.timer_words, lambda: controller.cycles)
         self._words: dict[tuple[str, int], int] = {}
         self._variables = VariableWords(controller.variables)
+        self._buffers = StoredBuffers(controller)
         self._numbers: dict[tuple[str, int, int], float] = {}
 
     def read(self, pointer: Pointer) -> float:
@@ -206,6 +208,9 @@ class CardMemory:
         definition = self._variables.word(space, address)
         if definition is not None:
             return definition
+        stored = self._buffers.word(space, address)
+        if stored is not None:
+            return stored
         if ("D", address) in self._registers:
             return self.double(address) >> (WORD_BITS if space == "X" else 0) & WORD
         return self._words.get(place, 0)
