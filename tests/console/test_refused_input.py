@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 from collections.abc import Callable
 from pathlib import Path
@@ -17,7 +18,7 @@ JobFile = Callable[..., Path]
 
 def refused(said: Any, *words: str, code: int = 1) -> None:
     assert said.code == code
-    assert said.out == ""
+    assert said.out == "" or json.loads(said.out)["errors"]  # with --json the reason is an object as well
     assert said.err.count("\n") == 1, said.err
     assert "Traceback" not in said.err
     for word in words:

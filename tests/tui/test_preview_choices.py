@@ -17,6 +17,7 @@ from console.session.station.state import Activity, StationState
 from console.session.work import Work, edited, with_strategy
 from console.text.catalogue import load
 from console.tui.lines import plain
+from console.tui.pages import run as run_page
 from console.tui.pages.learn_lines import identified_words
 from console.tui.pages.preview import PreviewPage
 from console.tui.pages.preview_lines import findings_of
@@ -182,7 +183,10 @@ def test_a_speed_outside_what_was_identified_is_told_and_the_model_is_one_key_aw
     play(scene, tmp_path)
 
 
-def test_the_command_and_the_summary_of_a_cut_have_the_response(tmp_path: Path) -> None:
+def test_the_command_and_the_summary_of_a_cut_have_the_response(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(run_page, "changed_since_opened", lambda _: ())  # the revision of this job is made up
     from console.session.data.identified import kept_responses
 
     store(tmp_path, response(NEW))
