@@ -168,7 +168,7 @@ def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:
     if fit.jaws == OVAL and oval_um > MOST_BIAS * fit.error_um_pp:
         value, limit = _um(fit.harmonic(1).amplitude_um), _um(oval_um)
         yield Problem(code="lobe.off_axis", value=value, limit=limit)
-    if fit.lobe.significant and fit.lobe.bias_um > MOST_BIAS * fit.lobe.amplitude_um:
+    if fit.lobe.significant and fit.lobe.bias_um > max(MOST_BIAS * fit.lobe.amplitude_um, FINEST_UM):
         yield Problem(code="lobe.biased", value=_um(fit.lobe.bias_um), limit=f"{100 * MOST_BIAS:g} %")
 
 
