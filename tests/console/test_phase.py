@@ -10,12 +10,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.telemetry import Phase, is_in_phase, phase_limit_deg
+from console.session.cut.telemetry import Phase, is_in_phase, learned_lead_deg, phase_limit_deg
 from console.session.station.commands import Acknowledge, DisableDrives, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
-from profiles.compensations.path import LobedPath
+from profiles.compensations.path import LobedPath, target_path
+from profiles.store import load_job
 from tests.console.floor import Floor, experiment_1, open_floor, set_up_once
 
 
@@ -67,6 +68,21 @@ def test_out_of_phase_is_surely_beyond_the_limit(
 ) -> None:
     assert is_in_phase(Phase(error_deg=error_deg, within_deg=within_deg), limit_deg) is in_phase
     assert is_in_phase(None, limit_deg) is None
+
+
+def test_a_tool_between_a_learned_path_and_that_of_the_job_is_in_phase() -> None:
+    # The part was 6 degrees late. Either the tool was, and is so again behind a path that is earlier by as much,
+    # or the lobe is elsewhere, and the tool follows the learned path. Both make a round part.
+    job = load_job("lee-2001-experiment-1").job
+    learned = target_path(job).turned(-6.0)
+    assert learned_lead_deg(learned, job) == pytest.approx(6.0)
+    assert learned_lead_deg(target_path(job), job) == 0.0
+
+    def allowed(lead_deg: float, *late_deg: float) -> list[bool | None]:
+        return [is_in_phase(Phase(error_deg=late, within_deg=0.0), 1.4, lead_deg) for late in late_deg]
+
+    assert allowed(6.0, -2.0, 0.0, 6.0, 8.0) == [False, True, True, False]
+    assert allowed(-6.0, -8.0, -6.0, 0.0, 2.0) == [False, True, True, False]
 
 
 def cut(floor: Floor, strategy: Strategy = Strategy.PVT) -> list[float]:

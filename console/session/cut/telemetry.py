@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
-from profiles.compensations.path import LobedPath
+from profiles.compensations.path import LobedPath, target_path
+from profiles.job import Job
 from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.machine import MachineProfile
 
@@ -192,15 +193,27 @@ def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
     return math.degrees(2.0 / target.lobes * math.asin(residual_um / most_um))
 
 
-def is_in_phase(phase: Phase | None, limit_deg: float | None) -> bool | None:
+def is_in_phase(phase: Phase | None, limit_deg: float | None, lead_deg: float = 0.0) -> bool | None:
     """Return whether the phase may be within its limit, given its uncertainty; None where it is not known.
 
     An uncertainty above the limit is not noise: such a tool does not follow the lobe, so the allowance is capped
     at the limit once more.
+
+    `lead_deg` is by how much a learned path is earlier than that of the job. A part does not tell whether the tool
+    was late or the lobe elsewhere: a good part is made by a tool anywhere between the two paths.
     """
     if phase is None:
         return None
-    return limit_deg is None or abs(phase.error_deg) - min(phase.within_deg, limit_deg) <= limit_deg
+    beyond_deg = max(phase.error_deg - max(lead_deg, 0.0), min(lead_deg, 0.0) - phase.error_deg, 0.0)
+    return limit_deg is None or beyond_deg - min(phase.within_deg, limit_deg) <= limit_deg
+
+
+def learned_lead_deg(target: LobedPath, job: Job) -> float:
+    """Return by how much a path is earlier than that of the job alone, spindle degrees; 0 without a lobe."""
+    of_job = target_path(job)
+    if of_job.lobes != target.lobes or 0.0 in (of_job.amplitude_um, target.amplitude_um):
+        return 0.0
+    return math.remainder(of_job.phase_deg - target.phase_deg, 360.0 / target.lobes)
 
 
 ORDERS = range(1, 7)

@@ -56,9 +56,10 @@ class CutProgress:
     `errors_um` (tool against the target path at the spindle angle of that instant, infeed positive) are the last
     samples in the part, oldest first, read-only. `phase` is the phase lag of the tool behind the target path, in
     spindle degrees, None until enough was sampled or without a lobe; `phase_limit_deg` is its limit by the part,
-    None where no phase spoils it. `fraction` is that of the cut length. `figures` are those of the whole cut, once
-    it has ended. `judged` is False where the strategy follows no lobe: the tool error is then the lobe itself, and
-    there is no phase. `synchronisation` is None where nothing must be synchronised, or too little was sampled.
+    None where no phase spoils it, beside the `learned_lead_deg` by which a learned path is earlier. `fraction` is
+    that of the cut length. `figures` are those of the whole cut, once it has ended. `judged` is False where the
+    strategy follows no lobe: the tool error is then the lobe itself, and there is no phase. `synchronisation` is
+    None where nothing must be synchronised, or too little was sampled.
     `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None where it
     cannot be determined. A cut `in_air` has all of it beside the part, at the planned clearance.
 
@@ -104,12 +105,13 @@ class CutProgress:
     held_left_s: float | None = None
     adjusted: Adjusted = AS_PLANNED
     path_phase: telemetry.Phase | None = None
+    learned_lead_deg: float = 0.0
     changed: Changed | None = None
 
     @property
     def in_phase(self) -> bool | None:
         """Whether the phase error is within its limit, beside a trim; None while it is not known."""
-        return telemetry.is_in_phase(self.path_phase or self.phase, self.phase_limit_deg)
+        return telemetry.is_in_phase(self.path_phase or self.phase, self.phase_limit_deg, self.learned_lead_deg)
 
     @property
     def phase_error_deg(self) -> float | None:
@@ -179,6 +181,7 @@ class CutWatch:
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
+        self._lead_deg = telemetry.learned_lead_deg(plan.target, job)
         self._clock = PhaseClock(plan, machine)
         self._away = Away(machine.spindle.counts_per_rev)
         self._adjusted, self._pace = AS_PLANNED, 1.0
@@ -298,6 +301,7 @@ class CutWatch:
             angles_deg=angles,
             errors_um=errors,
             phase_limit_deg=self._phase_limit_deg,
+            learned_lead_deg=self._lead_deg,
         )
 
     def _done_mm(self, snapshot: Snapshot, stage: CutStage) -> float:
@@ -323,7 +327,7 @@ class CutWatch:
     ) -> Synchronisation | None:
         strategy, target_rpm = self._plan.strategy, self._plan.spindle_speed_rpm
         if stage is CutStage.CUT:
-            in_phase = telemetry.is_in_phase(phase, self._phase_limit_deg)
+            in_phase = telemetry.is_in_phase(phase, self._phase_limit_deg, self._lead_deg)
             return in_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
         if stage is not CutStage.RUN_UP or not snapshot.program_running:
             return None

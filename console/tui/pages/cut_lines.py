@@ -116,8 +116,9 @@ def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     shown = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+z.2f} °"
     fraction, within, token = None, 0.0, Token.DIM
     if phase_deg is not None and limit_deg is not None:
-        fraction, token = phase_deg / limit_deg, Token.TEXT
-        within = 0.0 if cut.phase is None else cut.phase.within_deg / limit_deg
+        half_deg = limit_deg + abs(cut.learned_lead_deg) / 2.0
+        fraction, token = (phase_deg - cut.learned_lead_deg / 2.0) / half_deg, Token.TEXT
+        within = 0.0 if cut.phase is None else cut.phase.within_deg / half_deg
         if cut.in_phase is False:
             shown, token = f"! {text('run_page.out_of_phase')} {shown}", Token.WARNING
     return [
@@ -127,9 +128,17 @@ def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     ]
 
 
+SHOWN_LEAD_DEG = 0.05
+"""From where on a learned path has limits of its own: below, both are the same in the digits that are shown."""
+
+
 def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
     if cut.phase_limit_deg is None:
         return text("run_page.no_limit")
+    lead_deg = cut.learned_lead_deg
+    if abs(lead_deg) >= SHOWN_LEAD_DEG:
+        low_deg, high_deg = min(lead_deg, 0.0) - cut.phase_limit_deg, max(lead_deg, 0.0) + cut.phase_limit_deg
+        return text("run_page.limit_learned", low=f"{low_deg:+.2f}", high=f"{high_deg:+.2f}")
     limit = f"{cut.phase_limit_deg:.2f}°"
     if cut.phase is None:
         return text("run_page.limit", limit=limit)
