@@ -21,6 +21,9 @@ from drivers.link.opening import open_link
 from drivers.pmac import client as client_module
 from drivers.pmac import exchange as exchange_module
 from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import PMAC
+from drivers.pmac.expected_replies import number_of
+from drivers.pmac.status import decode
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import Problem
@@ -181,3 +184,26 @@ def test_a_lathe_in_motion_is_stopped_and_comes_to_rest(kind: Kind) -> None:
     assert b"\x01" in sent or b"\x0b" in sent
     sim.wait(SERVES_ON_S)
     assert rests(sim)
+
+
+@pytest.mark.parametrize(
+    "text", ["nan", "inf", "-inf", "1_0", "1e999", "", "٣", "+-1", "0x10", "$", "$G", "1 0", "$_1"]
+)
+def test_what_python_takes_for_a_number_and_no_controller_sends_is_none(text: str) -> None:
+    """A position that is no number would be neither within the travel nor beyond it."""
+    with pytest.raises(ValueError):
+        number_of(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "value"),
+    [("25", 25.0), ("-1.5", -1.5), ("$C000", 49152.0), ("I5=2", 2.0), (".5", 0.5), ("1E3", 1000.0)],
+)
+def test_what_a_controller_sends_is_a_number(text: str, value: float) -> None:
+    assert number_of(text) == value
+
+
+@pytest.mark.parametrize("digits", [" 00000812000", "+00000812000", "0_0000812000", "81200081200", "8120008120OO"])
+def test_a_status_word_is_hexadecimal_to_its_last_digit(digits: str) -> None:
+    with pytest.raises(ValueError):
+        decode(digits, PMAC.motor_bits)
