@@ -41,6 +41,7 @@ DOCUMENTS = (
     "docs/plant.md",
     "docs/pmac-emulation.md",
     "docs/records.md",
+    "docs/reliability.md",
     "docs/report.md",
     "docs/screens.md",
     "docs/strategies.md",

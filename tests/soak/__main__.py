@@ -24,6 +24,9 @@ from tests.soak.shrinking import shrunk
 
 FOUND = Path(__file__).parent / "found"
 SHORT_HOURS, SHORT_SEEDS, SHORT_S = 0.1, 8, 20.0
+SHORTENED_S = 300.0
+"""Of processor time, for one script; what it is by then is printed."""
+
 MEMORY_MB = 400
 """How much the memory of the process may grow over all shifts."""
 
@@ -96,7 +99,8 @@ def _said(error: Exception) -> str:
 
 
 def _report(seed: int, script: Script, said: str) -> None:
-    short = shrunk(script, lambda part: bool(broken_by(part, seed)))
+    until_s = time.process_time() + SHORTENED_S
+    short = shrunk(script, lambda part: time.process_time() < until_s and bool(broken_by(part, seed)))
     FOUND.mkdir(exist_ok=True)
     path = FOUND / f"seed-{seed}.jsonl"
     path.write_text(as_text(short), encoding="utf-8")

@@ -48,6 +48,10 @@ RUN_OUT_S = 25.0
 """A killed spindle runs out, and a controller without a host ends what it does."""
 
 
+SETTLES_S = 60.0
+"""A stop is repeated until rest is proven, or nothing answers any more: then the machine is lost."""
+
+
 class BrokenError(AssertionError):
     """An invariant does not hold."""
 
@@ -92,6 +96,9 @@ class Shift:
         self.count.tried[name] += 1
         self._do(event)
         self._step(LOOK_S)
+        until_s = self.now_s + SETTLES_S
+        while self._floor.state.activity not in IDLE and self.now_s < until_s:
+            self._step(LOOK_S)
         self._check()
         self.count.survived[name] += 1
 
@@ -208,7 +215,7 @@ class Shift:
     def _check(self) -> None:
         state = self._floor.state
         if state.activity not in IDLE:
-            raise BrokenError(f"nothing was ordered, and it is {state.activity}")
+            raise BrokenError(f"it is still {state.activity} after {SETTLES_S:g} s")
         self._check_alarms()
         if state.activity is Activity.STOPPED and (state.stop is None or state.stop.rest_s is None):
             raise BrokenError(f"a stop whose rest is not proven: {state.stop}")
