@@ -25,7 +25,7 @@ class SideController(Controller):
     def __init__(self, side: SideLine, kind: Kind) -> None:
         self.made = 0
         self._side, self._kind = side, kind
-        self._cancelled = False
+        self._cancelled, self._last = False, ""
 
     @property
     def link(self) -> Link:
@@ -60,6 +60,7 @@ class SideController(Controller):
         self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None
     ) -> tuple[str, ...]:
         """Ask one line; errors as `SideLine.ask`."""
+        self._last = line
         lines = expected_replies(line).lines if lines is None else lines
         asked = Asked(line=line, kind=self._kind, lines=lines, timeout_s=timeout_s)
         self.made += 1
@@ -103,7 +104,7 @@ class SideController(Controller):
 
     def number(self, answer: str) -> float:
         """Parse an answer as a number. Raises LinkError: `link.out_of_step`."""
-        return replied_number(answer, self.link.address)
+        return replied_number(answer, self.link.address, self._last)
 
     def download(self, lines: Iterable[str]) -> None:
         """Refuse, as `send`."""

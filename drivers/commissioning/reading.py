@@ -204,7 +204,7 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
         assigned = "assigned" in decode(status, dialect.motor_bits)
         second = int(status[6:12], 16)
     except ValueError as error:
-        raise out_of_step(where, "?", str(error)) from error
+        raise out_of_step(where, "?", status[:40]) from error
     return (second >> _SYSTEM_SHIFT) % dialect.system_count + 1 if assigned else 1
 
 
@@ -268,7 +268,7 @@ def _conversion(client: Controller, dialect: Dialect) -> tuple[int, ...]:
         try:
             words += [int(word, 16) for word in text.split()]
         except ValueError as error:
-            raise out_of_step(client.link.address, "RHY", str(error)) from error
+            raise out_of_step(client.link.address, "RHY", text[:40]) from error
     return tuple(words)
 
 

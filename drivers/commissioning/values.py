@@ -34,7 +34,7 @@ def read_values(client: Controller, dialect: Dialect, pointers: Iterable[int]) -
             part = range(start, min(start + VALUES_A_LINE, whole.stop))
             line = f"{before}{kind}{part.start}..{part.stop - 1}"
             texts = client.question(line, TIMEOUT_S, lines=len(part))
-            values = (replied_number(each, client.link.address) for each in texts)
+            values = (replied_number(each, client.link.address, line) for each in texts)
             found.update(
                 {f"{before}{kind}{n}": value for n, value in zip(part, values, strict=True) if value != 0.0}
             )

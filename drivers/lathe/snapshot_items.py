@@ -58,7 +58,7 @@ class SnapshotItems:
                 driven=self.driven,
                 owner=int(number_of(owner)),
                 lost=int(number_of(lost)),
-                override_percent=float(override),
+                override_percent=number_of(override),
                 inputs=self._inputs(words),
             )
         except ValueError as error:
@@ -67,7 +67,7 @@ class SnapshotItems:
 
     def _axis(self, replies: Sequence[str]) -> AxisState:
         position, error, status = replies
-        axis = AxisState(float(position), float(error), self._motor_flags(status))
+        axis = AxisState(number_of(position), number_of(error), self._motor_flags(status))
         if "open_loop" in axis.flags:  # then the controller reports no desired velocity
             return replace(axis, flags=axis.flags | {"desired_velocity_zero"})
         return axis

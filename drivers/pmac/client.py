@@ -17,7 +17,7 @@ from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutE
 from drivers.link.base import GONE, Link
 from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
-from drivers.pmac.exchange import Exchange
+from drivers.pmac.exchange import DRAIN_LIMIT_S, Exchange
 from drivers.pmac.expected_replies import expected_replies, replied_number
 from drivers.pmac.framing import LinkFaults
 from drivers.pmac.language.errors import ErrorCode
@@ -90,7 +90,9 @@ class PmacClient:
         # An earlier client may have left half a line behind: the empty line ends it, and its error is ignored.
         # Checksums may be on (I4), and would follow every reply.
         self.link.send(f"\r{CHECKSUMS_OFF}\r".encode("ascii"))
-        exchange.drain()
+        if endless := exchange.drain():
+            value = f"{endless} bytes in {DRAIN_LIMIT_S:g} s, without a pause"
+            raise LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=value))
         version, kind = self._identify()
         self._dialect = dialect = dialect_of(kind)
         if dialect is None:
@@ -213,8 +215,8 @@ class PmacClient:
         return tuple(map(self.number, self.query(*items, timeout_s=timeout_s, again=again)))
 
     def number(self, answer: str) -> float:
-        """Return a reply as a number. Raises LinkError: `link.out_of_step`, it is not one."""
-        return replied_number(answer, self.link.address)
+        """Return the reply to the last line as a number. Raises LinkError: `link.out_of_step`, it is not one."""
+        return replied_number(answer, self.link.address, self._exchange.last)
 
     def download(self, lines: Iterable[str]) -> None:
         """Send program lines one by one; stop at the first that is refused, and close the buffer.

@@ -37,7 +37,7 @@ CHECKSUM_TIMEOUT_S = 0.3
 """How long the controller may take to report the checksum of a line; nothing is executed yet."""
 
 CHECKSUM_TRIES = 2  # Attempts to get a checksum from a controller before it counts as unable to report one
-DRAIN_LIMIT_S = 2.0  # A source that still sends after this time is not a controller; the next reply will show it
+DRAIN_LIMIT_S = 2.0  # A source that still sends after this time is not a controller
 MESSAGES_KEPT = 100  # Maximum number of unread program messages; the oldest are dropped first
 _MARKERS = 8_000_000  # Markers are integers below 2^23, so that every variable holds them exactly
 
@@ -46,7 +46,7 @@ class Exchange:
     """Sends lines and receives their replies; any fault is counted, and the next line resynchronises first.
 
     `faults` is replaced by reference, and may be read from any thread. `checksums` is the form of the controller's
-    line checksum, None until one has been seen.
+    line checksum, None until one has been seen. `last` is the last line that was sent for somebody.
     """
 
     def __init__(self, link: Link, clock: Clock) -> None:
@@ -55,6 +55,7 @@ class Exchange:
         self.in_step = True
         self.messages: deque[str] = deque(maxlen=MESSAGES_KEPT)
         self.buffer_open = False
+        self.last = ""
         self.checksums: ChecksumForm | None = None
         self._clock = clock
         self._reader = ReplyReader()
@@ -103,12 +104,18 @@ class Exchange:
         self.in_step = False
         self.resynchronise()
 
-    def drain(self, limit_s: float = DRAIN_LIMIT_S) -> None:
-        """Read until the line has been quiet, and discard the input; no longer than the caller can wait."""
-        deadline = self._clock.now_s() + min(limit_s, DRAIN_LIMIT_S)
-        while self.link.receive(QUIET_S) and self._clock.now_s() < deadline:
-            pass
+    def drain(self, limit_s: float = DRAIN_LIMIT_S) -> int:
+        """Read until the line has been quiet, and discard the input; no longer than the caller can wait.
+
+        Return how many bytes came from a source that still sends then; 0 where the line has become quiet.
+        """
+        deadline, count = self._clock.now_s() + min(limit_s, DRAIN_LIMIT_S), 0
+        while came := self.link.receive(QUIET_S):
+            count += len(came)
+            if self._clock.now_s() >= deadline:
+                break
         self._reader.clear()
+        return count if came else 0
 
     def send(
         self,
@@ -135,7 +142,7 @@ class Exchange:
             data = b""
         self._was_open = self.buffer_open
         self.buffer_open = self.buffer_open or opens_buffer(line) is True
-        self._in_flight = line
+        self._in_flight = self.last = line
         try:
             self.link.send(data + CR)
         except LinkError as error:
@@ -155,7 +162,7 @@ class Exchange:
             accepted = reply.error_number is None
             # A refusal may follow the replies of earlier commands in the line, which may be anything.
             if accepted and lines is not None and len(reply.lines) != lines:
-                raise FaultError(FaultKind.LINE_COUNT, str(len(reply.lines)), str(lines))
+                raise FaultError(FaultKind.LINE_COUNT, f"{len(reply.lines)} CR", f"≠ {lines} CR")
             self._in_flight, self._begun = None, False
             if not accepted:
                 self._prove_refusal(timeout_s)

@@ -6,6 +6,7 @@ lines, nor that it may be sent twice.
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -73,6 +74,12 @@ _RULES = (
 )
 _BETWEEN = re.compile(r"[\s;]*+")
 
+# float() also takes `nan`, `inf` and `1_0`, which no controller sends: one altered character must not become one.
+_DECIMAL = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:E[-+]?\d{1,3})?", re.IGNORECASE | re.ASCII)
+_HEXADECIMAL = re.compile(r"\$[0-9A-F]{1,16}", re.IGNORECASE | re.ASCII)
+SHOWN = 40
+"""Most characters of a line or a reply that an error names."""
+
 _QUOTED = re.compile(r'"[^"]*"?')
 _NAME = re.compile(r"^[IPQM]\d+=")
 _BUFFERS = re.compile(r"OPEN(?=\s*[A-Z])|CLOSE|CLS")
@@ -107,18 +114,23 @@ def opens_buffer(line: str) -> bool | None:
 def number_of(text: str) -> float:
     """Return the number in the report of a variable, in any form of I9 (`$C000`, `I5=2`).
 
-    Raises ValueError: it is not a number.
+    Raises ValueError, with the text: it is not a number, or none that a controller has.
     """
     digits = _NAME.sub("", text.strip())
-    return float(int(digits[1:], 16)) if digits.startswith("$") else float(digits)
+    if _HEXADECIMAL.fullmatch(digits):
+        return float(int(digits[1:], 16))
+    if not _DECIMAL.fullmatch(digits) or math.isinf(value := float(digits)):
+        raise ValueError(text[:SHOWN])
+    return value
 
 
-def replied_number(answer: str, where: str) -> float:
-    """Return a reply of the controller at `where` as a number. LinkError `link.out_of_step`: it is none."""
+def replied_number(answer: str, where: str, line: str) -> float:
+    """Return a reply of the controller at `where` to a line as a number. `link.out_of_step`: it is none."""
     try:
         return number_of(answer)
     except ValueError as error:
-        raise LinkError(Problem(code="link.out_of_step", where=where, value=str(error))) from error
+        problem = Problem(code="link.out_of_step", where=where, key=line[:SHOWN], value=str(error))
+        raise LinkError(problem) from error
 
 
 def _skip(text: str, place: int) -> int:

@@ -6,9 +6,12 @@ hexadecimal digits, most significant first (PMAC Software Reference, `?`, `??`, 
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 
 BITS_PER_WORD = 24
+MOST_SHOWN = 40  # characters of a reply that an error names
+_HEXADECIMAL = re.compile(r"[0-9A-Fa-f]+")
 
 BitTable = Mapping[str, tuple[int, int]]  # Name of a bit to (word counted from 1, bit)
 
@@ -45,6 +48,8 @@ def decode(digits: str, table: BitTable) -> frozenset[str]:
 
     Raises ValueError: not hexadecimal, or too short for the table.
     """
+    if not _HEXADECIMAL.fullmatch(digits):  # int() takes a space, a sign and an underscore, too
+        raise ValueError(digits[:MOST_SHOWN])
     per_word = BITS_PER_WORD // 4
     words = [int(digits[start : start + per_word], 16) for start in range(0, len(digits), per_word)]
     needed = max(word for word, _ in table.values())

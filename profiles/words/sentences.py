@@ -67,7 +67,8 @@ class Sentences:
         limit = self.words(problem.limit or unbounded)
         sentence = self(key, key=name, value=value, limit=limit, where=problem.where)
         shown = f"{problem.where}: {sentence}" if problem.where and problem.where not in sentence else sentence
-        return self._said(" ".join(shown.split()))
+        # A fact that is missing at the end of a parenthesis leaves no gap.
+        return self._said(" ".join(shown.split()).replace(" )", ")"))
 
     def _said(self, sentence: str) -> str:
         """Return the sentence of a problem as it is shown; a subclass may show more of its values."""

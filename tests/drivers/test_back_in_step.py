@@ -147,7 +147,7 @@ def test_data_in_the_reply_to_a_command_are_a_fault(bench: Recorded) -> None:
     with pytest.raises(LinkError) as told:
         bench.client.request("P1=26 P1", lines=0)
     assert codes(told.value) == ["link.out_of_step", "link.outcome_unknown"]
-    assert (told.value.problems[0].value, told.value.problems[0].limit) == ("1", "0")
+    assert (told.value.problems[0].value, told.value.problems[0].limit) == ("1 CR", "≠ 0 CR")
 
 
 def test_a_late_reply_that_nobody_waits_for_is_no_reply_to_the_next_question(bench: Recorded) -> None:
@@ -261,7 +261,7 @@ def test_connecting_tells_the_family_and_before_that_there_is_none(machine: Mach
     ("answers", "code", "value"),
     [
         ([b"", b"", b"\x06", b"login:\r"], "link.silent", "2 s"),
-        ([b"", b"", b"\x06", b"OK\r\x06"], "link.not_a_pmac", "1"),
+        ([b"", b"", b"\x06", b"OK\r\x06"], "link.not_a_pmac", "1 CR"),
         ([b"", b"", b"\x06", b"hello\rworld\r\x06"], "link.not_a_pmac", "hello"),
         ([b"", b"", b"\x06", b"2.5\rPower PMAC UMAC\r\x06"], "link.unknown_type", "Power PMAC UMAC"),
         ([b"", b"", b"\x00"], "link.not_a_pmac", "byte 0x00 in a reply"),

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import sqlite3
 import time
-from collections.abc import Callable, Sequence
-from contextlib import closing
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -48,9 +48,10 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
-        retrying(lambda: _made_ready(database, path, checked=checked), until_s)
-        # Records need the journal: a kill at any instant leaves them whole.
-        retrying(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
+        with damage_as_error():
+            retrying(lambda: _made_ready(database, path, checked=checked), until_s)
+            # Records need the journal: a kill at any instant leaves them whole.
+            retrying(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
         database.close()
         code = "record.damaged" if is_damage(error) else "record.unwritable"
@@ -83,7 +84,8 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
     uri = f"{path.resolve().as_uri()}?mode=ro"
     database = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
     try:
-        database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+        with damage_as_error():
+            database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
     except sqlite3.OperationalError as error:
         database.close()
         journal = path.with_name(f"{FILE_NAME}-wal")
@@ -140,6 +142,17 @@ def transaction(database: sqlite3.Connection, statements: Sequence[tuple[str, tu
         if database.in_transaction:
             database.execute("ROLLBACK")
         raise
+
+
+@contextmanager
+def damage_as_error() -> Iterator[None]:
+    """Raise damage as sqlite3.Error: where SQLite names a spoilt part of the schema, that may be no text."""
+    try:
+        yield
+    except UnicodeDecodeError as unreadable:
+        error = sqlite3.DatabaseError("malformed database schema")
+        error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+        raise error from unreadable
 
 
 def is_damage(error: sqlite3.Error) -> bool:

@@ -15,7 +15,14 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.home import account_name
-from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, present, record_error
+from console.session.data.record_file import (
+    FILE_NAME,
+    damage_as_error,
+    is_damage,
+    opened_to_read,
+    present,
+    record_error,
+)
 from console.session.data.run_rows import FAILED, MODEL, Ending, How, RunRow, date_of, inverted_of, rows_where
 from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
 from console.session.errors import SessionError
@@ -205,7 +212,7 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection | None]:
         if not path.exists():
             yield None
             return
-        with closing(present(opened_to_read(path, READ_TIMEOUT_S), path)) as database:
+        with damage_as_error(), closing(present(opened_to_read(path, READ_TIMEOUT_S), path)) as database:
             yield database
     except (OSError, sqlite3.Error) as error:
         if not os.access(path, os.R_OK):

@@ -10,6 +10,7 @@ from drivers.controller import Controller
 from drivers.errors import LinkError
 from drivers.pmac import reserved
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.expected_replies import number_of
 from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.watchdog import ENDING, PERIOD_MS, SYSTEM, WATCHDOG_MS
 from drivers.pmac.status import decode
@@ -81,10 +82,10 @@ class Watch:
             return Look(
                 asked_s=asked_s,
                 answered_s=self.clock.now_s(),
-                lost=float(lost) != 0.0,
-                ending=float(ending) != 0.0,
+                lost=number_of(lost) != 0.0,
+                ending=number_of(ending) != 0.0,
                 running="running_program" in decode(system, self._dialect.system_bits),
-                positions={motor: float(text) for motor, text in zip(self.motors, found[::2], strict=True)},
+                positions={motor: number_of(text) for motor, text in zip(self.motors, found[::2], strict=True)},
                 flags={
                     motor: decode(text, self._dialect.motor_bits)
                     for motor, text in zip(self.motors, found[1::2], strict=True)
