@@ -31,6 +31,7 @@ PARTS: Mapping[str, Sequence[str]] = {
         "heartbeat",
         "ownership",
         "planned-cut",
+        "reliability",
         "running-cut",
         "tuning",
         "identification",

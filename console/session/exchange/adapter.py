@@ -86,7 +86,8 @@ class Adapter:
     async def _say(self, writer: asyncio.StreamWriter, lines: list[str]) -> None:
         if lines:
             writer.write("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
-            await asyncio.wait_for(writer.drain(), self._unread_s)
+            async with asyncio.timeout(self._unread_s):
+                await writer.drain()
 
 
 def _ended(asked: asyncio.Task[bytes]) -> None:

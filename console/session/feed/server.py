@@ -108,7 +108,10 @@ class FeedServer:
 
 async def _say(writer: asyncio.StreamWriter, line: bytes) -> None:
     writer.write(line)
-    await asyncio.wait_for(writer.drain(), UNREAD_S)
+    async with asyncio.timeout(
+        UNREAD_S
+    ):  # up to Python 3.11 `wait_for` loses a cancellation that comes as it ends
+        await writer.drain()
 
 
 def _ended(asked: asyncio.Task[bytes]) -> None:

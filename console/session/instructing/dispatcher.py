@@ -54,7 +54,8 @@ class Dispatcher:
         if not self._post(Instruct(order=order, answered=answered)):
             return Answer(problem=Problem(code="instruct.not_ready"))
         try:
-            return await asyncio.wait_for(came, ANSWER_S)
+            async with asyncio.timeout(ANSWER_S):
+                return await came
         except TimeoutError:
             return Answer(problem=Problem(code="instruct.no_answer", limit=f"{ANSWER_S:g} s"))
 

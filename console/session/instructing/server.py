@@ -77,7 +77,8 @@ class _Client:
 
     async def is_let_in(self, token: str) -> bool:
         """Read the first line; return whether it has the token, and say so."""
-        line = await asyncio.wait_for(self._reader.readline(), HELLO_S)
+        async with asyncio.timeout(HELLO_S):
+            line = await self._reader.readline()
         how, _, given = line.decode("utf-8", "replace").strip().partition(" ")
         if how in (STAYS, ONCE) and is_token(given, token):
             self._stays = how == STAYS
@@ -87,7 +88,8 @@ class _Client:
         await self._say(Answer(problem=Problem(code="instruct.token")))
         self._writer.close()
         with suppress(OSError):
-            await asyncio.wait_for(self._writer.wait_closed(), UNREAD_S)
+            async with asyncio.timeout(UNREAD_S):
+                await self._writer.wait_closed()
         return False
 
     async def serve(self) -> None:
@@ -113,4 +115,5 @@ class _Client:
 
     async def _say(self, answer: Answer) -> None:
         self._writer.write(written(answer))
-        await asyncio.wait_for(self._writer.drain(), UNREAD_S)
+        async with asyncio.timeout(UNREAD_S):
+            await self._writer.drain()
