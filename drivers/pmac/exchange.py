@@ -389,8 +389,7 @@ class Exchange:
             return self._lost(line, error)
         where, unknown = self.link.address, self._outcome(line, fault.kind)
         if fault.kind in (FaultKind.SILENT, FaultKind.UNFINISHED):
-            silent = Problem(code="link.silent", where=where, key=line, value=fault.actual)
-            return LinkTimeoutError(silent, *unknown)
+            return LinkTimeoutError(Problem(code="link.silent", where=where, key=line, value=fault.actual), *unknown)
         problem = Problem(code="link.out_of_step", where=where, key=line, value=fault.actual, limit=fault.allowed)
         return LinkError(problem, *unknown)
 
