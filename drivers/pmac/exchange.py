@@ -32,7 +32,6 @@ from drivers.pmac.saving import SAVE_TIMEOUT_S, saves
 from profiles.problem import Problem
 
 CR, FLUSH = b"\r", b"\x18"
-
 CHECKSUM_TIMEOUT_S = 0.3
 """How long the controller may take to report the checksum of a line; nothing is executed yet."""
 
@@ -389,7 +388,8 @@ class Exchange:
             return self._lost(line, error)
         where, unknown = self.link.address, self._outcome(line, fault.kind)
         if fault.kind in (FaultKind.SILENT, FaultKind.UNFINISHED):
-            return LinkTimeoutError(Problem(code="link.silent", where=where, key=line, value=fault.actual), *unknown)
+            silent = Problem(code="link.silent", where=where, key=line, value=fault.actual)
+            return LinkTimeoutError(silent, *unknown)
         problem = Problem(code="link.out_of_step", where=where, key=line, value=fault.actual, limit=fault.allowed)
         return LinkError(problem, *unknown)
 
