@@ -210,11 +210,14 @@ class _Learner:
         moved = [
             n for n in self._watch.learned(dict.fromkeys(self._orders.of_blanks)) if self._moved_um(n) > MOVED_UM
         ]
+        watch = Watch()
         for _ in range(AIR_PASSES if moved else 0):
-            error_um = self._air_pass().coefficients_um
-            if all(2.0 * abs(error_um[n]) <= AIR_ENOUGH_UM_PP for n in moved):
+            error = self._air_pass()
+            left = {n: error.coefficients_um[n] for n in moved}
+            if all(2.0 * abs(c) <= AIR_ENOUGH_UM_PP for c in left.values()):
                 break
-            self._path = learned_command(self._path, {n: error_um[n] for n in moved}, self._response)
+            watch = watch.judged(self._path, left, dict.fromkeys(moved, error.amplitude_sd_um).__getitem__)
+            self._path = learned_command(watch.kept(self._path), watch.learned(left), self._response)
 
     def _moved_um(self, order: int) -> float:
         return abs(coefficient_of(self._path.target, order) - coefficient_of(self._in_air_at, order))
