@@ -252,7 +252,7 @@ def _scaled(path: LobedPath, fraction: float) -> LobedPath:
 
 
 MOST_MEAN_UM = 60.0  # tolerance of the mean: a soft servo under a fine cut is held back by some tens of um
-# Tolerance of the lobe, relative and in um; for a command plus what friction may hold back.
+# Tolerance of a harmonic, relative to what is wanted and in um; for a command plus what friction may hold back.
 MOST_FRACTION, MOST_HARMONIC_UM = 0.6, 10.0
 MOST_HARMONICS = 50  # highest order of an overtone
 OVAL = 2
@@ -293,7 +293,7 @@ def path_problems(
         wanted = {each.lobes: each.coefficient for each in path.target.overtones}.get(harmonic.lobes, 0j)
         off_and_most_um[f"{harmonic.lobes}/rev command"] = (
             abs(response(harmonic.lobes) * harmonic.coefficient - wanted),
-            MOST_HARMONIC_UM + friction_um(harmonic.lobes),
+            MOST_FRACTION * abs(wanted) + MOST_HARMONIC_UM + friction_um(harmonic.lobes),
         )
     return tuple(
         Problem(code="path.beyond", key=key, value=f"{off_um:.1f} um", limit=f"<= {limit_um:.1f} um")

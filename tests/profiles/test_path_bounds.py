@@ -79,7 +79,7 @@ def test_a_small_slow_lobe_may_be_told_much_more_than_it_is_to_do(held_um: float
 @pytest.mark.parametrize(
     ("order", "oval_um", "command", "told"),
     [
-        (2, 14.0, 1.5, []),
+        (2, 14.0, 2.2, []),
         (2, 14.0, 3.0, ["path.beyond"]),
         (2, 30.0, 1.0, ["path.beyond"]),
         (3, 14.0, 1.0, ["path.beyond"]),
