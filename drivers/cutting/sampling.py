@@ -72,11 +72,14 @@ class BatchGather:
         self._cut: CutPlan | None = None
         self._take: Callable[[Batch], None] = lambda _: None
 
-    def prepare(self, cut: CutPlan, lobes: int, seconds: float, take: Callable[[Batch], None]) -> None:
-        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers."""
+    def prepare(self, cut: CutPlan, samples_a_turn: int, seconds: float, take: Callable[[Batch], None]) -> None:
+        """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
+
+        `samples_a_turn` are gathered at least: few are fetched sooner, so that more batches fit into a cut.
+        """
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
-        lobe_s = 60.0 / (lobes * cut.spindle_speed_rpm)
-        period = max(1, math.floor(lobe_s / (LEAST_SAMPLES_A_LOBE * cycle_s)))
+        sample_s = 60.0 / (samples_a_turn * cut.spindle_speed_rpm)
+        period = max(1, math.floor(sample_s / cycle_s))
         self._cut, self._take, self._state = cut, take, None
         self._plan = self._tried(
             lambda: self._gathering.prepare(

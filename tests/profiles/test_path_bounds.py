@@ -74,3 +74,23 @@ def test_a_small_slow_lobe_may_be_told_much_more_than_it_is_to_do(held_um: float
     assert codes(CutPath(target=target, command=invert(held, LAG)), job) == told
     misread = CutPath(target=held, command=invert(held, LAG))
     assert codes(misread, job) == ["path.beyond"], "what is wanted of the tool has no friction"
+
+
+@pytest.mark.parametrize(
+    ("order", "oval_um", "command", "told"),
+    [
+        (2, 14.0, 2.2, []),
+        (2, 14.0, 3.0, ["path.beyond"]),
+        (2, 30.0, 1.0, ["path.beyond"]),
+        (3, 14.0, 1.0, ["path.beyond"]),
+    ],
+)
+def test_one_harder_jaw_of_six_may_make_more_oval_than_there_is_lobe(
+    order: int, oval_um: float, command: float, told: list[str]
+) -> None:
+    """A ring is (35/3)^2 = 136 times softer to an oval than to six lobes: 10 % more on one jaw makes 2.7 lobes."""
+    job = replace(RING, jaws=6, lobe_jaws=6, lobe_error_um_pp=12.0)
+    target = target_path(job)
+    wanted, asked = (target.plus({order: k * oval_um * 1j}) for k in (1.0, command))
+    found = codes(CutPath(target=wanted, command=invert(asked, LAG)), job)
+    assert sorted(set(found)) == told

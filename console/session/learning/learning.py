@@ -65,6 +65,8 @@ AIR_ENOUGH_UM_PP = 1.0
 """Number of air passes; more while the lobe error is above this: a small motion starts within its friction."""
 
 AIR_TURNS = 30
+MOVED_UM = 1.0
+"""Change of the target, at an order that a blank disturbs too, from which the tool learns it in air anew."""
 
 HOW = LearnHow()
 
@@ -121,6 +123,8 @@ class _Learner:
         self._cutting = self._path  # of the present cut: that of the mean lobe, by its fingerprint
         self._watch = Watch()
         self._air_um: list[float] = []
+        self._air_passes = 0
+        self._in_air_at = self._path.target  # what the tool has followed in air
         self._homed = False
 
     def reference(self) -> RoundnessResult:
@@ -171,26 +175,52 @@ class _Learner:
 
     def in_air(self) -> None:
         """Learn the path clear of the part."""
-        job = self._job
-        # Some turns of the same feed, over the end of the part.
-        short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
         for number in range(1, MOST_AIR_PASSES + 1):
             right = not self._learns_lobe or (self._air_um and self._air_um[-1] <= AIR_ENOUGH_UM_PP)
             if number > AIR_PASSES and right:
                 break
-            try:
-                plan = self._planned(short, self._strategy, Stage.AIR, self._path)
-            except DriverError as error:
-                # A limit exceeded here is the axis's own, for nothing else was measured yet.
-                own = {"path.beyond": "learning.axis_beyond"}
-                problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)
-                raise SessionError(*problems) from error
-            watch = AirWatch(self._context.lathe, job.jaws)
-            self._cut(short, plan, "air", watch, number)
-            error_um = self._error(watch.last())
-            self._air_um.append(2.0 * abs(error_um.coefficients_um[job.jaws]))
+            error_um = self._first_air_pass()
+            self._air_um.append(2.0 * abs(error_um.coefficients_um[self._job.jaws]))
             self._learn_in_air(error_um)
         self._watch = self._watch.afresh()
+
+    def _first_air_pass(self) -> HarmonicFit:
+        try:
+            return self._air_pass()
+        except DriverError as error:
+            # A limit exceeded here is the axis's own, for nothing else was measured yet.
+            own = {"path.beyond": "learning.axis_beyond"}
+            problems = (replace(each, code=own.get(each.code, each.code)) for each in error.problems)
+            raise SessionError(*problems) from error
+
+    def _air_pass(self) -> HarmonicFit:
+        """Return the tool error of one pass in air."""
+        job = self._job
+        # Some turns of the same feed, over the end of the part.
+        short = replace(job, cut_length_mm=min(job.cut_length_mm, AIR_TURNS * job.feed_mm_per_rev))
+        plan = self._planned(short, self._strategy, Stage.AIR, self._path)
+        self._air_passes += 1
+        self._cutting, self._in_air_at = self._path, self._path.target
+        watch = AirWatch(self._context.lathe, job.jaws, self._orders.samples_a_turn)
+        self._cut(short, plan, "air", watch, self._air_passes)
+        return self._error(watch.last())
+
+    def _in_air_anew(self) -> None:
+        """Learn in air what a part has added where the blank disturbs the tool, too: in air there is none."""
+        moved = [
+            n for n in self._watch.learned(dict.fromkeys(self._orders.of_blanks)) if self._moved_um(n) > MOVED_UM
+        ]
+        watch = Watch()
+        for _ in range(AIR_PASSES if moved else 0):
+            error = self._air_pass()
+            left = {n: error.coefficients_um[n] for n in moved}
+            if all(2.0 * abs(c) <= AIR_ENOUGH_UM_PP for c in left.values()):
+                break
+            watch = watch.judged(self._path, left, dict.fromkeys(moved, error.amplitude_sd_um).__getitem__)
+            self._path = learned_command(watch.kept(self._path), watch.learned(left), self._response)
+
+    def _moved_um(self, order: int) -> float:
+        return abs(coefficient_of(self._path.target, order) - coefficient_of(self._in_air_at, order))
 
     @property
     def _learns_lobe(self) -> bool:
@@ -207,12 +237,18 @@ class _Learner:
 
     def part(self, number: int) -> LearnedPart:
         """Cut a part, learn during the cut, and from its trace for the next one."""
+        self._in_air_anew()
         readings = self._felt()
         self._path, path = self._lobe.clamp(self._path, readings, self._response)
         plan = self._planned(self._job, self._strategy, Stage.FULL, path, trimmed=True)
         self._cutting = path
         watch = CutLearner(
-            self._context.lathe, self._job, self._error, trims=self._learns_lobe, oval=self._orders.trims_oval
+            self._context.lathe,
+            self._job,
+            self._error,
+            samples_a_turn=self._orders.samples_a_turn,
+            trims=self._learns_lobe,
+            oval=self._orders.trims_oval,
         )
         outcome = self._cut(self._job, plan, "part", watch, number, clamped=readings is not None)
         tool_off, trim_um = watch.in_the_middle()

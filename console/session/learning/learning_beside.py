@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from console.session.errors import SessionError
 from drivers.cutting.planning import CutPlan
-from drivers.cutting.sampling import Batch, BatchGather
+from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE, Batch, BatchGather
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
@@ -38,14 +38,14 @@ def blank_orders(lobes: int) -> frozenset[int]:
 class AirWatch:
     """Gather one long batch in air."""
 
-    def __init__(self, lathe: Lathe, lobes: int) -> None:
+    def __init__(self, lathe: Lathe, lobes: int, samples_a_turn: int | None = None) -> None:
         self._gather: BatchGather = lathe.program.batches()
-        self._lobes = lobes
+        self._samples_a_turn = samples_a_turn or LEAST_SAMPLES_A_LOBE * lobes
         self._batches: list[Batch] = []
 
     def begin(self, plan: CutPlan) -> None:
         """Set up gathering on the controller."""
-        self._gather.prepare(plan, self._lobes, AIR_BATCH_S, self._batches.append)
+        self._gather.prepare(plan, self._samples_a_turn, AIR_BATCH_S, self._batches.append)
 
     def see(self, snapshot: Snapshot) -> None:
         """Continue gathering."""
@@ -63,8 +63,16 @@ class CutLearner:
     """Trim a cut by the measured tool error, a batch at a time: the lobe if it `trims`, the blank's `oval`."""
 
     def __init__(
-        self, lathe: Lathe, job: Job, off: Callable[[Batch], HarmonicFit], *, trims: bool = True, oval: bool = True
+        self,
+        lathe: Lathe,
+        job: Job,
+        off: Callable[[Batch], HarmonicFit],
+        *,
+        samples_a_turn: int,
+        trims: bool = True,
+        oval: bool = True,
     ) -> None:
+        self._samples_a_turn = samples_a_turn
         self._lathe, self._job, self._off, self._trims = lathe, job, off, trims
         self._oval, self._beside = oval, beside_order(job.jaws)
         self._gather = lathe.program.batches()
@@ -83,7 +91,7 @@ class CutLearner:
 
     def begin(self, plan: CutPlan) -> None:
         """Set up gathering on the controller."""
-        self._gather.prepare(plan, self._job.jaws, CUT_BATCH_S, self._take)
+        self._gather.prepare(plan, self._samples_a_turn, CUT_BATCH_S, self._take)
 
     def see(self, snapshot: Snapshot) -> None:
         """Continue gathering. An error in it ends the cut at the end of its turn, tool out first."""

@@ -29,6 +29,8 @@ from profiles.machine import MachineProfile
 
 SAMPLES_A_PERIOD = 3  # of the highest order in a batch
 SAMPLES_AN_ORDER = 5  # of a batch, for two unknowns each
+ENOUGH_A_TURN = 36
+"""Samples a turn that suffice up to 12 UPR: with many jaws those of each lobe would take too long to fetch."""
 ALWAYS_FITTED = (1, OVAL)  # run-out and oval of a blank would leak into the others
 
 
@@ -58,6 +60,9 @@ class OrderLearning:
         self.learned = tuple(sorted({*multiples, *promised}))
         self.fitted = tuple(sorted({*ALWAYS_FITTED, *blank_orders(self._lobes), *self.learned}))
         self.beside = tuple(n for n in self.learned if n not in multiples)
+        self.samples_a_turn = min(
+            LEAST_SAMPLES_A_LOBE * self._lobes, max(ENOUGH_A_TURN, SAMPLES_A_PERIOD * self.fitted[-1])
+        )
         self._steps_um: dict[int, list[float]] = {}
 
     @property
@@ -68,6 +73,11 @@ class OrderLearning:
     def of_blank(self, order: int) -> bool:
         """Whether the tool's error at this order is that of an oval blank, and another one in each part."""
         return order in blank_orders(self._lobes)
+
+    @property
+    def of_blanks(self) -> tuple[int, ...]:
+        """The learned orders, besides the lobe, at which the tool's error in a cut is also that of the blank."""
+        return tuple(n for n in self.learned if self.of_blank(n) and n != self._lobes)
 
     def of_tool(self, tool_off: Deviation) -> dict[int, complex]:
         """Return the tool's error in a part that the table has to correct for the next one."""

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from console.session.cut.run import RunPlan, RunResult
 from console.session.cut.telemetry import CutFigures
 from console.session.learning.learning_beside import TRIM_LIMIT_UM
 from profiles.compensations.certificate import Certified
-from profiles.compensations.learning import Deviation, Grown
+from profiles.compensations.learning import REPEATS_SD_UM, Deviation, Grown
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.this_clamping import Clamped
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
+
+ONE_SIDED = 1.645  # standard deviations, 95 %
+CERTAIN_GAIN_UM = 2.0 * ONE_SIDED * math.sqrt(2.0) * REPEATS_SD_UM
+"""Gain in RONt of one part over another that is more than what a harmonic does not repeat, peak to peak."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,8 +68,24 @@ class LearnResult:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Harmonics that were not learned: `learning.grew`; parts that needed more trim: `learning.trim_short`."""
-        return (*map(_grew, self.parts[-1].grown), *_short_of_trim(self.parts))
+        """Return what was not learned.
+
+        Harmonics: `learning.grew`; parts that needed more trim: `learning.trim_short`; a last part that is not
+        certainly rounder than the first: `learning.no_gain`.
+        """
+        return (*map(_grew, self.parts[-1].grown), *_short_of_trim(self.parts), *_no_gain(self.parts))
+
+
+def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
+    """Return that nothing was gained, where two parts with the same path might differ by as much."""
+    first_um, last_um = parts[0].roundness.ront_um, parts[-1].roundness.ront_um
+    if len(parts) == 1 or first_um - last_um > CERTAIN_GAIN_UM:
+        return ()
+    return (
+        Problem(
+            code="learning.no_gain", key=str(len(parts)), value=f"{last_um:.1f} um", limit=f"{first_um:.1f} um"
+        ),
+    )
 
 
 def _grew(each: Grown) -> Problem:
