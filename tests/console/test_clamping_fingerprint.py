@@ -45,7 +45,9 @@ def readings(job: Job, factor: float, places: int = 16) -> ClampReadings:
     )
 
 
-def test_readings_are_kept_with_the_clamping_used_by_the_next_cut_and_lost_with_it(tmp_path: Path) -> None:
+def test_readings_are_kept_with_the_clamping_used_by_the_next_cut_and_lost_with_it(
+    tmp_path: Path, in_copies: None
+) -> None:
     floor, job = set_up_once(tmp_path), experiment_1()
     floor.do(TakeFingerprint(job=job, readings=None))
     plain = floor.arm(job, Strategy.CAM).armed
@@ -69,7 +71,9 @@ def test_another_clamping_and_another_console_lose_the_readings() -> None:
     assert handed_over(felt, "09:00").readings is None
 
 
-def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(tmp_path: Path) -> None:
+def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(
+    tmp_path: Path, in_copies: None
+) -> None:
     floor, job = set_up_once(tmp_path), experiment_1()
     floor.do(TakeFingerprint(job=job, readings=None))
     six = readings(job, 1.0, 6)
@@ -86,7 +90,7 @@ def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(tmp_
     assert floor.arm(job, Strategy.CAM).armed is not None
 
 
-def test_the_indicator_of_the_simulated_lathe_reads_from_jaw_1_on(tmp_path: Path) -> None:
+def test_the_indicator_of_the_simulated_lathe_reads_from_jaw_1_on(tmp_path: Path, in_copies: None) -> None:
     floor = set_up_once(tmp_path)
     found = floor.do(Indicate(places=12)).indicated
     assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12

@@ -188,7 +188,8 @@ class _Watched:
 
     def __init__(self, context: StationContext, armed: Armed) -> None:
         self._context, self._strategy, self._stage = context, armed.strategy, CutStage.POSITION
-        self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=armed.made.stage == Stage.AIR)
+        in_air, learned = armed.made.stage == Stage.AIR, armed.made.version is not None
+        self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=in_air, learned=learned)
         self._reports = context.lathe.program.reports()
         self._held = False
         self.adjusting = Adjusting(context, armed.bounds)

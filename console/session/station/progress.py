@@ -169,7 +169,9 @@ class SpindleWatch:
 class CutWatch:
     """Follow one cut. `see` is called with every status poll; it belongs to the link thread."""
 
-    def __init__(self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False) -> None:
+    def __init__(
+        self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False, learned: bool = False
+    ) -> None:
         self._plan, self._job, self._machine, self._in_air = plan, job, machine, in_air
         self._end = plan.carriage_start + plan.setup.carriage_counts
         self._face = self._end - job.cut_length_mm * machine.carriage.counts_per_mm
@@ -181,7 +183,7 @@ class CutWatch:
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
-        self._lead_deg = telemetry.learned_lead_deg(plan.target, job)
+        self._lead_deg = telemetry.learned_lead_deg(plan.target, job) if learned else 0.0
         self._clock = PhaseClock(plan, machine)
         self._away = Away(machine.spindle.counts_per_rev)
         self._adjusted, self._pace = AS_PLANNED, 1.0
