@@ -141,7 +141,7 @@ def shed(order: Order) -> Iterator[Shed]:
 def is_not_called_good(shed: Shed) -> str:
     """It fails, prints no result, and keeps none; the last run of the record says why."""
     code, out, err = shed.ended()
-    assert (code, out) == (1, ""), err
+    assert code == 1 and set(json.loads(out)) == {"schema", "exit_code", "errors"}, err
     with closing(sqlite3.connect(shed.order.data / "records.sqlite3")) as kept:
         (run,) = kept.execute("SELECT run_id FROM runs ORDER BY rowid DESC LIMIT 1").fetchone()
         events = dict(kept.execute("SELECT kind, data FROM events WHERE run_id = ?", (run,)).fetchall())
