@@ -22,12 +22,15 @@ LOGGED = frozenset(
 Not `restore`: its folder has to be empty.
 """
 
+MAY_HOLD_A_PASSWORD = ("shop",)
+"""Options whose values are not logged: a password in one is refused, but only after the line of the begin."""
+
 
 def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[str]) -> int:
     """Carry out a command; log its begin and its end, and what ends it."""
     is_logged = options.command in LOGGED
     if is_logged:
-        _note(options, f"begin  {shlex.join(words)}")
+        _note(options, f"begin  {_said(options, words)}")
     try:
         code = command()
     except ProblemError as error:
@@ -35,7 +38,7 @@ def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[
             _note(options, "refused  " + "; ".join(each.facts for each in error.problems), is_warning=True)
         raise
     except Exception as error:
-        _note(options, f"fault  {_version()}: {shlex.join(words)}", error=error)
+        _note(options, f"fault  {_version()}: {_said(options, words)}", error=error)
         raise
     except BaseException as ended:  # Ctrl-C, or wrong usage that the command has told
         if is_logged:
@@ -44,6 +47,15 @@ def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[
     if is_logged:
         _note(options, f"end  exit code {code}  {_version()}")
     return code
+
+
+def _said(options: Namespace, words: Sequence[str]) -> str:
+    """Return the command line, with dots in place of what may hold a password, however its option was written."""
+    hidden = [value for name in MAY_HOLD_A_PASSWORD if (value := getattr(options, name, None))]
+    shown = list(words)
+    for value in hidden:
+        shown = [word.replace(value, "...") for word in shown]
+    return shlex.join(shown)
 
 
 def _version() -> str:

@@ -135,13 +135,27 @@ def open_floor(
     sim = SimulatedLathe(machine.machine, true, blind=blind)
     if placed is not None:
         sim.take_over(placed)
+    floor = floor_at(sim, records, machine, begins=begins, owned=owned)
+    assert floor.station.connect()
+    return floor
+
+
+def floor_at(
+    sim: SimulatedLathe,
+    records: Path,
+    machine: LoadedMachine,
+    *,
+    begins: Begins | None = None,
+    owned: bool = False,
+) -> Floor:
+    """A station at a lathe that is there already, not connected yet; as for `open_floor`."""
     link = MemoryLink(sim.connect(), sim)
     stop = StopPath(link)
     made: list[Floor] = []
 
     def seen(snapshot: Snapshot) -> None:
         for floor in made:
-            for look in floor.looks:
+            for look in tuple(floor.looks):
                 look(snapshot)
             floor.station.seen(snapshot)
 
@@ -161,7 +175,6 @@ def open_floor(
     )
     floor = Floor(sim=sim, lathe=lathe, stop=stop, link=link, station=Station(context), context=context)
     made.append(floor)
-    assert floor.station.connect()
     return floor
 
 

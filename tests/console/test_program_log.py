@@ -53,6 +53,27 @@ def test_a_fault_of_the_program_is_in_it_with_its_traceback_and_on_the_terminal_
     assert [line for line in text.splitlines() if not LINE.fullmatch(line) and not line.startswith("    ")] == []
 
 
+@pytest.mark.parametrize(
+    "given",
+    [("--shop", "host=x password=geheim"), ("--shop=postgresql://a:geheim@x/shop",), ("--sho", "password=geheim")],
+)
+def test_no_password_of_a_shop_is_in_it(console: Console, tmp_path: Path, given: tuple[str, ...]) -> None:
+    assert console("ship", *given, "--once", "--data", str(tmp_path)).code != 0
+    log = tmp_path / FOLDER / FILE
+    text = log.read_text(encoding="utf-8") if log.exists() else ""  # wrong usage is not logged
+    assert "geheim" not in text and ("begin  ship" in text or given[0] == "--sho")
+
+
+def test_nor_where_the_program_fails(console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> int:
+        raise RuntimeError("broken")
+
+    monkeypatch.setattr(records, "main", broken)
+    console("records", "list", "--shop", "password=geheim", "--data", str(tmp_path))
+    text = (tmp_path / FOLDER / FILE).read_text(encoding="utf-8")
+    assert "fault" in text and "geheim" not in text
+
+
 def test_it_rotates_and_keeps_so_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(program_log, "MOST_BYTES", 500)
     for number in range(60):
