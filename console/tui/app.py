@@ -318,6 +318,7 @@ class ConsoleApp(ListeningApp):
             case Verdict.FIELD if now.seeking:
                 self._palette.write(event.key, event.character)
             case Verdict.FIELD:
+                self._held.typed()
                 return False
             case Verdict.ACTION if action is TAKE:
                 self._palette.take(self._page, lambda taken: self._do(taken, page))

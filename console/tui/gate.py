@@ -219,3 +219,7 @@ class HeldKeys:
         before_s = self._pressed_s.get(action.id, -math.inf)
         self._pressed_s[action.id] = now_s
         return action.once and now_s - before_s < REPEAT_S
+
+    def typed(self) -> None:
+        """Note a character of an entry: no key was held while it was typed, so the next Enter is a new press."""
+        self._pressed_s.clear()

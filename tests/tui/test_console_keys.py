@@ -23,7 +23,7 @@ from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.scenes import Scene, application, fill, played
+from tests.tui.scenes import Scene, application, fill, played, rows_of
 from tests.tui.stage import FixedControl, experiment
 
 HOMING = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
@@ -86,6 +86,25 @@ def test_presses_within_eight_tenths_of_a_second_are_one() -> None:
     held = HeldKeys()
     assert [held.repeats(arm, t) for t in (0.0, 0.7, 1.4, 2.3)] == [False, True, True, False]
     assert [held.repeats(up, t) for t in (0.0, 0.1, 0.2)] == [False, False, False]
+
+
+def test_readings_may_be_typed_as_fast_as_a_number_pad_allows(tmp_path: Path) -> None:
+    """Each Enter takes what was typed before it: else a reading would go on with the digits of the next."""
+    fill(tmp_path)
+    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
+    app, control = application(scene, tmp_path)
+
+    async def run() -> list[str]:
+        async with played(app, scene, (80, 24)) as pilot:
+            for after_s, key in enumerate(["n", "6", "enter", "5", "enter", "minus", "3", "enter"]):
+                control.at(100.0 + 0.2 * after_s)
+                await pilot.press(key)
+                await pilot.pause()
+            app.tick()
+            return rows_of(app)
+
+    shown = "\n".join(asyncio.run(run()))
+    assert "place 3 of 6" in shown and "held down" not in shown
 
 
 @pytest.mark.parametrize(
