@@ -34,6 +34,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words: list[str] = []
     problems: list[Problem] = []
     gc.disable()  # what is imported and read at first stays; looking for garbage in it takes a sixth of the time
+    # Matrices are small here. Threads that spin while they wait for the next one take the core that a stop needs.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # read when numpy is imported
     try:
         for name, mode in (("stdin", "r"), ("stdout", "w"), ("stderr", "w")):
             if getattr(sys, name) is None:  # closed by the caller: no other file may take its number

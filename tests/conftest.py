@@ -34,6 +34,9 @@ if PROFILE == "steady":
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 sys.dont_write_bytecode = False
 
+# As the console does when it starts; the workers, and the programs that they start, take it from the environment.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
 # Nor do tests, and the programs that they start, find the configuration of whoever runs them.
 os.environ["XDG_CONFIG_HOME"] = os.path.join(os.path.dirname(__file__), "no configuration")
 for _name in [name for name in os.environ if name.startswith("TRILOBE_") and name != "TRILOBE_TRACEBACK"]:

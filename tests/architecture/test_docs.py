@@ -1,5 +1,6 @@
 """What the documents say is so: links lead somewhere, quoted programs are the generated ones."""
 
+import functools
 import re
 from collections.abc import Iterator
 from pathlib import Path
@@ -117,9 +118,13 @@ def test_a_fence_that_is_opened_is_closed(document: str) -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS)
 def test_source_files_that_are_named_exist(document: str) -> None:
-    sources = [f"/{path.relative_to(ROOT)}" for path in project_texts() if path.suffix == ".py"]
     named = [span for span in SPAN.findall(text_of(document)) if SOURCE_FILE.fullmatch(span)]
-    assert [name for name in named if not any(path.endswith(f"/{name}") for path in sources)] == []
+    assert [name for name in named if not any(path.endswith(f"/{name}") for path in source_files())] == []
+
+
+@functools.cache
+def source_files() -> list[str]:
+    return [f"/{path.relative_to(ROOT)}" for path in project_texts() if path.suffix == ".py"]
 
 
 def test_every_choice_of_the_emulation_is_where_it_is_said_to_be() -> None:

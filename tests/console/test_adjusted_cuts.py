@@ -89,6 +89,7 @@ def ront_um(floor: Floor) -> float:
     "strategy",
     [Strategy.PVT, *(pytest.param(each, marks=pytest.mark.long) for each in (Strategy.CAM, Strategy.NONE))],
 )
+@pytest.mark.long
 def test_spindle_and_feed_slow_down_together(floor: Floor, strategy: Strategy) -> None:
     """At 96 % the lobe is as before by the angle; the servo leaves what another frequency means, no more."""
     seen: list[CutProgress] = []
@@ -112,6 +113,7 @@ def test_spindle_and_feed_slow_down_together(floor: Floor, strategy: Strategy) -
     assert left_um - 0.3 < ront_um(floor) < left_um + 2.6
 
 
+@pytest.mark.long
 def test_an_override_beyond_its_band_is_refused_with_the_number(floor: Floor) -> None:
     found: list[tuple[str, str]] = []
 
@@ -144,6 +146,7 @@ def test_an_override_beyond_its_band_is_refused_with_the_number(floor: Floor) ->
     ]
 
 
+@pytest.mark.long
 def test_presses_between_two_polls_do_not_pass_the_bound(floor: Floor) -> None:
     armed(floor)
     press(floor, 3.0, *[FASTER] * 9)
@@ -298,6 +301,7 @@ def test_a_trim_is_in_the_part_to_the_number_and_the_angle(floor: Floor, strateg
     assert abs(third_harmonic(floor.state.measured) - 27.5 * (1.0 - 1.04 * np.exp(-6j * np.pi / 180.0))) < 0.15
 
 
+@pytest.mark.long
 def test_a_trim_takes_the_phase_back_that_an_override_has_cost(floor: Floor) -> None:
     """Slower, the servo lags by less than what was inverted: the tool is early."""
     phases_deg: dict[str, float | None] = {}
@@ -349,6 +353,7 @@ def test_a_trim_beyond_what_was_judged_is_put_back_by_the_program(floor: Floor) 
     assert ront_um(floor) < 0.5
 
 
+@pytest.mark.long
 def test_the_record_has_each_change_and_how_the_part_was_made(floor: Floor) -> None:
     armed(floor)
     press(floor, 3.0, SLOWER, MORE)

@@ -336,6 +336,7 @@ def test_a_full_disk_is_said_before_anything_is_written(
     assert code_of(file, place) == "restore.no_space"
 
 
+@pytest.mark.long
 def test_what_git_would_keep_is_written_in_the_same_order_each_time(data: Path, tmp_path: Path) -> None:
     """Another console, with another hash seed, writes the same bytes, one value a line."""
     code = "import sys, pathlib; from tests.console.test_backup import fill; fill(pathlib.Path(sys.argv[1]))"

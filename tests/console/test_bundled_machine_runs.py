@@ -30,6 +30,7 @@ def shorter(family: str, folder: Path) -> str:
 
 
 @pytest.mark.parametrize("strategy", ["cam", pytest.param("timebase", marks=pytest.mark.long)])
+@pytest.mark.long
 def test_a_turbo_takes_the_lobe_away_in_each_way_that_keeps_the_angle(
     console: Console, job_file: JobFile, tmp_path: Path, strategy: str
 ) -> None:

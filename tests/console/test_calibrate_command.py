@@ -197,6 +197,7 @@ def test_a_run_is_planned_only_at_the_force_of_the_calibration_cut(force_n: floa
     assert [(each.code, each.limit) for each in refused.value.problems] == [("rule.force_differs", "800 N")]
 
 
+@pytest.mark.long
 def test_the_cut_of_the_paper_at_another_speed_is_refused_in_the_simulator_too(
     console: Console, tmp_path: Path
 ) -> None:

@@ -102,6 +102,7 @@ def short(job_file: JobFile) -> str:
     return str(job_file(cut_length_mm="0.8", feed_mm_per_rev="0.1"))
 
 
+@pytest.mark.long
 def test_a_file_of_readings_goes_through_the_cut_and_the_record_into_what_is_learned(
     console: Console, close: tuple[str, str], short: str, tmp_path: Path
 ) -> None:

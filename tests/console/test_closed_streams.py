@@ -20,6 +20,7 @@ def shell(words: str, *, unbuffered: bool = False) -> subprocess.CompletedProces
 
 
 @pytest.mark.parametrize("closed", [pytest.param(">&-", marks=pytest.mark.long), "2>&-", "<&- >&- 2>&-"])
+@pytest.mark.first(1)
 def test_a_closed_stream_changes_nothing_else(closed: str) -> None:
     done = shell(f"jobs {closed}")
     assert (done.returncode, done.stderr) == (0, "")
@@ -33,6 +34,7 @@ def test_a_closed_stream_changes_nothing_else(closed: str) -> None:
 @pytest.mark.parametrize(
     "words", ["jobs", "--help", "jobs --help", "predict lee-2001-experiment-1 --json", "--version"]
 )
+@pytest.mark.first(3)
 def test_a_full_disk_is_one_line(words: str, unbuffered: bool) -> None:
     done = shell(f"{words} >{FULL}", unbuffered=unbuffered)
     assert done.returncode == 1

@@ -58,6 +58,7 @@ def plunge(floor: Floor) -> StationState:
     return state
 
 
+@pytest.mark.long
 def test_the_last_line_of_the_printed_program_is_an_alarm_once_for_each_collision(aligned: Floor) -> None:
     state = plunge(aligned)
     # The spindle is being stopped when the tool goes in: more than 1 mm a turn first, and then none.

@@ -48,6 +48,7 @@ def test_after_a_stop_it_is_known_how_far_the_blank_is_cut(aligned: Floor) -> No
     assert cut_to_mm(left) == pytest.approx(mark_mm, abs=0.05)
 
 
+@pytest.mark.long
 def test_it_is_not_forgotten_before_another_blank_is_clamped(aligned: Floor) -> None:
     left = left_in_the_part(aligned)
     aligned.arm(JOB)
@@ -83,6 +84,7 @@ def test_a_jog_step_is_over_before_a_person_presses_again(aligned: Floor, axis: 
 
 
 @pytest.mark.parametrize("retracted", [False, True])
+@pytest.mark.first(1)
 def test_a_console_that_is_left_with_the_tool_in_the_part_tells_the_next_one(
     aligned: Floor, monkeypatch: pytest.MonkeyPatch, retracted: bool
 ) -> None:

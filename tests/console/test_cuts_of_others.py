@@ -63,6 +63,7 @@ def cut_with(floor: Floor, line: str, strategy: Strategy = Strategy.PVT) -> tupl
         ("&1Q", "cut.outside_plan"),  # a segment that ends in full motion runs on
     ],
 )
+@pytest.mark.first(2)
 def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, line: str, code: str) -> None:
     state, after_s = cut_with(floor, line)
     assert code in told(state) and state.activity is Activity.STOPPED
@@ -75,6 +76,7 @@ def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, lin
     ("line", "code", "key"),
     [("I130=4", "controller.setting", "I130"), ("P55=60", "cut.trim_differs", "")],
 )
+@pytest.mark.first(1)
 def test_a_tool_that_trips_after_another_host_wrote_is_not_called_sticky(
     floor: Floor, line: str, code: str, key: str
 ) -> None:
@@ -107,6 +109,7 @@ def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Flo
         ("M26=1", "cut.held_by_another"),
     ],
 )
+@pytest.mark.first(1)
 def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
     floor: Floor, line: str, reason: str
 ) -> None:
@@ -122,6 +125,7 @@ def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
 
 
 @pytest.mark.parametrize(("strategy", "line"), [(Strategy.CAM, "P25=P25+2"), (Strategy.PVT, "P25=P25-2")])
+@pytest.mark.first(1)
 def test_a_program_that_goes_on_elsewhere_is_not_called_done(floor: Floor, strategy: Strategy, line: str) -> None:
     """Two segments are little enough that no axis trips and no poll need see it."""
     state, _ = cut_with(floor, line, strategy)
@@ -158,6 +162,7 @@ def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
         (Strategy.CAM, "P35=P35+1", "controller.constant_differs"),
     ],
 )
+@pytest.mark.first(2)
 def test_what_is_changed_on_the_way_to_the_start_is_refused_before_the_program_runs(
     floor: Floor, strategy: Strategy, line: str, code: str
 ) -> None:

@@ -72,6 +72,7 @@ def test_every_object_has_its_schema(console: Console, tmp_path: Path, words: tu
 
 
 @pytest.mark.parametrize(("tolerance_um", "code"), [(100.0, 0), (5.0, 3)])
+@pytest.mark.first(1)
 def test_a_part_out_of_tolerance_is_told_by_the_exit_code_on_request(
     console: Console, close: tuple[str, str], tmp_path: Path, tolerance_um: float, code: int
 ) -> None:
@@ -90,6 +91,7 @@ def test_a_part_out_of_tolerance_is_told_by_the_exit_code_on_request(
     assert console("roundness", str(trace), "--fail-out-of-tolerance").code == 2  # the tolerance is in the job
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(
     "environment",
     [

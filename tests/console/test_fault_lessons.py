@@ -132,6 +132,7 @@ def test_a_lesson_with_a_fault_is_made_by_its_hints_and_costs_nothing(name: str,
     assert pupil.debriefed().score >= 95
 
 
+@pytest.mark.long
 def test_who_does_nothing_about_a_fault_makes_no_more_steps(tmp_path: Path) -> None:
     lesson = load_lesson("drive-fails", tmp_path)
     pupil = Pupil(open_floor(tmp_path, plant=lesson.plant), lesson)
@@ -143,6 +144,7 @@ def test_who_does_nothing_about_a_fault_makes_no_more_steps(tmp_path: Path) -> N
     assert lost["alarms"] == 5.0 and lost["reaction"] > 0.0 and debrief.score < 60
 
 
+@pytest.mark.long
 def test_a_lobe_is_calibrated_by_a_part_cut_without_compensation(tmp_path: Path) -> None:
     lesson = load_lesson("calibrate-a-lobe", tmp_path)
     floor = open_floor(tmp_path, plant="mounted")

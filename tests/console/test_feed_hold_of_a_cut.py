@@ -60,6 +60,7 @@ def test_a_held_cut_is_as_good_as_any(aligned: Floor, strategy: Strategy) -> Non
     assert measured is not None and measured.result.ront_um < 2.0
 
 
+@pytest.mark.long
 def test_one_turn_after_the_other_may_be_cut(aligned: Floor) -> None:
     turns: list[float] = []
 
@@ -133,6 +134,7 @@ def test_a_hold_that_cannot_be_is_refused_with_the_reason(aligned: Floor) -> Non
     assert found == ["cut.no_hold", "cut.not_held"]
 
 
+@pytest.mark.long
 def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
     held(aligned, lambda: order(aligned, ResumeFeed()))
     aligned.station.close("quit")

@@ -115,6 +115,7 @@ def test_jaw_1_is_known_from_the_zero_of_the_strategy(
     assert [problem.code for problem in of_zero(machine, strategy, jaw_found=jaw_found)] == code
 
 
+@pytest.mark.long
 def test_the_command_cuts_without_a_part_to_compare_with(
     console: Console, tmp_path: Path, job_file: Callable[..., Path]
 ) -> None:

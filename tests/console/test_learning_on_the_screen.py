@@ -158,6 +158,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     assert all(each["holds"] for each in known)
 
 
+@pytest.mark.long
 def test_a_part_with_jaw_1_taken_elsewhere_is_not_offered_anywhere(
     shop: Shop, console: Console, tmp_path: Path
 ) -> None:
@@ -204,6 +205,7 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
     assert shop.floor.state.stop is None
 
 
+@pytest.mark.long
 def test_a_cut_in_air_leaves_the_blank_as_it_was(shop: Shop) -> None:
     whole, half = (shop.armed(stage=stage).plan for stage in (Stage.FULL, Stage.PARTIAL))
     assert half.target.amplitude_um == pytest.approx(0.5 * whole.target.amplitude_um)

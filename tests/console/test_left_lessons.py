@@ -116,6 +116,7 @@ def test_an_alarm_ends_with_the_lathe_that_was_left() -> None:
     assert goes_on is not None and unseen(goes_on, 9000.0) == (70.0,)
 
 
+@pytest.mark.long
 def test_a_fault_that_was_not_lived_through_comes_again_at_the_next_lathe(tmp_path: Path) -> None:
     lesson = load_lesson("drive-fails", OWN)
     first = Pupil(open_floor(tmp_path / "first", plant=lesson.plant), lesson)

@@ -89,6 +89,7 @@ WRONG: tuple[object, ...] = (None, "", "word", True, -1, 2.5, [], [1], {}, {"a":
 
 
 @pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.first(2)
 def test_a_field_of_a_wrong_type_or_a_missing_one_is_read_or_refused(
     tmp_path: Path, kind: Callable[[Path], tuple[Path, Callable[[], object]]]
 ) -> None:

@@ -37,6 +37,7 @@ def band_of(job: Job, strategy: Strategy = Strategy.CAM) -> Band:
     return band
 
 
+@pytest.mark.long
 def test_the_first_part_of_a_lathe_with_dry_guides_is_within_the_band_of_the_model() -> None:
     """3 N of the plant `realistic` hold a thin ring's tool so that 23 of 28 um are left."""
     job = short("thin-ring-3-jaws")

@@ -96,6 +96,7 @@ def test_the_seed_draws_each_of_the_lathes_and_the_same_one_again() -> None:
         ("spindle-runs-out", {2, 3, 4, 5, 7}, None),
     ],
 )
+@pytest.mark.first(2)
 def test_each_error_of_the_plot_lesson_can_be_read_off_its_plot(
     lathe: str, orders: set[int], from_jaw_deg: float | None, tmp_path: Path
 ) -> None:
@@ -160,6 +161,7 @@ def test_another_console_waits_until_nothing_moves(tmp_path: Path) -> None:
     assert pupil.tried.given and not pupil.floor.state.controls
 
 
+@pytest.mark.long
 def test_a_ring_that_is_clamped_with_less_force_is_rounder(tmp_path: Path) -> None:
     lesson = load_lesson("clamping-force", tmp_path)
     floor = open_floor(tmp_path, plant=lesson.plant, machine=compact_machine(home_radius_mm=34.0))

@@ -62,6 +62,7 @@ def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
         assert (part["reference_circle"], part["filter_upr"], part["state"]) == ("LSC", 50, "free")
 
 
+@pytest.mark.long
 def test_tool_error_and_following_error_are_two_things(
     console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:
@@ -90,6 +91,7 @@ def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stro
     assert result["after"]["RONt_um"] == pytest.approx(28, abs=1.0)
 
 
+@pytest.mark.long
 def test_ts_5_reaches_the_speed_but_not_the_stroke(
     console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:
@@ -169,6 +171,7 @@ def test_people_are_told_the_steps_and_the_result_with_units(
     assert "not machined" in said.out
 
 
+@pytest.mark.long
 def test_people_are_told_in_korean(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
     job = str(job_file(cut_length_mm=SHORT_MM))
     said = console("run", job, "--sim", *close, "--lang", "ko", "--strategy", "paper")

@@ -152,6 +152,7 @@ def test_the_debrief_for_a_program_has_causes_and_codes(console: Console, tmp_pa
     assert said["unknown"] == ["debrief.no_diameter"]
 
 
+@pytest.mark.long
 def test_a_part_that_was_cut_with_jaw_1_off_has_the_causes_that_inspect_shows(tmp_path: Path) -> None:
     floor = open_floor(tmp_path)
     pupil = Pupil(floor, load_lesson("touch-off", tmp_path))

@@ -140,6 +140,7 @@ def check_append_only(folder: Path) -> None:
                     database.execute(change)
 
 
+@pytest.mark.long
 def test_a_cut_that_the_operator_ends_and_one_that_is_stopped_say_so(aligned: Floor) -> None:
     for end in ("hold", "space"):
         aligned.arm(experiment_1())
@@ -156,6 +157,7 @@ def test_a_cut_that_the_operator_ends_and_one_that_is_stopped_say_so(aligned: Fl
     assert "EndCut" in [each.data["command"] for each in story(aligned.context.records, held.run_id).commands]
 
 
+@pytest.mark.long
 def test_an_accepted_learning_step_joins_the_run_of_its_part(aligned: Floor) -> None:
     loaded, folder = load_job("lee-2001-experiment-1"), aligned.context.records
     short = replace(loaded, job=replace(loaded.job, cut_length_mm=1.5))

@@ -227,6 +227,7 @@ def test_a_run_that_was_killed_is_told_where_its_machine_is_worked(
 
 
 @pytest.mark.parametrize("kinds", [("armed",), ("armed", "started", "cut"), ("armed", "started", "stopped")])
+@pytest.mark.first(1)
 def test_a_console_that_was_killed_beside_a_cut_has_left_none_without_an_end(
     data: Path, kinds: tuple[str, ...]
 ) -> None:

@@ -77,6 +77,7 @@ def test_a_file_that_cannot_be_used_is_refused_before_the_screen_opens(tmp_path:
         told("--plant", str(tmp_path / "no.toml"))
 
 
+@pytest.mark.long
 def test_the_process_behind_the_screen_has_the_iron_that_was_asked_for(tmp_path: Path) -> None:
     """A lobe of 1.1 times the job's, and clampings that scatter; the chuck at an angle that the seed says."""
     plant = tmp_path / "strong.toml"

@@ -59,6 +59,7 @@ def test_an_aligned_part_comes_out_round(aligned: Floor) -> None:
     assert aligned.state.alignment.clamping is None
 
 
+@pytest.mark.long
 def test_without_alignment_of_the_phase_the_lobe_stays(aligned: Floor) -> None:
     """The true angle of jaw 1 belongs to the plant: taken 60 deg off, the tool doubles the lobe."""
     jaw = aligned.state.alignment.jaw
@@ -71,6 +72,7 @@ def test_without_alignment_of_the_phase_the_lobe_stays(aligned: Floor) -> None:
     assert measured is not None and measured.result.ront_um == pytest.approx(2 * 55.0, rel=0.01)
 
 
+@pytest.mark.long
 def test_a_part_cut_without_compensation_is_kept_as_the_one_before(aligned: Floor) -> None:
     aligned.arm(experiment_1(), Strategy.NONE)
     aligned.do(Start())
@@ -136,6 +138,7 @@ def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     assert measured is not None and measured.result.ront_um < 0.3
 
 
+@pytest.mark.long
 def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
     """The part goes on turning before a tool that stands still; another cut at the same depth does not reach that.
 
@@ -165,6 +168,7 @@ def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
     assert floor.do(ConfirmClamping(job=job)).marks_mm == ()
 
 
+@pytest.mark.long
 def test_a_hold_and_a_stop_beside_the_part_leave_no_mark(aligned: Floor) -> None:
     aligned.arm(experiment_1())
     aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
@@ -175,6 +179,7 @@ def test_a_hold_and_a_stop_beside_the_part_leave_no_mark(aligned: Floor) -> None
     assert state.stop is not None and state.marks_mm == () and state.stop.mark_mm is None
 
 
+@pytest.mark.long
 def test_another_stop_belongs_to_what_the_first_one_ended(aligned: Floor) -> None:
     aligned.arm(experiment_1())
     aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.stop("space"))
@@ -345,6 +350,7 @@ def test_what_is_seen_at_the_chuck_is_not_needed_for_the_machine(aligned: Floor)
     assert aligned.idle().activity is Activity.READY
 
 
+@pytest.mark.long
 def test_a_second_part_begins_from_the_nearest_turn(aligned: Floor) -> None:
     """The first cut leaves the spindle some eighty turns on; nobody wants it turned back."""
     job = experiment_1()
@@ -424,6 +430,7 @@ def test_what_a_hold_leaves_is_not_counted_as_tool_error(aligned: Floor) -> None
     assert cut.figures.tool_error_um < 3.0 and cut.tool_error_peak_um < 3.0
 
 
+@pytest.mark.long
 def test_without_compensation_nothing_is_judged(aligned: Floor) -> None:
     aligned.arm(experiment_1(), Strategy.NONE)
     cut = aligned.do(Start()).cut

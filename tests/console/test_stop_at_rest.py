@@ -11,6 +11,7 @@ from tests.console.floor import Floor, experiment_1
 
 
 @pytest.mark.parametrize("key", ["space", "escape", "f12"])
+@pytest.mark.first(1)
 def test_a_stop_key_at_rest_needs_no_reset_and_ends_what_was_armed(aligned: Floor, key: str) -> None:
     """Rule S5: a stop that was pressed by accident costs as little as can be."""
     aligned.arm(experiment_1())

@@ -246,6 +246,7 @@ def test_what_needs_an_optional_part_says_so_before_it_begins(
         assert said.code == 1 and f"pip install '{extra}'" in said.err
 
 
+@pytest.mark.long
 def test_a_cell_that_ends_its_process_is_a_row_and_the_others_are_made(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

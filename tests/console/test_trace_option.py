@@ -46,6 +46,7 @@ def test_without_room_for_it_nothing_begins(console: Console, job_file: JobFile,
     assert "Is a directory" in said.err.splitlines()[-1]
 
 
+@pytest.mark.long
 def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
     console: Console,
     close: tuple[str, str],

@@ -176,6 +176,7 @@ def test_a_file_that_changed_since_it_was_seen_is_not_taken(outside: Outside) ->
     assert state.stop is None and state.alarms == (), "a bad file is nothing that stops a machine"
 
 
+@pytest.mark.long
 def test_without_a_mark_a_part_is_judged_and_teaches_nothing(outside: Outside) -> None:
     outside.cut()
     part = outside.taken(outside.gauge(state="free"), start_mark="unknown")

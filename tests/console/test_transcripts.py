@@ -117,6 +117,7 @@ def test_the_part_of_a_transcript_is_round(family: str, strategy: Strategy) -> N
 
 
 @every_job
+@pytest.mark.first(1)
 def test_only_waiting_is_folded_and_no_byte_is_lost_on_the_way(family: str, strategy: Strategy) -> None:
     lines = list(transcript(family, strategy)[0])
     kept = [line for line in folded(lines) if not line.startswith("# ")]

@@ -234,6 +234,7 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
     ],
 )
 @pytest.mark.parametrize("strategy", [Strategy.PAPER, Strategy.PVT])
+@pytest.mark.first(3)
 def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
     changes: dict[str, Any], code: str, strategy: Strategy
 ) -> None:
@@ -253,6 +254,7 @@ def test_a_cut_of_endless_moves_is_refused_at_once(
     assert "refuse" not in said.err
 
 
+@pytest.mark.long
 def test_too_fast_a_lobe_is_refused_with_the_speed_that_passes(
     job_file: Callable[..., Path], console: Callable[..., Any]
 ) -> None:

@@ -130,6 +130,7 @@ def test_a_touch_off_40_um_early_is_seen_in_the_diameter_and_taken_back(stiff: F
     assert cut(stiff, job).tool_offset_um == pytest.approx(0.0, abs=2.0)
 
 
+@pytest.mark.long
 def test_a_correction_that_is_no_drift_or_of_another_touch_off_is_refused(floor: Floor, job: LoadedJob) -> None:
     assert [problem.code for problem in floor.do(CorrectTouchOff()).refusals] == ["trace.no_part"]
     part = cut(floor, job)

@@ -165,6 +165,7 @@ def test_pvt_is_continuous_in_position_and_speed_and_ends_at_rest(
         (Strategy.NONE, 9000.0),  # a turn of 6.7 ms, shorter than the longest segment
     ],
 )
+@pytest.mark.first(2)
 def test_a_cut_is_the_whole_turns_that_it_needs(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy, rpm: float
 ) -> None:
@@ -178,6 +179,7 @@ def test_a_cut_is_the_whole_turns_that_it_needs(
 
 
 @pytest.mark.parametrize("strategy", list(Strategy))
+@pytest.mark.first(2)
 def test_the_experiments_are_planned_without_a_refusal(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:

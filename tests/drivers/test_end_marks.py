@@ -54,6 +54,7 @@ def turn_of(sim: SimulatedLathe, plan: CutPlan) -> float:
     ("strategy", "family"),
     [*((each, "pmac") for each in Strategy), (Strategy.CAM, "turbo"), (Strategy.TIMEBASE, "turbo")],
 )
+@pytest.mark.first(2)
 def test_a_program_that_nobody_disturbs_says_its_turns_and_that_it_is_finished(
     strategy: Strategy, family: str
 ) -> None:
@@ -72,5 +73,6 @@ def test_a_program_that_nobody_disturbs_says_its_turns_and_that_it_is_finished(
         (Strategy.TIMEBASE, "I193=0"),
     ],
 )
+@pytest.mark.first(2)
 def test_a_program_in_which_somebody_goes_on_elsewhere_is_not_finished(strategy: Strategy, line: str) -> None:
     assert ended(strategy, "pmac", line)[1] == 0.0

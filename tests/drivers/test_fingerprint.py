@@ -104,6 +104,7 @@ def test_another_card_is_found(
     [*(("pmac", each) for each in Strategy), ("turbo", Strategy.CAM), ("turbo", Strategy.TIMEBASE)],
     indirect=["machine"],
 )
+@pytest.mark.first(2)
 def test_what_the_console_does_for_a_cut_is_no_change(
     machine: MachineProfile, before: Fingerprint, strategy: Strategy
 ) -> None:

@@ -155,6 +155,7 @@ def test_the_paper_program_is_held_at_the_end_of_a_turn_too(
 
 @ON_ONE
 @pytest.mark.parametrize("phase_deg", [25.0, 47.0, 90.0])
+@pytest.mark.first(1)
 def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, phase_deg: float
 ) -> None:
@@ -180,6 +181,7 @@ def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
 
 @ON_ONE
 @pytest.mark.parametrize("strategy", list(Strategy))
+@pytest.mark.first(2)
 def test_a_hold_before_the_feed_ends_clear_of_the_part(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:
@@ -194,6 +196,7 @@ def test_a_hold_before_the_feed_ends_clear_of_the_part(
 
 @ON_ONE
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.PAPER])
+@pytest.mark.first(1)
 def test_a_held_program_runs_from_its_beginning_the_next_time(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy
 ) -> None:

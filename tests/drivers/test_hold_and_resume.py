@@ -140,6 +140,7 @@ def test_one_turn_is_cut_and_held_again(machine: MachineProfile, experiment: Job
 
 @pytest.mark.parametrize("ends", ["M26=1", "P1004=2"])
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM])
+@pytest.mark.first(2)
 def test_a_held_cut_that_is_ended_or_has_lost_its_host_stays_out(
     machine: MachineProfile, experiment: JobMaker, strategy: Strategy, ends: str
 ) -> None:

@@ -67,7 +67,7 @@ def short_timeouts(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.system
-@pytest.mark.first(9)
+@pytest.mark.first(3)
 @pytest.mark.parametrize("transport", ["tcp", "serial"])
 @each_way
 def test_each_request_returns_or_says_why_in_time(kind: Kind, transport: str) -> None:
@@ -150,7 +150,7 @@ def rests(sim: SimulatedLathe) -> bool:
     return all(motor.velocity == 0.0 for motor in sim.controller.motors.values())
 
 
-@pytest.mark.first(9)
+@pytest.mark.first(3)
 @each_way
 def test_a_lathe_in_motion_is_stopped_and_comes_to_rest(kind: Kind) -> None:
     """No second command that moves is sent; a stop is, and what the host does not reach the heartbeat ends."""

@@ -31,6 +31,7 @@ def test_a_plant_has_a_growth_of_its_own_whatever_the_job_believes(
         assert lobes_um == pytest.approx([55.0 * (1 + side * percent / 100) for side in (-1, 0, 1)], abs=1e-6)
 
 
+@pytest.mark.long
 def test_a_lobe_that_grows_leaves_the_ends_off_unless_the_path_grows_with_it(
     machine: MachineProfile, experiment: JobMaker
 ) -> None:

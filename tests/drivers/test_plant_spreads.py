@@ -32,6 +32,7 @@ def drawn(machine: MachineProfile, plant: str, count: int = LATHES) -> list[True
 
 
 @pytest.mark.parametrize(("plant", "lobe_sd", "turned_sd_deg"), [("realistic", 0.07, 3.0), ("hard", 0.14, 6.0)])
+@pytest.mark.first(1)
 def test_lathes_scatter_as_their_file_says(
     machine: MachineProfile, plant: str, lobe_sd: float, turned_sd_deg: float
 ) -> None:

@@ -68,6 +68,7 @@ def test_a_program_is_loaded_with_its_subprogram_and_listed(bench: Recorded) -> 
 @pytest.mark.parametrize(
     ("dialect", "places"), [(PMAC, range(15)), (TURBO, (0, 8))], ids=lambda each: getattr(each, "name", "")
 )
+@pytest.mark.first(3)
 def test_a_fault_at_any_line_leaves_no_buffer_open_and_no_line_is_sent_twice(
     machine: MachineProfile, dialect: Dialect, places: Iterable[int], fault: str
 ) -> None:

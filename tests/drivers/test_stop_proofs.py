@@ -128,6 +128,7 @@ def test_without_a_heartbeat_the_jog_is_stopped_in_another_way(machine: MachineP
 
 @ON_ONE
 @pytest.mark.parametrize("after_s", [0.5, 2.5, 3.2, 14.0, 18.0])
+@pytest.mark.first(2)
 def test_a_stop_at_any_time_ends_it_and_stays_in_force(machine: MachineProfile, after_s: float) -> None:
     card = commissioned(machine)
     made = card.bench()

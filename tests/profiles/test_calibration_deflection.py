@@ -111,6 +111,7 @@ def test_what_was_put_in_comes_out() -> None:
     assert seen.pp_um == pytest.approx(np.ptp(rows), rel=1e-6)
 
 
+@pytest.mark.long
 def test_with_noise_the_truth_is_within_the_confidence() -> None:
     fits = [fitted(with_noise(FIGURES, seed, 1.0)) for seed in range(10)]
     held = [

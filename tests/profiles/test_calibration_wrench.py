@@ -91,6 +91,7 @@ def test_the_bands_hold_what_they_promise(affine: bool, grows: bool, torque: Flo
 
 
 @pytest.mark.parametrize("grows", [False, True])
+@pytest.mark.long
 def test_chance_alone_is_rarely_taken_for_a_bend_or_an_outlier(grows: bool) -> None:
     rng, sd = np.random.default_rng(7), 0.05 * SLOPE * TORQUE if grows else np.full_like(TORQUE, 400.0)
     fits = [fit_wrench(TORQUE, SLOPE * TORQUE + sd * rng.normal(0.0, 1.0, TORQUE.size)) for _ in range(300)]

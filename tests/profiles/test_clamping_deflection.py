@@ -86,6 +86,7 @@ def test_six_places_half_way_show_nothing_and_are_refused() -> None:
     assert refused.value.problems[0].code == "clamping.dependent"
 
 
+@pytest.mark.long
 def test_the_confidence_holds_the_truth_as_often_as_it_says() -> None:
     """Readings drawn with 1 um, of a dial of 1 um: both components within their 95 % in 95 % of 600 clampings."""
     truth, inside = 30.0 * cmath.exp(-3j * math.radians(JAWS_DEG)), []

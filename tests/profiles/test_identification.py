@@ -78,6 +78,7 @@ def noisy(seed: int, noise: float, periods: int = 20) -> FrequencyResponse:
     return frequency_response(time, sine(time, 50.0, 25.0, 0.0), response, 50.0)
 
 
+@pytest.mark.long
 def test_the_confidence_holds_the_truth_as_often_as_it_says() -> None:
     """95 %, of 300 draws; the larger of two half-widths holds a little more."""
     found = [noisy(seed, noise=5.0) for seed in range(300)]

@@ -173,6 +173,7 @@ def test_what_is_no_toml_gives_one_problem_of_one_line(content: bytes) -> None:
     ids=["keys", "tables", "long keys", "dotted keys", "lists"],
 )
 @pytest.mark.timeout(20)
+@pytest.mark.first(2)
 def test_a_hostile_file_neither_floods_nor_hangs(content: bytes) -> None:
     with pytest.raises(ProfileError) as caught:
         job_from_table(parse_toml(content, "a.toml"))

@@ -35,12 +35,14 @@ def test_the_scatter_of_the_wrench_is_the_lobe_times_what_is_left_of_its_force(t
     assert sum(found) / len(found) == pytest.approx(expected, rel=0.25)
 
 
+@pytest.mark.long
 def test_the_spindle_that_does_not_repeat_is_a_tenth_of_its_error(tmp_path: Path) -> None:
     """Two sines of a 40th of the radial error each, 0.43 and 2.57 times a turn: between one and both of them."""
     found = floor(tmp_path, "[spindle]\nradial_error_um_pp = 4.0\n")
     assert 0.1 < found < 0.4
 
 
+@pytest.mark.long
 def test_noise_of_the_gauge_alone_is_what_the_filter_lets_through(tmp_path: Path) -> None:
     """Of 0.05 um rms at 3600 points the filter leaves 0.007 um; RONt of so many is some six of them."""
     passed = 0.05 * math.sqrt(2 * 50 * math.sqrt(math.pi / (2 * math.log(2))) / math.sqrt(2) / 3600)

@@ -96,6 +96,7 @@ def test_a_fingerprint_removes_what_no_earlier_part_can() -> None:
     assert felt[0] < 0.6 * without[0] and felt[2] < 1.0 and felt[3] < 1.0
 
 
+@pytest.mark.long
 def test_on_a_chuck_that_hardly_scatters_a_fingerprint_does_no_harm() -> None:
     without = np.median(rows(False, 0.005, 0.005, 2), axis=0)
     felt = np.median(rows(True, 0.005, 0.005, 2), axis=0)

@@ -68,6 +68,7 @@ def test_without_noise_it_is_exact_at_any_angles(
     ("points", "sigma", "sd_um", "sd_rad"),
     [(72, 3.0, 0.5000, 0.0182), (360, 1.0, 0.0745, 0.00271)],
 )
+@pytest.mark.first(1)
 def test_the_confidence_is_that_of_repeated_measurements(
     points: int, sigma: float, sd_um: float, sd_rad: float
 ) -> None:
@@ -90,6 +91,7 @@ def test_the_confidence_is_that_of_repeated_measurements(
     ("memory", "points"),
     [(0.9, 72), pytest.param(0.95, 360, marks=pytest.mark.long), pytest.param(0.5, 360, marks=pytest.mark.long)],
 )
+@pytest.mark.long
 def test_the_confidence_holds_where_neighbouring_points_err_alike(memory: float, points: int) -> None:
     """AR(1) residuals of a known lobe, 150 traces: taken for white, 30 % of the half-widths hold it at 0.9."""
     from scipy.signal import lfilter

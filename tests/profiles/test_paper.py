@@ -186,6 +186,7 @@ def rows_of(name: str) -> list[Record]:
     return [record for section in sections(PAPER) for record in section.records if record.name == name]
 
 
+@pytest.mark.long
 def test_six_of_ten_explanations_leave_both_parts_so_that_none_is_identified() -> None:
     """|residual - 30| and |residual - 14| of at most 6 um, by the ten pairs that were computed elsewhere."""
     pairs = {

@@ -88,6 +88,7 @@ def said(place: Path, command: tuple[str, ...], capfd: pytest.CaptureFixture[str
     return int(told.read_text()), out + err
 
 
+@pytest.mark.long
 def test_every_command_says_what_is_closed(
     place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -41,6 +41,7 @@ def test_a_fresh_simulator_of_a_bundled_machine_is_green(machine: str) -> None:
     assert {check["outcome"] for check in said["checks"]} == {"holds", "noted"}
 
 
+@pytest.mark.long
 def test_every_link_leads_to_the_same_verdict(serve: Serve, tmp_path: Path) -> None:
     listeners = ("--tcp", "127.0.0.1:0", "--ethernet", "127.0.0.1:0", "--pty")
     machine = str(signed_copy("turbo-ethernet-lathe", tmp_path))

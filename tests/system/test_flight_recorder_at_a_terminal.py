@@ -66,6 +66,7 @@ def test_a_stop_is_frozen_and_replayed(tmp_path: Path) -> None:
         assert terminal.wait_exit(5.0) == 0
 
 
+@pytest.mark.long
 def test_the_ring_of_a_killed_console_is_frozen_by_the_next_one_which_a_signal_ends(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24) as terminal:
         trainee = console_at(terminal)

@@ -163,11 +163,13 @@ def test_a_command_ends_says_why_and_moves_nothing(
 
 @pytest.mark.parametrize("link", ["tcp", "serial"])
 @pytest.mark.parametrize("kind", [kind for kind in WAYS if kind.name.startswith(SOME)], ids=lambda kind: kind.name)
+@pytest.mark.first(4)
 def test_a_check_ends_says_why_and_moves_nothing(site: Order, kind: Kind, link: str, tmp_path: Path) -> None:
     language = "en" if link == "tcp" else "ko"
     is_as_it_should(ended(site, "controller verify", kind, IDENTIFIED, link, language, tmp_path), kind)
 
 
+@pytest.mark.long
 def test_a_device_that_never_stops_sending_is_named_as_one(site: Order, tmp_path: Path) -> None:
     """Not as one that does not answer: who looks for a loose cable looks in the wrong place."""
     flood = next(kind for kind in WAYS if kind.name == "flooding: lines without an ACK")

@@ -138,6 +138,7 @@ def test_a_cut_is_paused_runs_on_and_is_stopped_in_a_pause(language: str, tmp_pa
         assert terminal.wait_exit(15.0) == 0
 
 
+@pytest.mark.long
 def test_a_trainee_goes_on_without_the_instructor(tmp_path: Path) -> None:
     """Killed at his terminal; gone after a single order; or the trainee leaves in the pause."""
     with trainee_at(tmp_path, "en") as terminal:

@@ -30,6 +30,7 @@ def turned_deg(trainee: Trainee, before: float) -> float:
     return (angle_deg(trainee) - before + 180.0) % 360.0 - 180.0
 
 
+@pytest.mark.long
 def test_every_press_is_a_step_and_a_stop_leaves_none(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24, short_ways=True) as terminal:
         trainee = console_at(terminal)

@@ -50,6 +50,7 @@ def kept(data: Path, trainee: str) -> list[dict[str, object]]:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.long
 def test_a_first_lesson_is_made_debriefed_and_kept(language: str, tmp_path: Path) -> None:
     with lesson_at(tmp_path, "first-look", language, "--trainee", "Kim") as terminal:
         trainee = Trainee(terminal, language)

@@ -30,6 +30,7 @@ def one_word(text: str) -> str:
     return "".join(text.split())
 
 
+@pytest.mark.long
 def test_a_refusal_and_a_stop_that_failed_are_on_the_screen_in_full(tmp_path: Path) -> None:
     text = load("ko")
     first, *others = (one_word(text.problem(Problem(code=code))) for code in MISSING)

@@ -201,6 +201,7 @@ def test_a_stop_while_it_connects_is_in_force_when_the_machine_is_there(tmp_path
         trainee.sees("activity.ready", 5.0)
 
 
+@pytest.mark.long
 def test_what_a_terminal_says_of_itself_does_nothing_at_rest(tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24) as terminal:
         trainee = Trainee(terminal, "en")
@@ -316,6 +317,7 @@ def test_a_stop_goes_out_whatever_the_application_is_at(key: str) -> None:
     assert app.happened[0].startswith("stop ")
 
 
+@pytest.mark.long
 def test_a_character_goes_into_its_field_at_once_and_what_would_end_the_entry_waits() -> None:
     app = Frozen()
     driver = LoopBehind(app)

@@ -55,6 +55,7 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShopServer]:
         yield server
 
 
+@pytest.mark.long
 def test_the_run_chart_is_that_of_the_console(shop: ShopServer) -> None:
     rows = shop.sql(
         "SELECT ront_um, mean_um, lower_um, upper_um, beyond FROM shop.run_chart ORDER BY place", READER

@@ -111,6 +111,7 @@ def test_readings_may_be_typed_as_fast_as_a_number_pad_allows(tmp_path: Path) ->
     ("key", "page"),
     [("f4", PageName.ALIGN), *((key, PageName.RUN) for key in ("f5", "f6", "f7", "f8"))],
 )
+@pytest.mark.first(2)
 def test_a_key_that_is_held_down_orders_once(key: str, page: PageName, tmp_path: Path) -> None:
     now = {
         "f4": HOMING,
@@ -266,6 +267,7 @@ MOVES = align_stage.look(ON - {"desired_velocity_zero"})
     ],
     ids=["moving", "moved by another console", "lost", "ordered", "not seen for long"],
 )
+@pytest.mark.first(2)
 def test_escape_stops_with_a_list_open_where_something_may_move(
     now: StationState, presses: tuple[tuple[float, str], ...], tmp_path: Path
 ) -> None:
@@ -288,6 +290,7 @@ def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_b
 
 
 @pytest.mark.parametrize("typed", ["1e3", "1e3x7", "1 5", "1k3", "1t3", "ㅁ13", "1ㅏ3"])
+@pytest.mark.first(3)
 def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_it(
     typed: str, tmp_path: Path
 ) -> None:
@@ -301,6 +304,7 @@ def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_i
 
 
 @pytest.mark.parametrize("opening", ["?", "w"])
+@pytest.mark.first(1)
 def test_nothing_is_typed_or_taken_behind_a_list_that_hides_the_entry(opening: str, tmp_path: Path) -> None:
     """13 would be taken by somebody who has not seen the list come up in the middle of it."""
     keys = ["down", "enter", "1", opening, "3", "enter"]

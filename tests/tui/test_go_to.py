@@ -56,6 +56,7 @@ def typed(data: Path, *keys: str, now: StationState = READY, then: StationState 
 
 
 @pytest.mark.parametrize("number", ["166.0", "166,0"])
+@pytest.mark.first(1)
 def test_a_target_is_shown_as_it_is_understood_and_f6_goes_there(number: str, tmp_path: Path) -> None:
     before = typed(tmp_path, "j", "g", *number)
     assert before.orders == []
@@ -67,6 +68,7 @@ def test_a_target_is_shown_as_it_is_understood_and_f6_goes_there(number: str, tm
     assert after.orders == [GoTo(axis=AxisName.CARRIAGE, target=166.0)]
 
 
+@pytest.mark.long
 def test_g_again_asks_for_c_which_goes_the_shorter_way(tmp_path: Path) -> None:
     # A turn and 12.6 degrees.
     page = typed(tmp_path, "j", "g", "g", "3", "5", "0")
@@ -91,6 +93,7 @@ def test_g_again_asks_for_c_which_goes_the_shorter_way(tmp_path: Path) -> None:
         (("j", "g", "1", "0", "f4"), "screen.entry_open"),
     ],
 )
+@pytest.mark.first(3)
 def test_what_is_not_a_target_moves_nothing(keys: tuple[str, ...], code: str, tmp_path: Path) -> None:
     page = typed(tmp_path, *keys)
     assert (page.orders, page.stops, page.said) == ([], [], [code])
@@ -113,6 +116,7 @@ def test_a_target_in_the_part_is_refused_while_it_is_typed(tmp_path: Path) -> No
         replace(READY, activity=Activity.HOMING),
     ],
 )
+@pytest.mark.first(1)
 def test_an_entry_ends_with_a_stop_a_lost_machine_and_a_motion(then: StationState, tmp_path: Path) -> None:
     assert "Go to Z" in typed(tmp_path, "j", "g", "9").text
     assert "Go to Z" not in typed(tmp_path, "j", "g", "9", then=then).text

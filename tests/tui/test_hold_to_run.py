@@ -144,6 +144,7 @@ def test_a_stall_ends_it_although_the_key_is_still_held(tmp_path: Path) -> None:
     assert 1 < steps < hold(tmp_path / "even", "pageup")[0] / 2
 
 
+@pytest.mark.long
 def test_toward_the_work_every_step_is_a_press(tmp_path: Path) -> None:
     steps, _, said = hold(tmp_path, "down")
     assert (steps, said) == (1, ["screen.no_hold_to_work"])

@@ -64,6 +64,7 @@ def lengths(rows: list[str]) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("page", [page for page in PageName if page not in STAYS_METRIC])
+@pytest.mark.first(4)
 def test_no_length_is_left_in_millimetres(page: PageName) -> None:
     for language in LANGUAGES:
         rows = shown(scene_of(page), "inch", language, WIDE)
@@ -77,6 +78,7 @@ def beside_removed(row: str) -> str:
 
 
 @pytest.mark.parametrize("page", [PageName.JOBS, PageName.PREVIEW, PageName.ALIGN, PageName.RUN])
+@pytest.mark.first(2)
 def test_each_length_is_that_of_the_metric_page(page: PageName) -> None:
     scene = scene_of(page)
     metric, inch = (lengths(shown(scene, units, "en", WIDE)) for units in ("mm", "inch"))
@@ -88,6 +90,7 @@ def test_each_length_is_that_of_the_metric_page(page: PageName) -> None:
 
 
 @pytest.mark.parametrize("page", [PageName.SETUP, PageName.ALIGN, PageName.RUN, PageName.INSPECT])
+@pytest.mark.first(2)
 def test_a_page_in_inches_fits_80_columns(page: PageName) -> None:
     rows = shown(scene_of(page), "inch", "en", SIZE)
     compare(rows, Path(__file__).with_name("inch_goldens") / f"{page}-80x24-en.txt", write=writing())

@@ -92,6 +92,7 @@ def test_presses_in_motion_wait_and_are_made_one_after_the_other(tmp_path: Path)
         ("j", UNDER_WAY, []),
     ],
 )
+@pytest.mark.first(3)
 def test_any_other_key_drops_the_steps_that_wait(
     key: str, state: StationState, reason: list[str], tmp_path: Path
 ) -> None:
@@ -116,6 +117,7 @@ def test_any_other_key_drops_the_steps_that_wait(
     ],
     ids=["a stop, and F2 at once", "lost link", "lost ownership", "busy with something else"],
 )
+@pytest.mark.first(2)
 def test_nothing_continues_on_a_machine_that_is_not_as_before(after: StationState, tmp_path: Path) -> None:
     console = jogged(
         tmp_path,

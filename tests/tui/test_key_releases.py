@@ -172,6 +172,7 @@ def test_a_held_key_runs_without_a_calibration_and_ends_with_its_release(tmp_pat
     assert "Jog: release ≤ 0.2, lost ≤ 0.5°" in text
 
 
+@pytest.mark.long
 def test_a_release_that_is_lost_ends_with_the_repeats(tmp_path: Path) -> None:
     steps, _, _ = play(tmp_path, HELD, 3.0)
     assert LAST_S + 0.05 < max(steps) <= LAST_S + UNMEASURED.timeout_s + 0.02

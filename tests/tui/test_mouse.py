@@ -55,6 +55,7 @@ async def turn(app: ConsoleApp, pilot: Pilot[None], way: type[events.MouseEvent]
     await settle(app, pilot)
 
 
+@pytest.mark.long
 def test_a_click_shows_the_page_of_that_name(tmp_path: Path) -> None:
     async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
         for page, digit in DIGITS.items():

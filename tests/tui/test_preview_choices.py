@@ -256,6 +256,7 @@ def demanding() -> Job:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.long
 def test_every_finding_is_read_in_full_at_the_smallest_size(language: str) -> None:
     text, seen = load(language), previewed(demanding())
     work = replace(signed(), job=demanding(), outlook=seen, preview=seen)

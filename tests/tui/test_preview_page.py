@@ -122,6 +122,7 @@ def test_the_printed_program_keeps_its_share_of_the_stroke_times_the_servo() -> 
     [{}, {"jaws": 4, "lobe_error_um_pp": 21.0, "lobe_phase_deg": 33.0, "spindle_speed_rpm": 640.0}],
     ids=["experiment", "other chuck"],
 )
+@pytest.mark.long
 def test_the_inverse_leaves_what_its_cubics_miss_and_none_leaves_all(changes: dict[str, float]) -> None:
     predictions = seen(**changes).predictions
     error_um = seen(**changes).job.lobe_error_um_pp
@@ -191,6 +192,7 @@ def test_the_plots_have_their_scale_and_keys() -> None:
     assert "LSC, unfiltered" in text
 
 
+@pytest.mark.long
 def test_jaw_1_is_said_to_be_found_when_the_alignment_found_it() -> None:
     work = previewed(lobe_phase_deg=47.5)
     jaw = JawAngle(angle_deg=47.5, jaws=3, at="20 Nov 08:45")
@@ -235,6 +237,7 @@ def test_a_bar_is_full_only_at_all_of_the_limit() -> None:
     assert "□" not in bar(100.0)
 
 
+@pytest.mark.long
 def test_a_lobe_above_the_bandwidth_is_marked_not_only_coloured() -> None:
     fast = seen(spindle_speed_rpm=2000.0)
     lines = margin_lines(margins(fast, Strategy.PVT, METRIC), load("en"), 60, 6)

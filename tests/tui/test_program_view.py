@@ -112,6 +112,7 @@ def test_p_shows_the_program_and_takes_it_away(language: str) -> None:
     assert text("preview_page.scale", value="20") in charts
 
 
+@pytest.mark.long
 def test_up_and_down_go_through_all_of_it_and_no_further() -> None:
     numbers: set[int] = set()
     for down in range(5):

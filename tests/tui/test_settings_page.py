@@ -237,6 +237,7 @@ CANNOT_BE_HAD = (
 )
 
 
+@pytest.mark.long
 def test_a_key_that_cannot_be_had_is_refused_with_both_names(tmp_path: Path) -> None:
     """One after the other: what was refused is typed over, for the same action or for another."""
     names = {"k": "k everywhere", "l": "l Alarms", "f5": "F5 Run"}

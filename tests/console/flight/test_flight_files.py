@@ -178,6 +178,7 @@ def test_the_ring_of_another_machine_waits_for_a_start_on_that_one(tmp_path: Pat
     assert ring.folder.is_dir()
 
 
+@pytest.mark.long
 def test_the_commands_list_print_and_refuse(sound: Path, tmp_path: Path) -> None:
     data = str(sound.parents[1])
     listed = completed(["replay", "--data", data], 30.0)
