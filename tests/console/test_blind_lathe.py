@@ -98,8 +98,8 @@ def feel(floor: Floor) -> None:
             turn(floor, 20.0)
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize("seed", [3, 4])
+@pytest.mark.long
 def test_whoever_only_reads_dials_finds_jaw_1_and_touches_off(tmp_path: Path, seed: int) -> None:
     true = plant_named("mounted", MACHINE, seed, mounted_by_hand=True)
     floor = homed(tmp_path, seed)

@@ -91,8 +91,8 @@ def test_repeated_moves_stand_once_with_their_number(console: Console, meant: Pa
     assert sum("x " in line for line in said.out.splitlines()) == 4  # two lines in each of two tables
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.long
 def test_everything_fits_80_columns(console: Console, printed: Path, tmp_path: Path, language: str) -> None:
     files = [printed]
     for strategy in ("paper", "pvt"):

@@ -145,7 +145,7 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
     assert [line for line in written if not allowed.fullmatch(line.strip("\x18\n "))] == []
 
 
-@pytest.mark.first(1)
+@pytest.mark.long
 def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
     console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:

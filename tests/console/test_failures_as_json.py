@@ -108,7 +108,7 @@ def test_signs_are_spelled_and_korean_comes_with_a_hint(environment: dict[str, s
         assert b"Traceback" not in done.stderr
         return done.stdout.decode("latin-1"), done.stderr.decode("latin-1")
 
-    out, err = said("preview", "lee-2001-experiment-1", "--lang", "en")
+    out, err = said("predict", "lee-2001-experiment-1", "--lang", "en")
     assert err == "" and "?" not in out
     assert ("±" if environment.get("PYTHONIOENCODING") == "latin-1" else "+/- ") in out and "..." in out
     out, err = said("jobs", "--lang", "ko")

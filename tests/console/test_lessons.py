@@ -131,7 +131,7 @@ def test_the_command_lists_lessons_and_shows_one(console: Console) -> None:
 
 
 @pytest.mark.parametrize("name", ["thin-ring", "paper-experiment-1"])
-@pytest.mark.first(1)
+@pytest.mark.long
 def test_a_lesson_of_one_part_comes_to_its_end_by_its_own_job(tmp_path: Path, name: str) -> None:
     lesson = load_lesson(name, tmp_path)
     floor = open_floor(tmp_path, plant=lesson.plant, machine=compact_machine(home_radius_mm=34.0))

@@ -104,6 +104,7 @@ def cut(floor: Floor, strategy: Strategy = Strategy.PVT) -> list[float]:
 @pytest.mark.parametrize(
     ("seed", "strategy"), [(1, Strategy.PVT), pytest.param(3, Strategy.CAM, marks=pytest.mark.long)]
 )
+@pytest.mark.long
 def test_realistic_cuts_by_the_model_do_not_cry_wolf(tmp_path: Path, seed: int, strategy: Strategy) -> None:
     """Such a servo gives way to the cut, and is 0.9 deg late: 2.6 um of 55, of the 5 um that the part may have."""
     floor = open_floor(tmp_path, seed=seed, plant="steady")

@@ -105,6 +105,7 @@ def test_a_run_is_shown_in_full_by_the_beginning_of_its_id(console: Console, kep
     assert refused.code == 1 and "console records list" in refused.err
 
 
+@pytest.mark.long
 def test_a_cut_without_a_screen_is_found_and_taken_elsewhere(
     console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path, tmp_path: Path
 ) -> None:

@@ -89,7 +89,6 @@ def swing_of_the_iron(positions: Floats) -> float:
     return 100.0 * float(np.ptp(means)) / float(steps.mean())
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("strategy", "share", "per_turn"),
     [
@@ -98,6 +97,7 @@ def swing_of_the_iron(positions: Floats) -> float:
         (Strategy.CAM, 0.05, 1),
     ],
 )
+@pytest.mark.long
 def test_a_cut_tells_the_swing_of_its_spindle(
     tmp_path: Path, in_copies: None, strategy: Strategy, share: float, per_turn: int
 ) -> None:

@@ -96,7 +96,6 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
     return [told for told, _ in groupby(each.synchronisation for each in seen if each.stage in stages)]
 
 
-@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("strategy", "before", "inside"),
     [
@@ -108,6 +107,7 @@ def told_in(seen: Sequence[CutProgress], *stages: CutStage) -> list[Synchronisat
         (Strategy.PAPER, [QUEUED], [None, LOST]),
     ],
 )
+@pytest.mark.first(1)
 def test_an_undisturbed_cut_is_queued_then_in_sync_or_lost_and_done(
     tmp_path: Path,
     in_copies: None,

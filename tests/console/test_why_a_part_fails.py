@@ -76,6 +76,7 @@ def most_likely(part: MeasuredPart) -> Cause:
     return part.learning.taught.causes[0]
 
 
+@pytest.mark.long
 def test_a_jaw_that_was_taken_25_degrees_off_is_named_with_its_angle(floor: Floor, job: LoadedJob) -> None:
     floor.do(Jog(axis=AxisName.SPINDLE, distance=25.0))
     floor.do(TakeJaw())

@@ -173,8 +173,8 @@ def homed(bench: Bench) -> Bench:
     return bench
 
 
-@pytest.mark.first(3)
 @pytest.mark.parametrize(("strategy", "number"), [*((each, 1) for each in Strategy), (Strategy.PVT, 2)])
+@pytest.mark.first(1)
 def test_a_planned_cut_meets_nothing(
     bench: Bench, machine: MachineProfile, experiment: JobMaker, strategy: Strategy, number: int
 ) -> None:

@@ -88,9 +88,9 @@ def held_and_resumed(floor: CutFloor) -> HeldCut:
     return HeldCut(floor=floor, track=floor.finish(), asked_at=asked_at)
 
 
-@pytest.mark.first(4)
 @pytest.mark.parametrize("strategy", HOLDING)
 @pytest.mark.parametrize(("family", "rpm"), [("pmac", 1000.0), ("turbo", 870.0)])
+@pytest.mark.first(2)
 def test_a_held_cut_goes_on_at_the_same_angle_and_place(
     machine: MachineProfile, experiment: JobMaker, family: str, rpm: float, strategy: Strategy
 ) -> None:
@@ -119,8 +119,8 @@ def test_a_held_cut_goes_on_at_the_same_angle_and_place(
         assert (floor.number("I51"), floor.number("M169")) == (0.0, 0.0)
 
 
-@pytest.mark.first(2)
 @pytest.mark.parametrize("strategy", HOLDING)
+@pytest.mark.first(1)
 def test_one_turn_is_cut_and_held_again(machine: MachineProfile, experiment: JobMaker, strategy: Strategy) -> None:
     floor = ready(experiment, machine, strategy)
     to_the_middle(floor, 4.0)

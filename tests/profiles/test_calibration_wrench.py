@@ -58,11 +58,11 @@ def test_a_scroll_chuck_is_a_line_through_the_origin() -> None:
     assert (fit.outliers, fit.misses, fit.intercept_n) == ((), False, 0.0)
 
 
-@pytest.mark.first(2)
 @pytest.mark.parametrize(
     ("affine", "grows", "torque"),
     [(False, False, TORQUE), (False, True, TORQUE[::2]), (True, False, TORQUE[::2]), (True, True, TORQUE)],
 )
+@pytest.mark.first(1)
 def test_the_bands_hold_what_they_promise(affine: bool, grows: bool, torque: Floats) -> None:
     """250 calibrations: 95 % hold the slope, and the force and the torque of the next clamping anywhere.
 

@@ -328,6 +328,7 @@ def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp
     assert mended.app.ui.work is not None and mended.app.ui.work.job.diameter_mm == 53.0
 
 
+@pytest.mark.long
 def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
     """A search, three characters that only one job has, Enter; the digits in it are no pages."""
     fill(tmp_path)

@@ -74,8 +74,8 @@ def test_a_stop_that_failed_is_said_in_full_beside_the_stop_key(
     play(at(page, UNDELIVERED), act, tmp_path, size=size, language=language)
 
 
-@pytest.mark.first(5)
 @pytest.mark.parametrize("page", PageName)
+@pytest.mark.first(2)
 def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName, tmp_path: Path) -> None:
     text = load("ko")
 

@@ -123,9 +123,9 @@ async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
             assert rows_of(app)[0].startswith(" REPLAY ")
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 @at_once
+@pytest.mark.long
 async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path) -> None:
     bench = a_cut(tmp_path)
     async with replayed(bench, language=language) as (app, pilot):
