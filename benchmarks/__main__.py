@@ -37,6 +37,7 @@ NAMES = (
     "command_start",
     "at_rest",
     "first_paint",
+    "arming",
     "preview",
     "plots",
     "command_rate",

@@ -95,6 +95,7 @@ GOALS = (
         rows="console jobs",
         at_most=10.0,
     ),
+    Goal(what="from the key to armed", benchmark="arming", column="armed", unit="s", at_most=1.0),
     Goal(
         what="preview of all strategies",
         benchmark="preview",

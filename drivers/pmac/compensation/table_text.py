@@ -9,6 +9,7 @@ the table belongs. Sources: PMAC and Turbo Software Reference, DEFINE COMP.
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 
@@ -25,7 +26,8 @@ from drivers.pmac.memory import WORD_BITS
 
 GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1  # An entry is a signed memory word; sixteenths of a count
 _GREATEST_SIZE = (1 << 47) - 1  # A position is a signed 48-bit number: no source can roll over a longer span
-ENTRIES_PER_LINE = 16  # Entries have at most nine characters: a line stays below the controller's limit of 255
+LISTED_PER_LINE = 16
+LONGEST_LINE = 240  # Characters sent: below the controller's limit of 255. Each line costs a reply, whatever is in it.
 MOST_MOTORS = 32  # Of the largest family; the target controller is not known when the text is read
 
 _DEFINE = ("DEFINECOMP", "DEFCOMP")
@@ -100,7 +102,7 @@ def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
 def table_lines(table: CompensationTable) -> list[str]:
     """Return the lines that send a table to a controller, within its maximum line length."""
     definition = table.definition
-    return [f"#{definition.motor}DEFINE COMP {definition_text(definition)}", *entry_lines(table.entries)]
+    return [f"#{definition.motor}DEFINE COMP {definition_text(definition)}", *_sent(table.entries)]
 
 
 def definition_text(definition: TableDefinition) -> str:
@@ -112,9 +114,14 @@ def definition_text(definition: TableDefinition) -> str:
 
 
 def entry_lines(entries: Sequence[int]) -> list[str]:
-    """Return the entries as lines."""
-    starts = range(0, len(entries), ENTRIES_PER_LINE)
-    return [" ".join(map(str, entries[start : start + ENTRIES_PER_LINE])) for start in starts]
+    """Return the entries as the lines of a listing."""
+    starts = range(0, len(entries), LISTED_PER_LINE)
+    return [" ".join(map(str, entries[start : start + LISTED_PER_LINE])) for start in starts]
+
+
+def _sent(entries: Sequence[int]) -> list[str]:
+    """Return the entries as few lines."""
+    return textwrap.wrap(" ".join(map(str, entries)), LONGEST_LINE, break_on_hyphens=False)
 
 
 def _definition(
