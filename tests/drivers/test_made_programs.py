@@ -24,6 +24,10 @@ ENDING = "OPEN PROG 2 CLEAR\nCLOSE"
 """A text needs a motion program to be one."""
 
 
+LINES = (Code.LINE_REFUSED, Code.WORD_ABSENT)
+"""What the checker says of a line that it cannot take."""
+
+
 def text_of(body: str, *, plc: bool) -> str:
     return f"OPEN {'PLC' if plc else 'PROG'} 1 CLEAR\n{body}\nCLOSE\n{ENDING}"
 
@@ -90,7 +94,7 @@ def test_the_checker_walks_all_of_them_and_says_why_it_does_not(machine: Machine
         except PmacError as refused:
             assert refused.detail, body
             continue
-        refusals = [each for each in found.findings if each.code in (Code.LINE_REFUSED, Code.RUN_TIME_ERROR)]
+        refusals = [each for each in found.findings if each.code in (*LINES, Code.RUN_TIME_ERROR)]
         assert all(each.lines and each.values["error"] for each in refusals), body
         if body in REFUSED_MOTION:
             assert [each.lines for each in refusals if each.code in (Code.LINE_REFUSED, Code.WORD_ABSENT)] == [
