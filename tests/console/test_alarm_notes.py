@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
@@ -11,8 +12,12 @@ import pytest
 from console.session import alarm_notes
 from console.session.alarm_notes import AlarmNotes
 from console.session.program_log import FILE, FOLDER
+from console.session.station.alarms import Priority, cleared, raised
 from console.session.station.history.session_log import LogEntry, LogKind
+from console.session.station.state import StationState
+from console.tui.alarms.logged_control import LoggedControl
 from profiles.problem import Problem
+from tests.tui.stage import FixedControl
 
 AT = datetime(2026, 3, 1, 12, 0, 0)
 LOST = Problem(code="link.lost", where="tcp:lathe:1", value="the cable is cut")
@@ -51,3 +56,14 @@ def test_a_disk_that_does_not_answer_holds_nobody_up(tmp_path: Path, monkeypatch
     notes.close()
     assert not stuck.is_set(), "it was waited for"
     stuck.set()
+
+
+def test_the_screens_hand_over_each_alarm_once_when_it_comes_and_when_it_ends() -> None:
+    handed: list[LogEntry] = []
+    control = FixedControl(StationState())
+    logged = LoggedControl(control, lambda: AT, handed.extend)
+    quiet = control.state
+    standing = raised(quiet.alarms, LOST, Priority.HIGH, 1.0)
+    for alarms in (quiet.alarms, standing, standing, cleared(standing, LOST.code), cleared(standing, LOST.code)):
+        logged.followed(replace(quiet, alarms=alarms), (), typed=False)
+    assert [(each.kind, each.number) for each in handed] == [(LogKind.RAISED, 1), (LogKind.ENDED, 1)]
