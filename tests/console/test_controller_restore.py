@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import io
 import re
+import signal
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.cli.backups import reading_progress
+from console.text.catalogue import load
 from drivers.errors import LinkError
 from drivers.lathe.ownership import Ownership
 from profiles.problem import Problem
@@ -155,3 +159,62 @@ def test_a_restore_that_is_cut_off_names_the_way_back(
     assert said.code == 1
     assert re.search(r"in part: \d+ of \d+ lines", said.err)
     assert f"console controller restore '{before}'" in said.err
+
+
+@on_one
+def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+) -> None:
+    card.tell("P7=9")
+    send = card.client.send
+
+    def interrupted(line: str, *words: Any, **named: Any) -> None:
+        if line.startswith("OPEN PROG5"):
+            signal.raise_signal(signal.SIGINT)
+        send(line, *words, **named)
+
+    monkeypatch.setattr(card.client, "send", interrupted)
+    said = console("controller", "restore", str(backed_up))
+    (before,) = (data_folder / "trilobe" / "backups").iterdir()
+    assert said.code != 0
+    assert f"console controller restore '{before}'" in said.err
+    assert card.client.numbers("P7", "P1000") == (1.25, 0.0)
+
+
+class Terminal(io.StringIO):
+    """What stands on the terminal of stderr."""
+
+    encoding = "ascii"
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_how_far_a_reading_is_is_one_line_that_is_written_over_and_taken_away(
+    monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    terminal, done = Terminal(), iter([0.0, 0.25, 0.5, 0.9])
+    seen, enough = threading.Event(), 3
+
+    def fraction() -> float:
+        if terminal.getvalue().count("\r") >= enough:
+            seen.set()
+        return next(done, 0.95)
+
+    monkeypatch.setattr("sys.__stderr__", terminal)
+    monkeypatch.setattr(reading_progress, "PERIOD_S", 0.001)
+    with reading_progress.shown("configuration.reading", load(language), fraction):
+        assert seen.wait(5.0)
+    said = terminal.getvalue()
+    assert said.isascii() and "\\r" not in said
+    assert re.search(r"\r[^\r]*25 %[^\r]* s [^\r]*\r[^\r]*50 %", said)
+    assert said.endswith(f"\r{' ' * 78}\r")
+
+
+def test_without_a_terminal_nothing_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    quiet = io.StringIO()
+    monkeypatch.setattr("sys.__stderr__", quiet)
+    with reading_progress.shown("configuration.reading", load("en"), lambda: 0.5):
+        pass
+    assert quiet.getvalue() == ""

@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from console.cli.machine.card_access import Card
 from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
+from console.text.escaping import encodable, escaped, spelled
 from drivers.commissioning.reading import expected_work, whole_card, work_done
 
 PERIOD_S = 0.5
@@ -19,7 +20,8 @@ PERIOD_S = 0.5
 @contextmanager
 def shown(key: str, text: Catalogue, fraction: Callable[[], float]) -> Iterator[None]:
     """Show `key` with percent and time left in one line of a terminal; nothing where stderr is none."""
-    if not sys.stderr.isatty():
+    terminal = sys.__stderr__  # not the one that escapes: the line is written over itself
+    if terminal is None or not terminal.isatty():
         yield
         return
     ended, begun_s = threading.Event(), time.monotonic()
@@ -30,7 +32,8 @@ def shown(key: str, text: Catalogue, fraction: Callable[[], float]) -> Iterator[
             left_s = seconds_left(done, time.monotonic() - begun_s)
             words = text(key, percent=f"{100.0 * done:.0f}")
             words += "" if left_s is None else text("configuration.time_left", seconds=f"{left_s:.0f}")
-            print(f"\r{words}   ", end="", file=sys.stderr, flush=True)
+            shown_words = encodable(spelled(escaped(words), terminal.encoding), terminal.encoding)
+            print(f"\r{shown_words}   ", end="", file=terminal, flush=True)
 
     thread = threading.Thread(target=write, name="progress", daemon=True)
     thread.start()
@@ -39,7 +42,7 @@ def shown(key: str, text: Catalogue, fraction: Callable[[], float]) -> Iterator[
     finally:
         ended.set()
         thread.join()
-        print(f"\r{' ' * 78}\r", end="", file=sys.stderr, flush=True)
+        print(f"\r{' ' * 78}\r", end="", file=terminal, flush=True)
 
 
 @contextmanager

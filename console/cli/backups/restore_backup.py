@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,6 +13,7 @@ from console.cli.machine.card_access import Card, card_fields, card_line, with_c
 from console.cli.machine.check_report import check_fields, check_lines
 from console.cli.output import agreed, show
 from console.session.data.controller_backups import backup_path, keep_backup, load_backup
+from console.session.errors import Interrupted
 from console.session.time_left import fraction_done
 from console.text.catalogue import Catalogue
 from drivers.commissioning.backup import Backup
@@ -94,6 +96,9 @@ def _send(card: Card, lines: tuple[str, ...], kept: Path, text: Catalogue) -> No
     try:
         with shown("configuration.sending", text, lambda: fraction_done(sent, len(lines))):
             with_control(card, work)
+    except Interrupted:  # once all is sent: a half of a backup is worse than a late Ctrl-C
+        print(text("configuration.restore_unread", file=printable(str(kept))), file=sys.stderr)
+        raise
     except DriverError as error:
         if any(problem.code == "controller.restored_in_part" for problem in error.problems):
             undo = Problem(code="controller.restore_undo", where=card.address, value=printable(str(kept)))
