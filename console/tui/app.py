@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
@@ -15,7 +15,7 @@ from textual.driver import Driver
 
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
-from console.session.station.history.session_log import SessionLog
+from console.session.station.history.session_log import LogEntry, SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.alarms.bell import Bell
@@ -65,7 +65,8 @@ TICK_S = 0.1
 class ConsoleApp(ListeningApp):
     """The console of one machine. `begin` is called after the first paint, `heard` with the name of each key.
 
-    `client` is the address that its terminal comes from by SSH, "" for one at this computer.
+    `client` is the address that its terminal comes from by SSH, "" for one at this computer. `noted` gets the new
+    entries of its log.
     The rest is for screenshots.
     """
 
@@ -90,12 +91,13 @@ class ConsoleApp(ListeningApp):
         appearance: Appearance | None = None,
         configuration: Configuration | None = None,
         client: str = "",
+        noted: Callable[[Sequence[LogEntry]], None] = lambda entries: None,
     ) -> None:
         appearance = appearance or Appearance(language=text.language)
         super().__init__(palette, appearance, driver_class)
         text, palette = self.look.text, self.look.palette
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self._logs, self._typed = LoggedControl(control, local_time), False
+        self._logs, self._typed = LoggedControl(control, local_time, noted), False
         self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
         self.ui.terminal = FarTerminal(client)

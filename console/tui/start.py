@@ -8,13 +8,14 @@ import signal
 import sys
 import time
 from argparse import Namespace
-from contextlib import suppress
+from contextlib import closing, suppress
 from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING
 
 from console.cli.library import data_of, machine_of, simulated_address
+from console.session.alarm_notes import AlarmNotes
 from console.session.appearance import Appearance, appearance_of
 from console.session.configuration import KEYS, Configuration
 from console.session.data.calibrated_chuck import calibrated_or_stated
@@ -88,11 +89,12 @@ def main(options: Namespace, text: Catalogue) -> int:
         lambda: _open(machine, place, data, tracing, begins, trained),
         clock=trained,
     )
-    feed = ScreenFeed(link, machine, data)
-    app, control = _recorded(link, inbox, machine, data, (text, appearance, options.configuration), feed)
+    feed, notes = ScreenFeed(link, machine, data), AlarmNotes(data, machine.machine.name, simulated=simulated)
+    looks = (text, appearance, options.configuration)
+    app, control = _recorded(link, inbox, machine, data, looks, feed, notes)
     app.ui.attempt = attempt
     app.ui.work = None if taken is None else taken.work
-    with instructed(options.instructor, app, link, data):
+    with closing(notes), instructed(options.instructor, app, link, data):
         return _run(link, app, control, tracing, feed)
 
 
@@ -177,6 +179,7 @@ def _recorded(
     data: Path,
     looks: tuple[Catalogue, Appearance, Configuration],
     feed: ScreenFeed,
+    notes: AlarmNotes,
 ) -> tuple[ConsoleApp, RecordedControl]:
     """Return the screens on the link, and their control, which has a recorder after the first paint."""
     control = RecordedControl(link, inbox)
@@ -202,6 +205,7 @@ def _recorded(
         appearance=appearance,
         configuration=configuration,
         client=remote_client(os.environ),
+        noted=notes,
     )
     return app, control
 

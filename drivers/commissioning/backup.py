@@ -133,7 +133,7 @@ def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[
         if _title(index, dialect) != title:
             title = _title(index, dialect)
             yield from ("", title)
-        if _no_limit(index, settings[index], dialect):
+        if is_no_limit(index, settings[index], dialect):
             yield f"I{index}=0 {NO_LIMIT}"
             place += 1
             continue
@@ -145,7 +145,8 @@ def _setting_lines(settings: Mapping[int, float], dialect: Dialect) -> Iterator[
         place = last + 1
 
 
-def _no_limit(index: int, value: float, dialect: Dialect) -> bool:
+def is_no_limit(index: int, value: float, dialect: Dialect) -> bool:
+    """Whether a setting is a limit that is 0, which is none."""
     return value == 0.0 and named(index, dialect).name.key in LIMITS_OFF_AT_ZERO
 
 
@@ -161,7 +162,7 @@ def _continues(settings: Mapping[int, float], dialect: Dialect, kept: list[int],
     index, following = kept[place], kept[place + 1]
     same = _title(index, dialect) == _title(following, dialect)
     runs = following == index + 1 and settings[following] == 0.0
-    return runs and same and not _no_limit(following, 0.0, dialect)
+    return runs and same and not is_no_limit(following, 0.0, dialect)
 
 
 def _title(index: int, dialect: Dialect) -> str:

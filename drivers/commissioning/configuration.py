@@ -95,10 +95,11 @@ def passing_settings(dialect: Dialect) -> frozenset[int]:
 
 
 def fleeting_settings(dialect: Dialect) -> frozenset[int]:
-    """Return the settings that are not part of a configuration: the host's own, and running timers."""
+    """Return the settings that are not part of a configuration: the host's own, timers, what only reports."""
     systems = dialect.numbers(Scope.SYSTEM)
     timers = {dialect.system_index(system, number) for system in systems for number in dialect.timer_numbers}
-    return frozenset({*HOST_SETTINGS, *timers})
+    reported = () if dialect.user_buffer is None else (dialect.user_buffer.setting,)
+    return frozenset({*HOST_SETTINGS, *timers, *(each for each in reported if each is not None)})
 
 
 def digest(lines: Iterable[str]) -> str:

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
-from drivers.commissioning.values import read_values
+from drivers.commissioning.values import VALUES_A_LINE, read_values
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.dialect import Dialect, Scope
@@ -26,6 +26,7 @@ NUMBERS_A_LINE = 50  # variables per query of a range: a third of a second on a 
 WORDS_A_LINE = 16
 MOTORS_A_LINE = 8
 SETTINGS_A_LINE = 12
+BYTES_A_REQUEST, BYTES_A_LINE = 20, 2  # both ways; most values are 0
 TIMEOUT_S = 10.0
 LISTING_TIMEOUT_S = 60.0  # of a program or table
 PLC_TIMEOUT_S = 30.0  # the longest PLC is listed in a third of that at 9600 baud
@@ -76,6 +77,24 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
         settings.append(range(first, first + TABLE_LINES))
     single = tuple(range(index, index + 1) for index in sorted(pointers))
     return Extent(settings=tuple(settings), pointers=single, motors=every_motor, programs=())
+
+
+def expected_work(dialect: Dialect, extent: Extent) -> int:
+    """Return how much there is to read, in the unit of `work_done`; programs that are there come on top."""
+    settings, pointers = (sum(map(len, ranges)) for ranges in (extent.settings, extent.pointers))
+    listings = (
+        len(extent.plcs) + len(extent.programs) + len(extent.motors if extent.tables is None else extent.tables)
+    )
+    whole = work_done((settings + pointers) // NUMBERS_A_LINE + listings, settings + pointers)
+    if extent.values:
+        values = (len(dialect.numbers(Scope.SYSTEM)) + 2) * (dialect.highest_index + 1)
+        whole += work_done(values // VALUES_A_LINE, values)
+    return whole
+
+
+def work_done(requests: int, lines: int) -> int:
+    """Return how much was read by these requests: about the number of bytes, of which a line of data has few."""
+    return BYTES_A_REQUEST * requests + BYTES_A_LINE * lines
 
 
 def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> Configuration:

@@ -64,6 +64,7 @@ class _Reader:
     names: dict[str, str] = field(default_factory=dict)
     conditions: list[_Condition] = field(default_factory=list)
     count: int = 0
+    opened: list[str] = field(default_factory=list)
 
     def lines(self, text: str, name: str, place: int, level: int) -> Iterator[SourceLine]:
         """Yield the lines of a file; `place` is that of its #include, 0 in the main text."""
@@ -128,7 +129,12 @@ class _Reader:
         if level == MOST_LEVELS:
             raise _refusal(f"#include more than {MOST_LEVELS} files deep")
         name = found[1] or found[2] or found[3]
-        yield from self.lines(self.include(name), name, place, level + 1)
+        if name in self.opened:
+            raise _refusal(f"#include {name}: it includes itself")
+        text = self.include(name)
+        self.opened.append(name)
+        yield from self.lines(text, name, place, level + 1)
+        self.opened.pop()
 
     def _replaced(self, line: str) -> str:
         """Replace the names of a line, again while there are any."""

@@ -132,6 +132,9 @@ def read_program(
                 continue
             place = f"{source.place}, {source.source}" if source.source else str(source.place)
             raise PmacError(error.code, f"line {place}: {error.detail}") from error
+    if not taken.programs and refused:
+        first = refused[0]
+        raise PmacError(first.error.code, f"line {first.place}: {first.error.detail}; no OPEN PROG in the text")
     if not taken.programs:
         raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
     return taken.finished()

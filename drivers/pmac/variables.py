@@ -37,6 +37,7 @@ class VariableStore:
         self._p: dict[int, float] = {}
         self._q: dict[int, dict[int, float]] = {}
         self._m: dict[int, float] = {}
+        self._read_only = None if dialect.user_buffer is None else dialect.user_buffer.setting
 
     def get(self, kind: VariableKind, index: int, system: int = 1) -> float:
         """Return a value; Q-variables are those of a coordinate system.
@@ -63,12 +64,18 @@ class VariableStore:
         self._check(kind, index)
         if kind is _P:
             self._p[index] = value
+        elif kind is _I and index == self._read_only:
+            return  # it only reports: an assignment has no effect
         elif kind is _I:
             self._set_i(index, value)
         elif kind is _M and index in self.pointers and self.memory is not None:
             self.memory.write(self.pointers[index], value)
         else:
             self._table(kind, system)[index] = value
+
+    def report(self, index: int, value: float) -> None:
+        """Set an I-variable that hosts can only read."""
+        self._i[index] = value
 
     def i(self, index: int) -> float:
         """Return an I-variable."""

@@ -18,6 +18,7 @@ ROOT = Path(__file__).parents[2]
 DEPLOY = ROOT / "docs" / "deploy"
 UNITS = sorted(DEPLOY.glob("*.service"))
 BUILDERS = ("podman", "buildah", "docker")
+UNREACHABLE = r"pinging container registry|no such host|connection refused|i/o timeout"
 
 
 def commands(unit: Path) -> list[str]:
@@ -77,7 +78,10 @@ def test_a_container_shows_the_version() -> None:
     if builder is None:
         pytest.skip("no builder of containers works here (podman, buildah or docker)")
     build = [builder, "build", "-f", str(DEPLOY / "Containerfile"), "-t", "trilobe-test", str(ROOT)]
-    subprocess.run(build, check=True, capture_output=True)
+    built = subprocess.run(build, check=False, capture_output=True, text=True)
+    if re.search(UNREACHABLE, built.stderr):
+        pytest.skip("the base image of the container cannot be fetched here: its registry is not reached")
+    assert built.returncode == 0, built.stderr
     if builder != "buildah":
         run = [builder, "run", "--rm", "trilobe-test", "--version"]
         assert subprocess.run(run, check=True, capture_output=True, text=True).stdout.startswith("trilobe")

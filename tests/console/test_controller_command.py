@@ -73,7 +73,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
             address="tcp:lathe:1",
             simulated=False,
             version="1.17",
-            kind="PMAC1",
+            kind="PMAC1, X1",
         )
 
     monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)

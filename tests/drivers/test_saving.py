@@ -17,7 +17,7 @@ from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
-from tests.drivers.wire_board import wire_board
+from tests.drivers.wire_board import DOWN, wire_board
 from tests.drivers.wire_card import CYCLE_S, Wire, wire
 
 BOTH = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=lambda dialect: dialect.name)
@@ -100,6 +100,20 @@ def test_a_client_of_the_board_gets_one_nul_and_no_acknowledgement_afterwards(ma
     assert board.response(b"P1=7 SAVE") == b"\x00"
     assert board.response(b"P1") == b"7\r\x06"
     assert other.turn() == []
+
+
+def test_a_client_of_the_board_that_polls_gets_nul_meanwhile_and_its_answer_afterwards(
+    machine: MachineProfile,
+) -> None:
+    board = wire_board(machine)
+    assert board.response(b"I3=2 I6=1") == b"\x06"
+    begun_s = board.sim.now_s()
+    assert board.ask(DOWN, 0xB0, b"P1=7 SAVE") == b"@"
+    board.sim.wait(0.1)
+    assert [board.fetched() for _ in range(3)] == [b"\x00"] * 3
+    assert board.sim.now_s() - begun_s < 1.0
+    assert board.response(b"P1") == b"7\r\x06"
+    assert board.sim.now_s() - begun_s > 3.0
 
 
 @dataclass(kw_only=True)

@@ -55,3 +55,22 @@ def test_the_clocks_that_drivers_read_at_connect(machine: MachineProfile) -> Non
     turbo = wire(machine, TURBO)
     maximum, phase, servo = (int(text) for text in turbo.ask("I7000 I7001 I7002"))
     assert (2 * maximum + 3) * (phase + 1) * (servo + 1) * 640 / 9 == pytest.approx(3_713_707, rel=1e-3)
+
+
+def test_a_user_buffer_is_at_the_end_of_the_memory_for_buffers(machine: MachineProfile) -> None:
+    """The example of the Turbo Software Reference, I4908; of a PMAC, X:$0F42 of its memory map."""
+    turbo = wire(machine, TURBO)
+    turbo.tell("I9=2")
+    assert turbo.ask("I4908") == ["$10800"]
+    turbo.tell("DEF UBUF 512")
+    assert turbo.ask("I4908") == ["$10600"]
+    turbo.tell("I4908=5", "WY:$10600,7")
+    assert turbo.ask("I4908 RY:$10600") == ["$10600", "7"]
+    assert turbo.refusal("DEFINE UBUFFER 60000") == 6
+    turbo.tell("DEFINE UBUFFER 0")
+    assert turbo.ask("I4908") == ["$10800"]
+    pmac = wire(machine, PMAC)
+    pmac.tell("DEFINE UBUFFER 256")
+    assert pmac.ask("RHX:$F42") == ["009F00"]
+    pmac.tell("DEL UBUF")
+    assert pmac.ask("RHX:$F42") == ["00A000"]

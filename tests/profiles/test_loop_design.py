@@ -82,7 +82,8 @@ def by_control(loop: SampledLoop) -> tuple[bool, float]:
     import control
 
     other = opened_by_control(loop)
-    poles = control.feedback(control.ss(other), 1).poles()
+    system = control.ss(other)  # whose `feedback` is no state space with every version of what it rests on
+    poles = np.linalg.eigvals(system.A - system.B @ system.C / (1.0 + system.D))
     at = np.exp(2j * np.pi * np.geomspace(0.5, 0.999 * loop.nyquist_hz, 4000) * loop.period_s)
     return bool((np.abs(poles) < 1.0).all()), float((1.0 / np.abs(1.0 + other(at))).max())
 

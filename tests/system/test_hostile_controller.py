@@ -22,6 +22,8 @@ from pathlib import Path
 import pytest
 
 from console.text.catalogue import load
+from drivers.commissioning.backup import backup_text
+from drivers.commissioning.configuration import Configuration
 from profiles.store import load_machine
 from tests.hostile.hostile_card import HostileCard, hostile_card
 from tests.hostile.ways import WAYS, Kind
@@ -39,6 +41,7 @@ COMMANDS = {
     "controller verify": ("controller", "verify"),
     "controller diff": ("controller", "diff", "{file}"),
     "controller apply": ("controller", "apply", "--yes"),
+    "controller restore": ("controller", "restore", "{file}", "--yes"),
     "tune show": ("tune", "show"),
     "tune apply": ("tune", "apply", "--yes"),
     "tune revert": ("tune", "revert", "--yes"),
@@ -47,6 +50,8 @@ COMMANDS = {
     "run": ("run", "{job}", "--yes"),
 }
 """All that opens a link; `calibrate` and `learn` read files, `fault` and `instruct` speak to a simulator only."""
+
+BACKED_UP = Configuration(family="pmac", kind="PMAC1", version="1.17F", settings={130: 528.0})
 
 FIRST_BYTE, IDENTIFIED, DEEP = 0, 6, 60
 """Honest lines before the first hostile one: a client is identified after four, and proven in step after six."""
@@ -103,6 +108,8 @@ def ended(site: Order, command: str, kind: Kind, depth: int, transport: str, lan
         names = {"file": str(folder / "card.pmac"), "job": str(site.job_file)}
         if command == "controller diff":
             (folder / "card.pmac").write_text("; trilobe controller backup\n", encoding="utf-8")
+        if command == "controller restore":
+            (folder / "card.pmac").write_text(backup_text(BACKED_UP, "2026-03-01"), encoding="utf-8")
         words = [word.format(**names) for word in COMMANDS[command]]
         options = ("--machine", str(site.machine_file), "--data", str(site.data), "--link", card.address)
         with Preloaded(

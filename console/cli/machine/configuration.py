@@ -1,10 +1,12 @@
-"""Actions of `console controller` on a configuration: back up, verify, compare, apply."""
+"""Actions of `console controller` on a configuration: back up, verify, compare, apply; and all actions."""
 
 from __future__ import annotations
 
 from argparse import Namespace
 from pathlib import Path
 
+from console.cli.backups.reading_progress import reading_shown
+from console.cli.backups.restore_backup import restore_backup
 from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.machine.check_report import check_fields, check_lines, summary_line
@@ -22,7 +24,8 @@ from profiles.findings import Severity, worst
 
 
 def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
-    found = write_backup(card.client, card.client.dialect, Path(options.file), values=True)
+    with reading_shown(card, text):
+        found = write_backup(card.client, card.client.dialect, Path(options.file), values=True)
     counts = {name: len(getattr(found, name)) for name in ("settings", "axes", "plcs", "programs")}
     done = text("configuration.backup_done", **counts, count=counts["settings"], file=printable(options.file))
     show(
@@ -47,7 +50,8 @@ def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
 
 
 def _diff(options: Namespace, card: Card, text: Catalogue) -> int:
-    compared = compare_backup(card.client, card.client.dialect, card.machine, Path(options.file))
+    with reading_shown(card, text, values=False):
+        compared = compare_backup(card.client, card.client.dialect, card.machine, Path(options.file))
     checks = compared.checks
     verdict = text(
         "configuration.differs_from" if checks else "configuration.no_difference",
@@ -98,4 +102,4 @@ def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) ->
     return [first, *lines, text("configuration.applied", count=len(writes))]
 
 
-WORKS = {"backup": _backup, "verify": _verify, "diff": _diff, "apply": _apply}
+WORKS = {"backup": _backup, "verify": _verify, "diff": _diff, "apply": _apply, "restore": restore_backup}

@@ -1,4 +1,4 @@
-"""`console controller`: back up, verify and compare a controller's configuration; apply gains on request."""
+"""`console controller`: back up, restore, verify, compare a controller's configuration; apply gains on request."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ from console.cli.commands import add_actions
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
-ACTIONS = ("backup", "verify", "diff", "apply")
-WITH_A_FILE = ("backup", "diff")
+ACTIONS = ("backup", "restore", "verify", "diff", "apply")
+WITH_A_FILE = ("backup", "restore", "diff")
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -19,8 +19,9 @@ def add(parser: Parser, text: Catalogue) -> None:
         if name in WITH_A_FILE:
             action.add_argument("file", metavar="FILE", help=text("help.backup_file"))
         add_shared(action, text, "machine", *LINK)
-        if name == "apply":
-            action.add_argument("--yes", action="store_true", help=text("help.controller.yes"))
+        if name in ("apply", "restore"):
+            key = "help.controller.yes" if name == "apply" else "help.controller.restore_yes"
+            action.add_argument("--yes", action="store_true", help=text(key))
 
 
 def main(options: Namespace, text: Catalogue) -> int:

@@ -13,6 +13,7 @@ from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
+    from drivers.commissioning.backup import Backup
     from drivers.commissioning.check import Check
     from drivers.commissioning.configuration import Configuration
     from drivers.controller import Controller
@@ -33,9 +34,13 @@ class Compared:
 
 
 def backup_path(data: Path, machine: str) -> Path:
-    """Return where a backup of now goes."""
+    """Return where a backup of now goes; a second one in the same second gets a name of its own."""
     stamp = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S")
-    return data / FOLDER / f"{folder_name(machine)}-{stamp}{SUFFIX}"
+    name = f"{folder_name(machine)}-{stamp}"
+    path, more = data / FOLDER / f"{name}{SUFFIX}", 2
+    while path.exists():
+        path, more = data / FOLDER / f"{name}-{more}{SUFFIX}", more + 1
+    return path
 
 
 def backups_of(data: Path, machine: str) -> tuple[Path, ...]:
@@ -57,15 +62,29 @@ def write_backup(
 
     Raises ProfileError: `file.exists`, `file.not_writable`; DriverError: as `read_configuration`.
     """
-    from drivers.commissioning.backup import backup_text
     from drivers.commissioning.reading import read_configuration, whole_card
 
     configuration = read_configuration(client, dialect, whole_card(dialect, values=values))
+    keep_backup(configuration, path, private=private)
+    return configuration
+
+
+def keep_backup(configuration: Configuration, path: Path, *, private: bool = False) -> None:
+    """Write what was read to a file; never overwrite. Raises ProfileError: `file.exists`, `file.not_writable`."""
+    from drivers.commissioning.backup import backup_text
+
     date = datetime.now().astimezone().isoformat(timespec="seconds")
     if private:
         make_folder(path.parent)
     write_atomically(path, backup_text(configuration, date).encode("utf-8"), overwrite=False, private=private)
-    return configuration
+
+
+def load_backup(path: Path) -> tuple[str, Backup]:
+    """Return the text of a backup, and what it has. Raises ProfileError: no such file, or no backup."""
+    from drivers.commissioning.backup import CAP_BYTES, read_backup
+
+    text = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8", "replace")
+    return text, read_backup(text, printable(str(path)))
 
 
 def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile, path: Path) -> Compared:
@@ -74,16 +93,14 @@ def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile
     Raises ProfileError: no such file, or no backup; RefusedError: `controller.backup_family`; DriverError: as
         `read_configuration`.
     """
-    from drivers.commissioning.backup import CAP_BYTES, read_backup
     from drivers.commissioning.comparison import differences
     from drivers.commissioning.reading import read_configuration, whole_card
     from drivers.commissioning.verification import in_order
 
-    where = printable(str(path))
-    content = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8", "replace")
-    backup = read_backup(content, where)
+    _, backup = load_backup(path)
     family = backup.configuration.family
     if family != dialect.name:
+        where = printable(str(path))
         raise RefusedError(Problem(code="controller.backup_family", where=where, value=family, limit=dialect.name))
     now = read_configuration(client, dialect, whole_card(dialect))
     return Compared(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
@@ -20,8 +20,15 @@ if TYPE_CHECKING:
 class LoggedControl(PassingControl):
     """Passes everything on at once. Stops are logged from the state, which also has those without a key."""
 
-    def __init__(self, control: Control, local_time: Callable[[], datetime]) -> None:
+    def __init__(
+        self,
+        control: Control,
+        local_time: Callable[[], datetime],
+        noted: Callable[[Sequence[LogEntry]], None] = lambda entries: None,
+    ) -> None:
+        """Pass each new entry of a state on to `noted`, too."""
         super().__init__(control)
+        self._noted = noted
         self.log = SessionLog()
         self._local_time = local_time
         self._posted: deque[LogEntry] = deque()
@@ -47,5 +54,8 @@ class LoggedControl(PassingControl):
             waiting = [self._posted.popleft() for _ in range(len(self._posted))]
             self.log = self.log.with_entries(*waiting)
         now = Instant(now_s=self.now_s(), clock=self._local_time())
-        self.log = with_state(self.log, state, said, now, typed=typed)
+        before = self.log
+        self.log = with_state(before, state, said, now, typed=typed)
+        if self.log is not before and (fresh := self.log.count - before.count):
+            self._noted(self.log.entries[-fresh:])
         return self.log

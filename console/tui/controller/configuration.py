@@ -7,12 +7,15 @@ from pathlib import Path
 
 from console.cli.judgement import MARKS
 from console.session.data.controller_backups import backup_path, compare_backup, write_backup
+from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
+from console.tui.controller.errand import Errand
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
 from console.tui.theme import Token
 from drivers.beside.permitted import Kind
 from drivers.beside.side_controller import SideController
 from drivers.beside.side_line import SideLine
+from drivers.commissioning.reading import expected_work, whole_card, work_done
 from profiles.files import printable
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
@@ -101,6 +104,20 @@ class ConfigurationReader:
         key = "configuration.differs_from" if listed else "configuration.no_difference"
         heading = self._text(key, count=len(listed), date=compared.date)
         return Result(action="diff", heading=heading, path=path, sha256=compared.sha256[1], listed=listed)
+
+
+def doing_lines(action: str, errand: Errand[Result], side: SideLine, text: Catalogue, width: int) -> list[Line]:
+    """Return what is being read, how far it is, and how long it takes yet where the whole controller is read."""
+    rows = wrapped(text(f"controller_page.doing.{action}", count=errand.requests), width, Token.ACTION)
+    if action == "verify":
+        return rows
+    done = work_done(errand.requests, errand.answered)
+    fraction = fraction_done(done, expected_work(side.dialect, whole_card(side.dialect)))
+    left_s = seconds_left(fraction, errand.elapsed_s)
+    if left_s is not None:
+        words = text("controller_page.doing.left", percent=f"{100.0 * fraction:.0f}", seconds=f"{left_s:.0f}")
+        rows += wrapped(words, width, Token.ACTION)
+    return rows
 
 
 def result_lines(found: Result, text: Catalogue, width: int) -> list[Line]:

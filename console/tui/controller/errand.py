@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
@@ -26,6 +27,7 @@ class Errand(Generic[Found]):
         self.ended = 0
         self._client: SideController | None = None
         self._thread: threading.Thread | None = None
+        self._begun_s = 0.0
 
     @property
     def running(self) -> bool:
@@ -37,11 +39,21 @@ class Errand(Generic[Found]):
         """The requests of the present or last work."""
         return 0 if self._client is None else self._client.made
 
+    @property
+    def answered(self) -> int:
+        """The lines of data that were answered to them."""
+        return 0 if self._client is None else self._client.answered
+
+    @property
+    def elapsed_s(self) -> float:
+        """How long the present or last work has been under way."""
+        return time.monotonic() - self._begun_s
+
     def start(
         self, client: SideController | None, work: Callable[[], Found], *, wait_s: float | None = None
     ) -> None:
         """Begin; nothing else may be running."""
-        self._client, self.cancelled = client, False
+        self._client, self.cancelled, self._begun_s = client, False, time.monotonic()
         self._thread = threading.Thread(target=self._run, args=(work,), name="controller", daemon=True)
         self._thread.start()
         self._thread.join(SHORT_S if wait_s is None else wait_s)

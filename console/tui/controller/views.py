@@ -275,15 +275,14 @@ class ControllerViews:
         return [*self._problem_lines(self.watch.problems, width), *(rows or empty)]
 
     def _configuration_lines(self, width: int, height: int | None) -> list[Line]:
-        from console.tui.controller.configuration import backup_lines, result_lines
+        from console.tui.controller.configuration import backup_lines, doing_lines, result_lines
 
         text, found = self.ui.text, self._reading.found
         rows = [line((text("controller_page.backups", count=len(self._backups)), Token.TITLE))]
         rows += backup_lines(self._backups, self._chosen, text, width, BACKUP_ROWS if height else 1_000)
         rows.append(BLANK)
-        if self._reading.running:
-            words = text(f"controller_page.doing.{self._action}", count=self._reading.requests)
-            return [*rows, *wrapped(words, width, Token.ACTION)]
+        if self._reading.running and self.ui.control.side is not None:
+            return [*rows, *doing_lines(self._action, self._reading, self.ui.control.side, text, width)]
         rows += self._problem_lines(self._reading.problems, width)
         below = [] if found is None or self._reading.problems else result_lines(found, text, width)
         if found is None and not self._reading.problems:

@@ -15,6 +15,7 @@ class Code(StrEnum):
     """Every finding."""
 
     LINE_REFUSED = auto()
+    WORD_ABSENT = auto()
     TABLE_ORDER = auto()
     TABLE_UNFILLED = auto()
     TABLE_LAST_ENTRY = auto()
@@ -75,6 +76,7 @@ class Said(StrEnum):
 _REFUSALS = frozenset(
     (
         Code.LINE_REFUSED,
+        Code.WORD_ABSENT,
         Code.TABLE_ORDER,
         Code.RUN_TIME_ERROR,
         Code.BEYOND_LIMIT,

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
 
+from drivers.pmac.absent_words import absent_word
 from drivers.pmac.analysis.explanation import explain, find_zigzag
 from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
 from drivers.pmac.analysis.limits import limit_findings
@@ -56,6 +57,9 @@ def _refused(line: RefusedLine) -> ProgramFinding:
     values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     if isinstance(line.error, TableOrderError):
         return finding(Code.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower)
+    word = absent_word(line.text.rpartition(": ")[2], line.error.detail)
+    if word:
+        return finding(Code.WORD_ABSENT, (line.place,), **values, word=word)
     return finding(Code.LINE_REFUSED, (line.place,), **values)
 
 

@@ -77,6 +77,19 @@ class ConversionTable:
 
 
 @dataclass(frozen=True, slots=True)
+class UserBuffer:
+    """Where the words of DEFINE UBUFFER are: the last ones before `end`, down to `start` at most.
+
+    Where they begin is reported by the setting, or by the X word at the address, that the family has for it.
+    """
+
+    start: int
+    end: int
+    setting: int | None = None
+    x_address: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class BufferDirectory:
     """Where memory names the programs: a long word for each, one for each PLC, and where text begins."""
 
@@ -189,6 +202,7 @@ class Dialect:
     velocity_average: tuple[int, int] | None = None
     kinematics: int | None = None
     buffer_directory: BufferDirectory | None = None
+    user_buffer: UserBuffer | None = None
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""

@@ -25,10 +25,12 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import listed
 from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
+from drivers.pmac.memory import Pointer
 from drivers.simulator.card import buffers
 from drivers.simulator.context import Context, Filling, Handler, Reading, Step, act, say
 
-_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", "UBUFFER", "LOOKAHEAD")  # never defined
+_LOOKAHEAD, _USER_BUFFER = ("LOOKAHEAD", "LOOK"), ("UBUFFER", "UBUF")
+_NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", *_LOOKAHEAD)  # never defined
 _PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "RESUMEPLC")
 _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
@@ -181,16 +183,39 @@ def _define_gather(scanner: Scanner, reading: Reading) -> Step:
     return step
 
 
-def _define_nothing(scanner: Scanner, reading: Reading) -> Step:
-    """DEFINE LOOKAHEAD 1000,100 and DEFINE UBUFFER 256: accepted, and neither changes anything.
-
-    Moves are calculated as without lookahead, and the words of a user buffer are plain memory in any case.
-    """
+def _define_lookahead(scanner: Scanner, reading: Reading) -> Step:
+    """DEFINE LOOKAHEAD 1000,100: accepted, and changes nothing: moves are calculated as without lookahead."""
     if scanner.take_integer() is None:
-        raise scanner.refusal("a size as in DEFINE UBUFFER 256")
+        raise scanner.refusal("a size as in DEFINE LOOKAHEAD 1000,100")
     if scanner.accept(","):
         scanner.take_integer()
     return _refuse_open
+
+
+def _define_user_buffer(scanner: Scanner, reading: Reading) -> Step:
+    """DEFINE UBUFFER 256: the last words of the buffer storage, plain memory as before, reported by the family."""
+    size = scanner.take_integer()
+    if size is None:
+        raise scanner.refusal("a size as in DEFINE UBUFFER 256")
+
+    def step(context: Context) -> None:
+        _refuse_open(context)
+        _place_user_buffer(context, size)
+
+    return step
+
+
+def _place_user_buffer(context: Context, size: int) -> None:
+    """Report where a user buffer of this size begins. Raises PmacError: 006, more words than there are."""
+    place, variables = context.dialect.user_buffer, context.controller.variables
+    if place is None:
+        return
+    if size > place.end - place.start:
+        raise PmacError(ErrorCode.NO_ROOM, f"{size} words, room for {place.end - place.start}")
+    if place.setting is not None:
+        variables.report(place.setting, float(place.end - size))
+    if place.x_address is not None and variables.memory is not None:
+        variables.memory.write(Pointer(space="X", address=place.x_address, width=24), float(place.end - size))
 
 
 def _gather(scanner: Scanner, reading: Reading) -> Step:
@@ -267,6 +292,7 @@ _DELETED: dict[str, Handler] = {
     "PLC": _delete_plc,
     **dict.fromkeys(_GATHER, act(lambda context: context.controller.gather.delete())),
     "COMP": act(_delete_table),
+    **dict.fromkeys(_USER_BUFFER, act(lambda context: _place_user_buffer(context, 0))),
     # The temporary buffers; of those there is only the one to gather into.
     **dict.fromkeys(("TEMPS", "TEMPORARY"), act(lambda context: context.controller.gather.delete())),
 }
@@ -284,7 +310,8 @@ WORDS: dict[str, Handler] = {
     **dict.fromkeys(_GATHER, _gather),
     **dict.fromkeys(("ENDGATHER", "ENDG"), act(_end_gather)),
     **{f"LIST{word}": _list_gather for word in _GATHER},
-    **{f"{define}{word}": _define_nothing for define in ("DEFINE", "DEF") for word in ("LOOKAHEAD", "UBUFFER")},
+    **{f"{define}{word}": _define_lookahead for define in ("DEFINE", "DEF") for word in _LOOKAHEAD},
+    **{f"{define}{word}": _define_user_buffer for define in ("DEFINE", "DEF") for word in _USER_BUFFER},
     **dict.fromkeys(("DEFINECOMP", "DEFCOMP"), _define_table),
     "LISTCOMP": act(_list_table),
     "LISTCOMPDEF": say(_table_definition),

@@ -118,6 +118,11 @@ class Port:
         return waiting + self._way_in.waiting >= INBOX_LIMIT
 
     @property
+    def saving(self) -> bool:
+        """Whether the controller is in the seconds of a SAVE, in which it answers nothing."""
+        return self._controller.saving
+
+    @property
     def idle(self) -> bool:
         """Whether every complete line has been answered; half a line does not count."""
         if self._fresh or self._reports or self._running is not None or self._controller.saving:

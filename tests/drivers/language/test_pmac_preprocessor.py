@@ -100,3 +100,15 @@ def test_a_program_is_read_with_its_directives_carried_out() -> None:
 def test_without_a_folder_no_file_is_included() -> None:
     with pytest.raises(PmacError, match="line 1: #include: other files are not read here"):
         read_program('#include "speeds.h"\nOPEN PROG 1 CLEAR\nCLOSE')
+
+
+def test_a_file_that_includes_itself_is_named_once() -> None:
+    lines = list(preprocess('#include "a.h"\nX1', lambda name: f'P1=1\n#include "{name}"'))
+    assert [line.text for line in lines if line.error is None] == ["P1=1", "X1"]
+    (refused,) = [line for line in lines if line.error is not None]
+    assert "a.h: it includes itself" in str(refused.error)
+
+
+def test_a_text_of_which_nothing_is_left_says_what_took_it() -> None:
+    with pytest.raises(PmacError, match="line 1: #ifdef without #endif"):
+        read_program("#ifdef TURBO\nOPEN PROG 1 CLEAR\nX1\nCLOSE\n", [])

@@ -69,6 +69,11 @@ class SessionLog:
     refusals: tuple[Problem, ...] = ()
     stop: StopState | None = None
 
+    @property
+    def count(self) -> int:
+        """All entries so far, those that are no longer kept included."""
+        return len(self.entries) + self.dropped
+
     def with_entries(self, *fresh: LogEntry) -> SessionLog:
         """Return the log with more entries; one that repeats the last one is counted."""
         entries = self.entries

@@ -1,0 +1,57 @@
+"""How far a long piece of work at a controller is, on the terminal of whoever waits for it."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from console.cli.machine.card_access import Card
+from console.session.time_left import fraction_done, seconds_left
+from console.text.catalogue import Catalogue
+from console.text.escaping import encodable, escaped, spelled
+from drivers.commissioning.reading import expected_work, whole_card, work_done
+
+PERIOD_S = 0.5
+
+
+@contextmanager
+def shown(key: str, text: Catalogue, fraction: Callable[[], float]) -> Iterator[None]:
+    """Show `key` with percent and time left in one line of a terminal; nothing where stderr is none."""
+    terminal = sys.__stderr__  # not the one that escapes: the line is written over itself
+    if terminal is None or not terminal.isatty():
+        yield
+        return
+    ended, begun_s = threading.Event(), time.monotonic()
+
+    def write() -> None:
+        while not ended.wait(PERIOD_S):
+            done = fraction()
+            left_s = seconds_left(done, time.monotonic() - begun_s)
+            words = text(key, percent=f"{100.0 * done:.0f}")
+            words += "" if left_s is None else text("configuration.time_left", seconds=f"{left_s:.0f}")
+            shown_words = encodable(spelled(escaped(words), terminal.encoding), terminal.encoding)
+            print(f"\r{shown_words}   ", end="", file=terminal, flush=True)
+
+    thread = threading.Thread(target=write, name="progress", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        print(f"\r{' ' * 78}\r", end="", file=terminal, flush=True)
+
+
+@contextmanager
+def reading_shown(
+    card: Card, text: Catalogue, *, values: bool = True, key: str = "configuration.reading"
+) -> Iterator[None]:
+    """Show how far the reading of a whole controller is."""
+    client, dialect = card.client, card.client.dialect
+    whole = expected_work(dialect, whole_card(dialect, values=values))
+    made, answered = client.made, client.answered
+    with shown(key, text, lambda: fraction_done(work_done(client.made - made, client.answered - answered), whole)):
+        yield

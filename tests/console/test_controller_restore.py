@@ -1,0 +1,220 @@
+"""`console controller restore`: a backup goes back whole, what cannot is said, and a busy machine gets nothing."""
+
+from __future__ import annotations
+
+import io
+import re
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.cli.backups import reading_progress
+from console.text.catalogue import load
+from drivers.errors import LinkError
+from drivers.lathe.ownership import Ownership
+from profiles.problem import Problem
+from tests.console.test_controller_command import LANGUAGES, on_one, real
+from tests.console.test_controller_command import card as card
+from tests.drivers.commissioned import Commissioned
+
+Console = Callable[..., Any]
+
+SPOILED = (
+    *("P7=9", "I130=100", "&2Q5=1", "M9=3", "DELETE PROG 5", "OPEN PROG 77 CLEAR", "X1", "CLOSE", "#1DELETE COMP"),
+    *("OPEN PLC 3 CLEAR", "P1=1", "CLOSE", "OPEN PLC 25 CLEAR", "P900=1", "CLOSE", "M1->*", "&1"),
+)
+
+
+def body(file: Path) -> list[str]:
+    return [line for line in file.read_text("utf-8").splitlines() if not re.match("; (date|sha256) ", line)]
+
+
+@pytest.fixture
+def backed_up(console: Console, card: Commissioned, tmp_path: Path) -> Path:
+    card.tell("#1DEFINE COMP 4,#2,#1,40000", "1 2 -3 4", "OPEN PROG 5 CLEAR", "INC X5", "CLOSE")
+    card.tell("OPEN PLC 3 CLEAR", "P2=P2+1", "CLOSE", "P7=1.25", "&2Q5=4", "M1->X:$700,24,S", "&1")
+    file = tmp_path / "good.pmac"
+    assert console("controller", "backup", str(file)).code == 0
+    card.line.heard = b""
+    return file
+
+
+def test_what_was_changed_comes_back_and_can_be_undone(
+    console: Console, card: Commissioned, backed_up: Path, tmp_path: Path, data_folder: Path
+) -> None:
+    card.tell(*SPOILED)
+    said = console("controller", "restore", str(backed_up))
+    flat = " ".join(said.out.split())
+    assert said.code == 0, said.out
+    for words in ("PROG 77:1 is 'X1', was '-'", "P7 is '9', was '1.25'", "M9 is '3', was '0'", "&2Q5 is '1'"):
+        assert words in flat, words
+    assert "the controller now has what the backup has" in flat
+    assert b"SAV" not in card.line.heard
+    again = tmp_path / "again.pmac"
+    assert console("controller", "backup", str(again)).code == 0
+    assert body(again) == body(backed_up)
+    (before,) = (data_folder / "trilobe" / "backups").iterdir()
+    assert f"console controller restore '{before}'" in said.out
+    assert console("controller", "restore", str(before)).code == 0
+    assert card.client.numbers("P7", "I130", "M9") == (9.0, 100.0, 3.0)
+
+
+@on_one
+def test_a_controller_that_has_it_all_is_left_alone(
+    console: Console, card: Commissioned, backed_up: Path, data_folder: Path
+) -> None:
+    said = console("controller", "restore", str(backed_up), "--json")
+    assert (said.code, said.json["sent"], said.json["backup"], said.json["differences"]) == (0, 0, None, [])
+    assert b"CLEAR" not in card.line.heard
+    assert not (data_folder / "trilobe" / "backups").exists()
+
+
+@on_one
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_limit_of_nothing_is_not_restored(
+    console: Console, card: Commissioned, tmp_path: Path, language: str
+) -> None:
+    """0 is no limit on a PMAC: it is never written, whoever asks."""
+    card.tell("I113=0")
+    file = tmp_path / "open.pmac"
+    assert console("controller", "backup", str(file)).code == 0
+    card.tell("I113=5000", "P7=1")
+    said = console("controller", "restore", str(file), "--lang", language)
+    assert (said.code, "I113;" in said.out) == (1, True)
+    assert card.client.numbers("I113", "P7") == (5000.0, 0.0)
+
+
+@on_one
+@pytest.mark.parametrize("answer", ["", "lathe\n"])
+def test_nothing_is_sent_to_a_machine_whose_name_was_not_typed(
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+) -> None:
+    card.tell("P7=9")
+    real(card, monkeypatch)
+    if answer:
+        terminal = io.StringIO(answer)
+        monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
+        monkeypatch.setattr("sys.stdin", terminal)
+    said = console("controller", "restore", str(backed_up))
+    assert (said.code, "P7 is '9', was '1.25'" in said.out) == (1, True)
+    assert ("Type the machine name (lee-2001-lathe)" in said.err) == bool(answer)
+    assert card.client.numbers("P7") == (9.0,)
+    assert console("controller", "restore", str(backed_up), "--yes").code == 0
+    assert card.client.numbers("P7") == (1.25,)
+
+
+@on_one
+@pytest.mark.parametrize("why", ["drives", "owner", "gathering", "password", "type", "signature"])
+def test_a_machine_that_is_not_free_is_refused(
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, why: str
+) -> None:
+    card.tell("P7=9")
+    words = {
+        "drives": "drives are enabled (#1)",
+        "owner": "control",
+        "gathering": "ENDGATHER",
+        "password": "PROG 1000",
+        "type": "type PMAC1, X1, this one is PMAC1, X2",
+        "signature": "safety.signed_for",
+    }
+    if why == "drives":
+        card.tell("#1J/")
+    elif why == "owner":
+        Ownership(card.client).claim()
+    elif why == "gathering":
+        card.tell("I20=1", "I21=$800028", "I19=1000", "DEFINE GATHER 10000", "GATHER")
+    elif why == "password":
+        card.tell("OPEN PROG 1000 CLEAR", "X1", "CLOSE", "PASSWORD=Turn")
+        card.sim.controller.password.locked = True
+    elif why == "type":
+        connect = card.client.connect
+        monkeypatch.setattr(card.client, "connect", lambda: (connect()[0], "PMAC1, X2"))
+    else:
+        real(card, monkeypatch, signed_for="simulator")
+    card.line.heard = b""
+    said = console("controller", "restore", str(backed_up), "--yes")
+    assert (said.code, words[why] in said.err) == (1, True), said.err
+    assert b"CLEAR" not in card.line.heard and b"UNDEFINE" not in card.line.heard
+
+
+@on_one
+def test_a_restore_that_is_cut_off_names_the_way_back(
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+) -> None:
+    card.tell("P7=9")
+    send = card.client.send
+
+    def torn(line: str, *words: Any, **named: Any) -> None:
+        if line.startswith("OPEN PROG5"):
+            raise LinkError(Problem(code="link.lost", where="memory"))
+        send(line, *words, **named)
+
+    monkeypatch.setattr(card.client, "send", torn)
+    said = console("controller", "restore", str(backed_up))
+    (before,) = (data_folder / "trilobe" / "backups").iterdir()
+    assert said.code == 1
+    assert re.search(r"in part: \d+ of \d+ lines", said.err)
+    assert f"console controller restore '{before}'" in said.err
+
+
+@on_one
+def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+) -> None:
+    card.tell("P7=9")
+    send = card.client.send
+
+    def interrupted(line: str, *words: Any, **named: Any) -> None:
+        if line.startswith("OPEN PROG5"):
+            signal.raise_signal(signal.SIGINT)
+        send(line, *words, **named)
+
+    monkeypatch.setattr(card.client, "send", interrupted)
+    said = console("controller", "restore", str(backed_up))
+    (before,) = (data_folder / "trilobe" / "backups").iterdir()
+    assert said.code != 0
+    assert f"console controller restore '{before}'" in said.err
+    assert card.client.numbers("P7", "P1000") == (1.25, 0.0)
+
+
+class Terminal(io.StringIO):
+    """What stands on the terminal of stderr."""
+
+    encoding = "ascii"
+
+    def isatty(self) -> bool:
+        return True
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_how_far_a_reading_is_is_one_line_that_is_written_over_and_taken_away(
+    monkeypatch: pytest.MonkeyPatch, language: str
+) -> None:
+    terminal, done = Terminal(), iter([0.0, 0.25, 0.5, 0.9])
+    seen, enough = threading.Event(), 3
+
+    def fraction() -> float:
+        if terminal.getvalue().count("\r") >= enough:
+            seen.set()
+        return next(done, 0.95)
+
+    monkeypatch.setattr("sys.__stderr__", terminal)
+    monkeypatch.setattr(reading_progress, "PERIOD_S", 0.001)
+    with reading_progress.shown("configuration.reading", load(language), fraction):
+        assert seen.wait(5.0)
+    said = terminal.getvalue()
+    assert said.isascii() and "\\r" not in said
+    assert re.search(r"\r[^\r]*25 %[^\r]* s [^\r]*\r[^\r]*50 %", said)
+    assert said.endswith(f"\r{' ' * 78}\r")
+
+
+def test_without_a_terminal_nothing_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    quiet = io.StringIO()
+    monkeypatch.setattr("sys.__stderr__", quiet)
+    with reading_progress.shown("configuration.reading", load("en"), lambda: 0.5):
+        pass
+    assert quiet.getvalue() == ""
