@@ -27,7 +27,8 @@ from drivers.pmac.memory import WORD_BITS
 GREATEST_ENTRY = (1 << (WORD_BITS - 1)) - 1  # An entry is a signed memory word; sixteenths of a count
 _GREATEST_SIZE = (1 << 47) - 1  # A position is a signed 48-bit number: no source can roll over a longer span
 LISTED_PER_LINE = 16
-LONGEST_LINE = 240  # Characters sent: below the controller's limit of 255. Each line costs a reply, whatever is in it.
+LONGEST_LINE = 240
+"""Characters sent, below the limit of 255 of the controller. Each line costs a reply, whatever is in it."""
 MOST_MOTORS = 32  # Of the largest family; the target controller is not known when the text is read
 
 _DEFINE = ("DEFINECOMP", "DEFCOMP")
