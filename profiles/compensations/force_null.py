@@ -17,7 +17,9 @@ F = D (U_cut - U_air r / |r|) - (|r| - 1) Z x_air r / |r|,    r = x_cut / x_air,
 
 Mass, dry friction, cogging and the gain of the drive are in both, and drop out: a friction has the same height at
 another amplitude, and turns with the motion; mass and damping of the profile scale the rest, |r| - 1, which is
-some per cent. K is the mean force over the mean depth of the same turns, so that the gain drops out of F / K, too.
+some per cent. Guides that give way before they roll have a friction that grows with the amplitude: what
+D U_air - Z x_air has of it is taken to be uncertain by half of |r| - 1, in any direction. K is the mean force over
+the mean depth of the same turns, so that the gain drops out of F / K, too.
 Where K is a fraction e off, q is off by e F / (K W).
 
 Harmonics are Re(c exp(j N angle)), angle from the spindle's index; infeeds are positive into the work, um; a force
@@ -45,6 +47,7 @@ SAMPLES_A_PERIOD = 3.0  # of the highest order that is fitted
 
 STIFFNESS_SD = 0.2  # of the cut, relative: touch-off and mean of the blank, of a depth of some tenths of a mm
 LAG_SD_S = 0.0002  # of the current, which no profile states
+FRICTION_SD = 0.35  # of a friction, for the relative change of its amplitude: 0 dry, 1 before rollers roll
 LEAST_FORCE_FRACTION = 0.1  # of the predicted mean force: the law is good to 50 %
 SURE = 2.0  # standard deviations, 95 %
 LEAST_RATIO, MOST_RATIO = 0.4, 2.0  # of the lobe that the tool met over the one of the path
@@ -224,8 +227,9 @@ def _of_turn(record: ForceRecord, turns: Floats, lobes: int, first: float) -> tu
 def _over_turns(found: Floats) -> _Harmonic:
     """Return the mean of so many turns, shape (n, 3), and its standard deviation by their scatter.
 
-    The noise of a servo is far from white, which a fit through the samples would take it for. So few turns tell
-    their scatter badly: it is widened as Student's t is.
+    The noise of a servo is far from white, which a fit through the samples would take it for. Neighbouring turns
+    share the reading between them, so that their mean is surer than this. So few turns tell their scatter badly:
+    it is widened as Student's t is.
     """
     count = found.shape[0]
     mean = fit(np.ones((count, 1)), found[:, 0])
@@ -261,9 +265,11 @@ def _judged(
     met = (cut.infeed.value - force_n / stiffness) / whole_um
     noise = math.hypot(force_sd_n / stiffness, cut.infeed.sd) / abs(whole_um)
     by_force = force_n / stiffness / whole_um
+    friction_n = abs(delay * air.thrust.value - impedance * air.infeed.value) * abs(abs(ratio) - 1.0) * FRICTION_SD
     wrong = (by_force * math.hypot(STIFFNESS_SD, mean_sd_n / mean_n), 1j * by_force * omega * LAG_SD_S)
     across = 1j * met / abs(met)
-    sd_rad = math.hypot(noise, *((each * across.conjugate()).real for each in wrong)) / abs(met)
+    friction = friction_n / stiffness / abs(whole_um)
+    sd_rad = math.hypot(noise, friction, *((each * across.conjugate()).real for each in wrong)) / abs(met)
     lobe_deg, lobe_sd_deg = math.degrees(cmath.phase(met)), math.degrees(sd_rad)
     sign, why = _verdict(abs(met), noise, lobe_deg, lobe_sd_deg)
     return ForceNull(
