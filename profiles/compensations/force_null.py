@@ -50,7 +50,7 @@ LAG_SD_S = 0.0002  # of the current, which no profile states
 FRICTION_SD = 0.35  # of a friction, for the relative change of its amplitude: 0 dry, 1 before rollers roll
 LEAST_FORCE_FRACTION = 0.1  # of the predicted mean force: the law is good to 50 %
 SURE = 2.0  # standard deviations, 95 %
-LEAST_RATIO, MOST_RATIO = 0.4, 2.0  # of the lobe that the tool met over the one of the path
+LEAST_RATIO, MOST_RATIO = 0.5, 2.0  # of the lobe that the tool met over the one of the path
 MOST_SD_DEG = 22.5  # of the angle of the lobe, in degrees of its own: 45 with 95 %, a right angle between cases
 AGREES_DEG = 30.0
 """Angle of the lobe, in degrees of its own, that is no error of the set-up: half of it is left there."""

@@ -70,8 +70,11 @@ class ForceWatch:
         )
 
     def see(self, snapshot: Snapshot) -> None:
-        """Continue gathering, between two polls."""
-        if self._plan is not None and self._batch is None and not self._failed:
+        """Begin and end the gathering, between two polls.
+
+        Nothing is fetched in the cut: fewer polls would judge it, and a short one would be refused for that.
+        """
+        if self._plan is not None and not self._failed and not self._gather.fetching:
             self._tried(lambda: self._gather.see(snapshot))
 
     def result(self) -> ForceNull:

@@ -36,6 +36,8 @@ def next_word(view: View) -> str:
         return "next_made_worse"
     if any(code in WORSE for code in codes):
         return "next_worse"
+    if part.is_half and state.force is not None and state.force.contradicts(part.job):
+        return "next_force"
     if kept:
         return "next_half" if part.is_half else "next_kept"
     taught = None if learning is None or not teaches else learning.taught
