@@ -24,13 +24,17 @@ class ForceCheck:
     job: Job
     found: ForceNull
 
+    def is_of(self, job: Job) -> bool:
+        """Whether it is of a cut of this job with jaw 1 there; a jaw that was found is assumed no more."""
+        return replace(job, assumed=()) == replace(self.job, assumed=())
+
     def contradicts(self, job: Job) -> Problem | None:
         """Return what it says against the full stage of a job with jaw 1 where it is now, None for nothing.
 
         It stands until the job is another one, the half stage is cut again, or jaw 1 is found where the force
         has it.
         """
-        if replace(job, lobe_phase_deg=self.job.lobe_phase_deg) != self.job:
+        if not self.is_of(replace(job, lobe_phase_deg=self.job.lobe_phase_deg)):
             return None
         return against_full(self.found, job.lobe_phase_deg - self.job.lobe_phase_deg)
 

@@ -16,7 +16,7 @@ from console.session.cut.engine import CutContext
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, plan_run, run_once
 from console.session.stages import Stage
-from console.session.station.commands import Start
+from console.session.station.commands import Arm, Start
 from console.session.station.state import StationState
 from console.session.work import Work, opened
 from console.tui.pages.run_lines import checks
@@ -29,7 +29,7 @@ from drivers.simulator.plant.presets import plant_named
 from profiles.compensations.force_null import ForceNull, Sign, Why
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.store import LoadedMachine, load_machine
+from profiles.store import LoadedMachine, load_job, load_machine
 from tests.compact import close_together, compact_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.system.lathe_sites import compact_text
@@ -170,8 +170,6 @@ def test_on_the_screen_a_wrong_sign_is_warned_of_before_the_whole(tmp_path: Path
 
 
 def opened_work(machine: LoadedMachine) -> Work:
-    from profiles.store import load_job
-
     work = opened(load_job("lee-2001-experiment-1"), machine)
     return replace(work, job=experiment_1())
 
@@ -202,3 +200,22 @@ def test_the_command_says_it_and_warns_the_whole_run(
     assert "sign of the compensation" not in console(*words, "--json").err
     spoken = console("--lang", "ko", *words, "--stage", "partial")
     assert "절삭력으로 보아 부호가 틀렸습니다" in spoken.out
+
+
+def test_after_a_restart_arming_the_whole_says_it_from_the_record(
+    tmp_path: Path, job_file: Callable[..., Path]
+) -> None:
+    job = load_job(str(job_file(cut_length_mm="1.5")))
+    floor = open_floor(tmp_path / "data", plant=plant_file(tmp_path, 60.0))
+    floor.set_up(job.job)
+    order: dict[str, Any] = {"job": job.job, "job_sha256": job.sha256, "strategy": Strategy.PVT, "loaded": job}
+    floor.do(Arm(**order, stage=Stage.PARTIAL))
+    floor.do(Start())
+    floor.station.close("restart")
+    again = open_floor(tmp_path / "data", plant=plant_file(tmp_path, 60.0))
+    assert again.state.force is None
+    again.set_up(job.job)
+    state = again.do(Arm(**order, stage=Stage.FULL))
+    machine = compact_machine()
+    assert state.armed is not None
+    assert warned(state, opened(job, machine), machine) == ["force.wrong_sign"]

@@ -93,11 +93,11 @@ def _checked_before(context: StationContext, loaded: LoadedJob | None) -> ForceC
     asked = asked_for(loaded, context.loaded_machine, "", simulated=context.shop is not None)
     try:
         part = newest_part(context.records, asked)
+        if part is None or part.force is None:
+            return None
+        return ForceCheck(job=as_cut(loaded.job, part.made), found=part.force)
     except ProblemError:
         return None  # what is wrong with the record is reported by what needs it
-    if part is None or part.force is None:
-        return None
-    return ForceCheck(job=as_cut(loaded.job, part.made), found=part.force)
 
 
 def _response(command: Arm, machine: MachineProfile) -> ServoResponse:

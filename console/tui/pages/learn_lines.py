@@ -68,7 +68,7 @@ def head_lines(
 
 def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, width: int) -> list[Line]:
     """Return what the cutting force said of a half-stage part, beside what was measured on it."""
-    if check is None or not part.is_half or check.job != part.job:
+    if check is None or not part.is_half or not check.is_of(part.job):
         return []
     token = Token.WARNING if check.found.alarms else Token.TEXT
     return wrapped(force_words(check.found, text), width, token)
