@@ -22,6 +22,7 @@ from drivers.simulator.plant.presets import BUNDLED, plant_named
 from profiles.compensations.force_null import ForceNull, Sign
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 
 CUT_MM = 1.5  # long enough for what is gathered at the bundled feeds
@@ -30,15 +31,19 @@ TURNED_DEG = 30.0
 
 def half_stage(
     job: Job, machine: MachineProfile, plant: str, seed: int, turned_deg: float, *, pressed: bool, strategy: str
-) -> ForceNull:
-    """Return what the force says of a half-stage cut on a lathe whose lobe is turned so much further."""
+) -> ForceNull | None:
+    """Return what the force says of a half-stage cut on a lathe whose lobe is turned so much further.
+
+    None is a cut that was not accepted, as where the tool was not on its path.
+    """
     true = plant_named(plant, machine, seed)
     true = replace(true, lobe_turned_deg=true.lobe_turned_deg + turned_deg, blank_pressed=1.0 if pressed else 0.0)
     plan = plan_run(job, machine, Strategy(strategy), stage=Stage.PARTIAL, simulated=True)
     context, _ = simulated_context(machine, true)
-    found = run_once(plan, context, lambda *_: None).force
-    assert found is not None  # a half stage is always checked
-    return found
+    try:
+        return run_once(plan, context, lambda *_: None).force
+    except ProblemError:
+        return None
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
@@ -67,13 +72,16 @@ def main(arguments: Sequence[str] | None = None) -> None:
                 strategy=options.strategy,
             )
             off_deg = plant_named(options.plant, machine, seed).lobe_turned_deg + turned_deg
-            found.append((each, off_deg))
-        rows.append(_row(name, found))
+            if each is not None:
+                found.append((each, off_deg))
+        rows.append(_row(name, found, options.seeds))
     title = f"{options.job}, {options.plant}, {options.strategy}, {options.seeds} seeds"
-    print_table(title, ("compensation", *Sign, "error of angle: mean, worst, deg", "stated sd, deg"), rows)
+    print_table(
+        title, ("compensation", *Sign, "no cut", "error of angle: mean, worst, deg", "stated sd, deg"), rows
+    )
 
 
-def _row(name: str, found: Sequence[tuple[ForceNull, float]]) -> tuple[str, ...]:
+def _row(name: str, found: Sequence[tuple[ForceNull, float]], asked: int) -> tuple[str, ...]:
     counts = Counter(each.sign for each, _ in found)
     told = [(each, deg) for each, deg in found if each.sign is not Sign.UNKNOWN]
     errors = [math.remainder(each.turned_deg - deg, 360.0 / each.lobes) for each, deg in told]
@@ -82,7 +90,7 @@ def _row(name: str, found: Sequence[tuple[ForceNull, float]]) -> tuple[str, ...]
         worst = max(errors, key=abs)
         sd_deg = sum(each.turned_sd_deg for each, _ in told) / len(told)
         figures = (f"{sum(errors) / len(errors):+.1f} {worst:+.1f}", f"{sd_deg:.1f}")
-    return (name, *(str(counts[sign]) for sign in Sign), *figures)
+    return (name, *(str(counts[sign]) for sign in Sign), str(asked - len(found)), *figures)
 
 
 if __name__ == "__main__":
