@@ -89,8 +89,9 @@ def test_where_the_force_shows_nothing_it_says_why(plant: str, pressed: float, w
     assert (found.sign, found.why, found.alarms) == (Sign.UNKNOWN, why, False)
 
 
-def test_only_the_half_stage_is_checked() -> None:
-    assert cut(stage=Stage.AIR).force is None and cut(stage=Stage.FULL).force is None
+@pytest.mark.parametrize("stage", [Stage.AIR, Stage.FULL])
+def test_only_the_half_stage_is_checked(stage: Stage) -> None:
+    assert cut(stage=stage).force is None
 
 
 def test_a_controller_that_does_not_gather_cuts_the_same_part(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -174,6 +175,7 @@ def opened_work(machine: LoadedMachine) -> Work:
     return replace(work, job=experiment_1())
 
 
+@pytest.mark.long
 def test_a_right_sign_warns_of_nothing(tmp_path: Path) -> None:
     floor = open_floor(tmp_path, plant=plant_file(tmp_path, 0.0))
     floor.set_up(experiment_1())
@@ -183,6 +185,7 @@ def test_a_right_sign_warns_of_nothing(tmp_path: Path) -> None:
     assert warned(state, replace(opened_work(machine), stage=Stage.FULL), machine) == []
 
 
+@pytest.mark.long
 def test_the_command_says_it_and_warns_the_whole_run(
     console: Console, tmp_path: Path, job_file: Callable[..., Path]
 ) -> None:
@@ -202,6 +205,7 @@ def test_the_command_says_it_and_warns_the_whole_run(
     assert "절삭력으로 보아 부호가 틀렸습니다" in spoken.out
 
 
+@pytest.mark.long
 def test_after_a_restart_arming_the_whole_says_it_from_the_record(
     tmp_path: Path, job_file: Callable[..., Path]
 ) -> None:
