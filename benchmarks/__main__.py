@@ -31,6 +31,7 @@ NAMES = (
     "simulation_speed",
     "records",
     "study",
+    "force_null",
     "ship",
     "records_page",
     "jobs_page",

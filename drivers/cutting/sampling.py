@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TypeVar
 
@@ -23,7 +24,12 @@ from drivers.errors import ControllerError, DriverError, LinkTimeoutError
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
+from drivers.pmac.gathering.gather_client import (
+    LISTING_TIMEOUT_S,
+    DataGathering,
+    GatheredData,
+    GatherPlan,
+)
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -37,6 +43,7 @@ LEAST_PIECE_LONG_WORDS = 4
 ANSWER_S = 0.17  # reply timeout under a watchdog, as for a poll
 MOST_LOST = 3  # consecutive batches that may be lost on the line
 MARGIN_S = 0.05  # how much longer than its samples a batch is waited for
+DAC_BITS = 32_768  # of the full scale of an output
 LEAST_SAMPLES_A_LOBE = 12  # minimum samples per lobe in a batch; the overtones get correspondingly fewer
 
 
@@ -44,12 +51,17 @@ LEAST_SAMPLES_A_LOBE = 12  # minimum samples per lobe in a batch; the overtones 
 class Batch:
     """A stretch of a cut: spindle angles in deg, infeed of the tip from the surface in um; shape (M,).
 
-    `past_middle_mm` is the approximate carriage position, from the middle of the cut towards the jaws.
+    `past_middle_mm` is the approximate carriage position, from the middle of the cut towards the jaws. `thrust_n`
+    is what the output of the tool's motor commands, positive into the work; empty where it was not gathered.
+    `face_deg` is the spindle angle at which the leading edge of the tool meets the face of the part, by angle and
+    carriage of the poll before.
     """
 
     angle_deg: Floats
     infeed_um: Floats
     past_middle_mm: float
+    thrust_n: Floats = field(default_factory=lambda: np.empty(0))
+    face_deg: float = 0.0
 
 
 class BatchGather:
@@ -67,23 +79,40 @@ class BatchGather:
         self._quick = replace(self._gathering, timeout_s=ANSWER_S)
         self._lost = 0
         self._names = (f"#{machine.tool.motor} actual", f"#{machine.spindle.motor} actual")
+        self._output = f"#{machine.tool.motor} output"
+        self._from_counts = 0.0
         self._state: _State = None
         self._plan: GatherPlan | None = None
         self._cut: CutPlan | None = None
         self._take: Callable[[Batch], None] = lambda _: None
 
-    def prepare(self, cut: CutPlan, samples_a_turn: int, seconds: float, take: Callable[[Batch], None]) -> None:
+    def prepare(
+        self,
+        cut: CutPlan,
+        samples_a_turn: int,
+        seconds: float,
+        take: Callable[[Batch], None],
+        *,
+        thrust: bool = False,
+        from_counts: float | None = None,
+    ) -> None:
         """Set up the controller, at rest and after the program is loaded: defining a table deletes buffers.
 
-        `samples_a_turn` are gathered at least: few are fetched sooner, so that more batches fit into a cut.
+        `samples_a_turn` are gathered at least: few are fetched sooner, so that more batches fit into a cut. With
+        `thrust` the output of the tool's motor is gathered, too. Nothing is gathered before the carriage has come
+        to `from_counts`; None is a turn after the start of its feed.
         """
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
         sample_s = 60.0 / (samples_a_turn * cut.spindle_speed_rpm)
         period = max(1, math.floor(sample_s / cycle_s))
         self._cut, self._take, self._state = cut, take, None
+        self._from_counts = cut.carriage_start + cut.setup.carriage_per_turn
+        if from_counts is not None:
+            self._from_counts = max(self._from_counts, from_counts)
+        names = (*self._names, self._output) if thrust else self._names
         self._plan = self._tried(
             lambda: self._gathering.prepare(
-                self._gathering.motor_channels(*self._names), math.ceil(seconds / (period * cycle_s)), period
+                self._gathering.motor_channels(*names), math.ceil(seconds / (period * cycle_s)), period
             )
         )
 
@@ -106,6 +135,23 @@ class BatchGather:
         while isinstance(state := self._state, _Fetching):
             self._state = self._tried(partial(self._fetched, state))
 
+    @property
+    def fetching(self) -> bool:
+        """Whether a batch was gathered and is not fetched yet."""
+        return isinstance(self._state, _Fetching)
+
+    def fetch_at_rest(self, long_words: int) -> None:
+        """Fetch a longer piece of a batch, once the machine rests; between two polls, as `see`."""
+        if isinstance(state := self._state, _Fetching):
+            self._state = self._tried(partial(self._fetched, state, long_words))
+
+    def give_back(self) -> None:
+        """Stop gathering, and delete the buffer, whose room other work of the controller may need."""
+        self._plan, self._state = None, None
+        with suppress(DriverError):
+            self._quick.stop()
+            self._client.request("DELETE GATHER", ANSWER_S)
+
     def _next(self, snapshot: Snapshot) -> _State:
         state, plan = self._state, self._plan
         if plan is None:
@@ -120,24 +166,39 @@ class BatchGather:
                 self._quick.stop()  # whether the lost one continues is unknown
             self._quick.start(plan)
             until_s = self._clock.now_s() + plan.duration_ms / 1000.0 + MARGIN_S
-            return _Running(until_s=until_s, from_counts=snapshot.carriage.position)
+            return _Running(
+                until_s=until_s,
+                from_counts=snapshot.carriage.position,
+                face_deg=self._face_deg(snapshot),
+            )
         if not in_path:
             self._quick.stop()  # the end of the cut is in this batch: none of it is used
             return None
         if self._clock.now_s() < state.until_s:
             return state
         self._quick.stop()
-        return _Fetching(plan=plan, middle_counts=0.5 * (state.from_counts + snapshot.carriage.position))
+        middle_counts = 0.5 * (state.from_counts + snapshot.carriage.position)
+        return _Fetching(plan=plan, middle_counts=middle_counts, face_deg=state.face_deg)
 
-    def _fetched(self, state: _Fetching) -> _Fetching | None:
+    def _face_deg(self, snapshot: Snapshot) -> float:
+        """Return the spindle angle at which the leading edge will be at the face of the part."""
+        cut, machine = self._cut, self._machine
+        assert cut is not None  # nothing is asked before `prepare`
+        leading = cut.setup.carriage_face - 0.5 * machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        turns = (leading - snapshot.carriage.position) / cut.setup.carriage_per_turn
+        onwards = math.copysign(1.0, snapshot.spindle.position - cut.spindle_start)
+        return 360.0 * (snapshot.spindle.position / machine.spindle.counts_per_rev + onwards * turns)
+
+    def _fetched(self, state: _Fetching, at_rest_words: int = 0) -> _Fetching | None:
         if state.complete:
             self._deliver(state)
             return None
         # On a slow line the poll itself uses up the watchdog timeout, so a piece shrinks with the square.
         fraction = min(1.0, POLL_OF_PIECE_S / max(self._round_trip(), POLL_OF_PIECE_S)) ** 2
-        piece = max(LEAST_PIECE_LONG_WORDS, math.floor(fraction * PIECE_LONG_WORDS))
+        piece = at_rest_words or max(LEAST_PIECE_LONG_WORDS, math.floor(fraction * PIECE_LONG_WORDS))
         count = min(piece, state.plan.long_words - state.words)
-        part = self._client.request(f"LIST GATHER {state.words},{count}", ANSWER_S)
+        answer_s = LISTING_TIMEOUT_S if at_rest_words else ANSWER_S
+        part = self._client.request(f"LIST GATHER {state.words},{count}", answer_s)
         found = sum(len(line.split()) for line in part)
         words = state.words + found
         complete = found < count or words >= state.plan.long_words
@@ -158,16 +219,24 @@ class BatchGather:
                 angle_deg=spindle / machine.spindle.counts_per_rev * 360.0,
                 infeed_um=(tool - cut.setup.surface) * machine.tool.count_um,
                 past_middle_mm=past_middle / machine.carriage.counts_per_mm,
+                thrust_n=data.values.get(self._output, np.empty(0)) * self._n_per_bit,
+                face_deg=state.face_deg,
             )
         )
+
+    @property
+    def _n_per_bit(self) -> float:
+        tool = self._machine.tool
+        return tool.dac_full_scale_v / DAC_BITS * tool.loop_gain_n_per_v
 
     def _in_path(self, snapshot: Snapshot) -> bool:
         """Whether the tool is on its path: at depth, with the carriage feeding towards the end of the cut."""
         cut = self._cut
         assert cut is not None  # nothing is asked before `prepare`
         setup = cut.setup
-        gone = snapshot.carriage.position - cut.carriage_start
-        fed = setup.carriage_per_turn < gone < setup.carriage_counts - setup.carriage_per_turn
+        there = snapshot.carriage.position
+        end = cut.carriage_start + setup.carriage_counts - setup.carriage_per_turn
+        fed = self._from_counts < there < end
         return snapshot.program_running and fed and snapshot.tool.position > setup.surface
 
     def _tried(self, work: Callable[[], _Result]) -> _Result:
@@ -184,12 +253,14 @@ class BatchGather:
 class _Running:
     until_s: float
     from_counts: float
+    face_deg: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fetching:
     plan: GatherPlan
     middle_counts: float
+    face_deg: float
     lines: tuple[str, ...] = ()
     words: int = 0
     complete: bool = False

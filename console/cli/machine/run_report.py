@@ -9,6 +9,7 @@ from console.cli.measured.roundness_report import roundness_fields
 from console.cli.output import fields_of, harmonics_of
 from console.session.cut.run import RunResult
 from console.session.data.made_parts import FINGERPRINT, tool_lobe_event
+from console.session.force_record import force_event
 from console.session.learning.row_result import LearnedPart, LearnResult
 from console.session.stages import Stage
 from console.session.station.alarms import collision_problems
@@ -16,6 +17,7 @@ from console.text.catalogue import Catalogue
 from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
 from console.text.fingerprint import clamped_fields
+from console.text.force import force_words
 from profiles.compensations.path import PathHarmonic
 from profiles.roundness import RoundnessResult
 
@@ -53,6 +55,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "within_tolerance": result.within_tolerance,
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
         **tool_lobe_event(figures.tool_lobe_um),
+        **force_event(result.force),
         "telemetry_samples": figures.samples,
         "segment_ms": plan.cut.segment_ms,
         "cut_duration_s": plan.cut.duration_s,
@@ -120,7 +123,8 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     facts += [(text("run.collision"), text.problem(problem)) for problem in collision_problems(result.collisions)]
     sim = f"{text('sim')}  " if result.simulated else ""
     head = f"{sim}{plan.job.name} · {plan.machine.name} · {plan.cut.strategy}"
-    return ["", head, "", *_parts(result, text), *table(facts)]
+    force = [] if result.force is None else ["", force_words(result.force, text)]
+    return ["", head, "", *_parts(result, text), *table(facts), *force]
 
 
 def _parts(result: RunResult, text: Catalogue) -> list[str]:

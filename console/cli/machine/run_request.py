@@ -13,6 +13,7 @@ from console.session.cut.run import RunPlan, plan_run
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.identified import asked_response
 from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
+from console.session.data.made_parts import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
 from console.session.learning.history import history_of
@@ -86,6 +87,7 @@ def requested(options: Namespace) -> RunRequest:
             *loaded.warnings,
             *date_problems(learned),
             *_unused(options, job, loaded, simulated=simulated),
+            *_contradicted(options, job, loaded, simulated=simulated),
             *plan.warnings,
         ),
         fingerprint=fingerprint,
@@ -107,6 +109,20 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simul
     if differences(newest, asked_for(job, machine, strategy, simulated=simulated)):
         return ()
     return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
+
+
+def _contradicted(
+    options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool
+) -> tuple[Problem, ...]:
+    """Return what the cutting force of the last part, a half-stage one, says against the whole of it."""
+    if options.stage != Stage.FULL or options.learn is not None or not Strategy(options.strategy).traits.inverts:
+        return ()
+    try:
+        part = newest_part(data_of(options), asked_for(job, machine, "", simulated=simulated))
+    except ProblemError as error:
+        return tuple(error.problems)
+    found = None if part is None else part.against(job.job)
+    return () if found is None else (found,)
 
 
 def _path(

@@ -7,10 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load, nothing_seen, tool_clear
+from console.session.cut.force_watch import ForceWatch
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
 from console.session.cut.recording import ONLY_PART, PartName
 from console.session.cut.telemetry import CutFigures
@@ -22,6 +23,7 @@ from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.errors import LinkError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
+from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath, Expected, expected
 from profiles.findings import Severity, refusals
 from profiles.job import Job
@@ -70,7 +72,7 @@ class RunResult:
     """Result of a run: `before` is the same job cut without compensation, `after` with the strategy.
 
     A part that was not cut or not measured is None. `trace` is that of the part of `after`; `collisions` are those
-    of the tool in either cut, each kind once.
+    of the tool in either cut, each kind once. `force` is the check by the force of a half-stage cut.
     """
 
     plan: RunPlan
@@ -80,6 +82,7 @@ class RunResult:
     figures: CutFigures
     collisions: tuple[str, ...]
     trace: Trace | None = None
+    force: ForceNull | None = None
 
     @property
     def improvement_percent(self) -> float | None:
@@ -197,12 +200,14 @@ def plan_run(
 class CutOutcome:
     """Trace of the released part, figures read during the cut, and collisions of the tool.
 
-    Without a gauge, or where no measurement was asked for, there is no trace.
+    Without a gauge, or where no measurement was asked for, there is no trace. `force` is the check of sign and
+    angle, where it was asked for.
     """
 
     trace: Trace | None
     figures: CutFigures
     collisions: tuple[str, ...]
+    force: ForceNull | None = None
 
 
 class Beside(Protocol):
@@ -213,6 +218,16 @@ class Beside(Protocol):
 
     def see(self, snapshot: Snapshot) -> None:
         """Take a status poll during the cut."""
+
+
+class _Nothing:
+    """No work beside a cut."""
+
+    def begin(self, plan: CutPlan) -> None:
+        """Do nothing."""
+
+    def see(self, snapshot: Snapshot) -> None:
+        """Do nothing."""
 
 
 def cut_part(
@@ -226,6 +241,7 @@ def cut_part(
     blank: bool = True,
     clamped: bool = False,
     measured: bool = True,
+    force: ForceWatch | None = None,
     name: PartName = ONLY_PART,
 ) -> CutOutcome:
     """Make one part, with the work `beside` it; a machine that is `homed` is not homed again.
@@ -233,7 +249,7 @@ def cut_part(
     The record has it under its `name`.
 
     Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
-    A part not to be `measured` stays clamped.
+    A part not to be `measured` stays clamped. With `force` sign and angle are checked by the force of the cut.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
@@ -241,11 +257,12 @@ def cut_part(
     """
     lathe = context.lathe
     context.recorder.part(name)
+    watch: Beside = beside or force or _Nothing()
 
     def begin(step: Step, detail: str) -> None:
         tell(step, detail)
-        if step is Step.CUT and beside is not None:
-            beside.begin(plan)
+        if step is Step.CUT:
+            watch.begin(plan)
 
     version, kind = lathe.connect()
     try:
@@ -254,9 +271,9 @@ def cut_part(
         load(context, plan, tell, aligned=False)
         tell(Step.ALIGN, "")
         _switch_on(context, job, homed=homed, blank=blank and not clamped)
-        see = (lambda _: None) if beside is None else beside.see
-        end = cut(context, job, plan, begin, see, settle_tool=not homed)
-        return _outcome(context, job, end, tell, measured=measured and blank)
+        end = cut(context, job, plan, begin, watch.see, settle_tool=not homed)
+        checked = None if force is None else force.result()
+        return replace(_outcome(context, job, end, tell, measured=measured and blank), force=checked)
     except ProblemError as error:
         if lathe.stop.reason is None and not lathe.has_moved:
             raise
@@ -346,6 +363,7 @@ def run_once(plan: RunPlan, context: CutContext, tell: TellPart, before: CutOutc
         plan.cut,
         lambda step, detail: tell(_PARTS[plan.stage], step, detail),
         measured=plan.stage is not Stage.AIR,
+        force=ForceWatch(context.lathe, plan.job) if plan.stage is Stage.PARTIAL else None,
         name=PartName(name=_PARTS[plan.stage]),
     )
     return _result(plan, context, before, after)
@@ -361,6 +379,7 @@ def _result(plan: RunPlan, context: CutContext, before: CutOutcome | None, after
         figures=after.figures,
         collisions=tuple(dict.fromkeys((*earlier, *after.collisions))),
         trace=after.trace,
+        force=after.force,
     )
 
 

@@ -10,8 +10,11 @@ from typing import Any
 from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
 from console.session.errors import SessionError
+from console.session.force_record import against_full, force_of
 from console.session.stages import Stage
+from profiles.compensations.force_null import ForceNull
 from profiles.compensations.learned import HoldsFor
+from profiles.job import Job
 from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
 
@@ -145,6 +148,7 @@ class CutPart:
     """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since.
 
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, 0 where the record does not have it.
+    `force` is what the cutting force said of a half-stage cut, None where it was not asked.
     """
 
     run_id: str
@@ -152,6 +156,12 @@ class CutPart:
     at_utc: str
     cut_since: bool
     tool_lobe_um: complex = 0j
+    force: ForceNull | None = None
+
+    def against(self, job: Job) -> Problem | None:
+        """Return what its force says against the full stage of its `job` as filed, None for nothing."""
+        said = self.made.cut_jaw_1_deg
+        return against_full(self.force, 0.0 if said == AS_FILED else job.jaw_1_deg - float(said))
 
 
 def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
@@ -162,7 +172,12 @@ def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
                 return None
             tool_um = tool_lobe_um(data)
             return CutPart(
-                run_id=run_id, made=made, at_utc=at_utc, cut_since=bool(cut_since), tool_lobe_um=tool_um
+                run_id=run_id,
+                made=made,
+                at_utc=at_utc,
+                cut_since=bool(cut_since),
+                tool_lobe_um=tool_um,
+                force=force_of(data),
             )
     return None
 

@@ -7,15 +7,18 @@ from dataclasses import replace
 from console.session.cut.alignment import aligned_job, problems
 from console.session.cut.compensated import compensation_problems, inverted_path, path_of, stored_problems
 from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, load
+from console.session.cut.force_watch import ForceWatch
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
-from console.session.data.learned_store import NONE, versions
-from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, tool_lobe_event
+from console.session.data.learned_store import NONE, asked_for, versions
+from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_part, tool_lobe_event
 from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
+from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import fingerprinted, refuse_unusable
 from console.session.learning.history import history_of
+from console.session.learning.learning_steps import as_cut
 from console.session.stages import Stage
 from console.session.station.adjusting.passing_on import Adjusting, left_behind
 from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
@@ -31,12 +34,13 @@ from drivers.errors import RefusedError
 from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.axis.response import ServoResponse
+from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.readings import readings_text
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
-from profiles.store import job_text
+from profiles.store import LoadedJob, job_text
 
 
 def arm(context: StationContext, command: Arm) -> None:
@@ -79,7 +83,21 @@ def arm(context: StationContext, command: Arm) -> None:
     )
     if percent is not None:
         context.note("override_restored", percent=percent)
-    context.tell(armed=armed)
+    context.tell(armed=armed, force=context.state.force or _checked_before(context, command.loaded))
+
+
+def _checked_before(context: StationContext, loaded: LoadedJob | None) -> ForceCheck | None:
+    """Return what the force of the last part of a job said, by the record: this console may be a new one."""
+    if loaded is None:
+        return None
+    asked = asked_for(loaded, context.loaded_machine, "", simulated=context.shop is not None)
+    try:
+        part = newest_part(context.records, asked)
+        if part is None or part.force is None:
+            return None
+        return ForceCheck(job=as_cut(loaded.job, part.made), found=part.force)
+    except ProblemError:
+        return None  # what is wrong with the record is reported by what needs it
 
 
 def _response(command: Arm, machine: MachineProfile) -> ServoResponse:
@@ -175,12 +193,13 @@ def start(context: StationContext, _: Start) -> None:
     touched_mm = 0.0 if context.state.touched is None else context.state.touched.to_mm
     try:
         end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see, touched_mm=touched_mm)
+        force = watched.force.result() if watched.force else None
     except NotAsPlannedError as early:
         context.note("ended_early", turns=early.turns, reasons=[problem.code for problem in early.problems])
         raise
     finally:
         context.seen = None
-    _finish(context, watched, end)
+    _finish(context, watched, end, force)
 
 
 class _Watched:
@@ -192,10 +211,14 @@ class _Watched:
         self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=in_air, learned=learned)
         self._reports = context.lathe.program.reports()
         self._held = False
+        half, self._plan = armed.made.stage == Stage.PARTIAL, armed.plan
+        self.force = ForceWatch(context.lathe, armed.job) if half else None
         self.adjusting = Adjusting(context, armed.bounds)
 
     def step(self, step: Step, detail: str) -> None:
         if step is Step.CUT:
+            if self.force is not None:
+                self.force.begin(self._plan)
             self._context.note("started", strategy=self._strategy.value)
             self._stage = CutStage.RUN_UP
             self._context.tell(activity=Activity.CUTTING)
@@ -205,6 +228,8 @@ class _Watched:
         context = self._context
         if self._reports is not None and self._phase_is_known():
             self._reports.read()
+        if self.force is not None:
+            self.force.see(snapshot)
         if context.end_asked and not context.lathe.program.held:
             context.lathe.program.end_after_turn()
         self._pass_on_hold()
@@ -282,8 +307,8 @@ def retract(context: StationContext, _: Retract) -> None:
         refuse(context.lathe.program.switch_tables_off())
 
 
-def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
-    """Report how the cut has ended."""
+def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: ForceNull | None) -> None:
+    """Report how the cut has ended, and what its force says of a half stage."""
     stage = CutStage.HELD if end.held else CutStage.DONE
     adjusted = watched.adjusting.adjusted
     ended = watched.watch.see(end.last, stage, end.held, context.state.spindle_rpm, adjusted=adjusted)
@@ -292,13 +317,16 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd) -> None:
     if ended.holds_mm:
         context.note("held_at", z_mm=list(ended.holds_mm))
     # An air cut has not touched the part: it is as good a blank as before.
-    ended = replace(ended, figures=end.figures, changed=watched.adjusting.changed)
+    ended = replace(ended, figures=end.figures, changed=watched.adjusting.changed, force=force)
+    if force is not None and context.started is not None:
+        context.tell(force=ForceCheck(job=context.started.job, found=force))
     done = not end.held and not ended.in_air
     context.parts += done
     context.tell(cut=ended, cut_done=done)
     made = {} if context.started is None else context.started.made.event()
     if end.figures is not None:
         made |= tool_lobe_event(end.figures.tool_lobe_um)
+    made |= force_event(force)
     context.note(
         "held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made
     )

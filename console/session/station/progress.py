@@ -21,6 +21,7 @@ from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.compensations.force_null import ForceNull
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -71,7 +72,8 @@ class CutProgress:
     program cannot be held. `holds_mm` is where it was held, `held_left_s` how long the program still waits.
     `adjusted` is what was changed of the running cut. Times go with its override; error and phase are against the
     target of the job, so that they show what a trim does; `path_phase` is that against the trimmed path. `changed`
-    is what was changed of a cut that has ended, None where nothing was.
+    is what was changed of a cut that has ended, None where nothing was; `force` what the force of one in the half
+    stage says of sign and angle.
     """
 
     stage: CutStage
@@ -107,6 +109,7 @@ class CutProgress:
     path_phase: telemetry.Phase | None = None
     learned_lead_deg: float = 0.0
     changed: Changed | None = None
+    force: ForceNull | None = None
 
     @property
     def in_phase(self) -> bool | None:

@@ -18,6 +18,7 @@ from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
+    from console.session.force_record import ForceCheck
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
     from console.session.station.link.lost_link import LostLink
@@ -183,7 +184,8 @@ class StationState:
     `ends_at_most` whether it may end long before.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
     read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
-    trial, as the controller had them when it was compared last. `truth` is what is so at a simulated lathe, once
+    trial, as the controller had them when it was compared last. `force` is what the force of the last half-stage
+    cut says of sign and angle. `truth` is what is so at a simulated lathe, once
     it was asked; `indicated` what an indicator shows there of the clamping, likewise. `speed` is how many times as
     fast as real time that runs, 0 while its instructor has paused it; `stop_waits` is whether a stop was sent to
     it meanwhile.
@@ -224,6 +226,7 @@ class StationState:
     tool_loop: ToolLoop | None = None
     tested: str = ""
     trial: StandingTrial | None = None
+    force: ForceCheck | None = None
     truth: Truth | None = None
     indicated: ClampReadings | None = None
     speed: float = 1.0

@@ -26,9 +26,7 @@ def next_word(view: View) -> str:
             return "next_air"
         return ("next_measure" if state.cut_done else "next_cut") + where(state)
     if not part.strategy.traits.follows_lobe:
-        if is_taken(part.lobe, view.work):
-            return "next_lobe_taken"
-        return "next_lobe" if part.lobe is not None and not part.lobe.reasons else "next_no_lobe"
+        return _lobe_word(part, view)
     learning = part.learning
     teaches, kept = learning is not None and not learning.reasons, is_kept(learning, view.work)
     codes = [] if learning is None else [reason.code for reason in learning.reasons]
@@ -36,6 +34,8 @@ def next_word(view: View) -> str:
         return "next_made_worse"
     if any(code in WORSE for code in codes):
         return "next_worse"
+    if part.is_half and state.force is not None and state.force.contradicts(part.job):
+        return "next_force"
     if kept:
         return "next_half" if part.is_half else "next_kept"
     taught = None if learning is None or not teaches else learning.taught
@@ -56,6 +56,13 @@ def next_word(view: View) -> str:
     if not stands_out:
         return "next_failed_scatter"
     return "next_failed_jaw" if jaw_explains(taught) else "next_failed_learn"
+
+
+def _lobe_word(part: MeasuredPart, view: View) -> str:
+    """Return the word after a part that was cut without compensation."""
+    if is_taken(part.lobe, view.work):
+        return "next_lobe_taken"
+    return "next_lobe" if part.lobe is not None and not part.lobe.reasons else "next_no_lobe"
 
 
 def fails(part: MeasuredPart) -> bool:

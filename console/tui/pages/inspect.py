@@ -17,7 +17,7 @@ from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
-from console.tui.pages.learn_lines import certified_lines, head_lines, learn_lines, learn_title
+from console.tui.pages.learn_lines import certified_lines, force_lines, head_lines, learn_lines, learn_title
 from console.tui.pages.learning_keys import accept_part, revert_version
 from console.tui.pages.lobe_lines import lobe_lines
 from console.tui.pages.stop_lines import mark_lines
@@ -203,6 +203,7 @@ class InspectPage(ChartPage):
             rows = lobe_lines(part.lobe, view.work, text, width)
         elif part.learning is not None:
             rows = learn_lines(part.learning, view.work, text, width, failed=fails(part))
+            rows += force_lines(part, view.state.force, text, width)
             rows += certified_lines(part.learning, text, width)
         if self._seen is not None:
             rows += [BLANK, *full_lines(self._seen, text, width, simulated=view.state.simulated)]
@@ -326,12 +327,16 @@ class InspectPage(ChartPage):
         if part is None or part.learning is None:
             return
         failed, width, learning = fails(part), max(room.width, 1), part.learning
-        rows = learn_lines(learning, view.work, text, width, failed=failed, brief=True)
-        more = text("panel.more") if len(rows) > room.height else ""
-        self._learn.show(rows[: room.height], learn_title(learning, text), more)
         # The plain words, and why nothing is learned, are shown in full, at the cost of the plot.
         head = head_lines(learning, view.work, text, width, failed=failed, brief=True)
-        least = len(head) + (_STEP_ROWS if failed else 0)  # and of a part that fails the learning step
+        force = force_lines(part, view.state.force, text, width)
+        rows = learn_lines(learning, view.work, text, width, failed=failed, brief=True)
+        rows[len(head) : len(head)] = force
+        more = text("panel.more") if len(rows) > room.height else ""
+        self._learn.show(rows[: room.height], learn_title(learning, text), more)
+        least = (
+            len(head) + len(force) + (_STEP_ROWS if failed else 0)
+        )  # and of a part that fails the learning step
         self._grant(least)
 
     def _grant(self, rows: int) -> None:

@@ -7,12 +7,15 @@ from contextlib import suppress
 from datetime import UTC, datetime
 
 from console.session.data.made_parts import MODEL
+from console.session.force_record import ForceCheck
 from console.session.learning.learning_steps import Taught
 from console.session.learning.part_learning import PartLearning
+from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
 from console.text.certificate import certificate_lines
+from console.text.force import force_words
 from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
@@ -61,6 +64,14 @@ def head_lines(
     lines = cause_lines(learning, text, width, brief=brief) if failed else []
     lines += wrapped(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
     return [*lines, *reason_lines(learning, text, width)]
+
+
+def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, width: int) -> list[Line]:
+    """Return what the cutting force said of a half-stage part, beside what was measured on it."""
+    if check is None or not part.is_half or not check.is_of(part.job):
+        return []
+    token = Token.WARNING if check.found.alarms else Token.TEXT
+    return wrapped(force_words(check.found, text), width, token)
 
 
 def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:

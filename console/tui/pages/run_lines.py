@@ -23,6 +23,7 @@ from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
+from console.text.force import force_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -119,7 +120,23 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     aside = () if work is None or state.armed is not None else work.set_aside
     if chosen is not None or aside:
         yield Interlock(name="learned", problems=chosen or (), warnings=aside)
+    yield from _force_check(state, work)
     yield Interlock(name="aligned", problems=problems(state.alignment, job))
+
+
+def _force_check(state: StationState, work: Work | None) -> Iterator[Interlock]:
+    """Warn of a full stage that the cutting force of the half one has contradicted."""
+    if state.force is None:
+        return
+    if state.armed is not None:
+        job, stage = state.armed.job, state.armed.made.stage
+    elif work is not None:
+        job, stage = aligned_job(work.job, state.alignment), work.stage
+    else:
+        return
+    against = state.force.contradicts(job) if stage == Stage.FULL else None
+    if against is not None:
+        yield Interlock(name="force", warnings=(against,))
 
 
 def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:
@@ -245,6 +262,9 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     rows = [fact(text(f"run_page.figure.{key}"), value, width, label_width=label) for key, value in pairs]
     words = [row for note in notes for row in wrapped(text(f"run_page.{note}"), width, Token.DIM)]
     changed = changed_lines(text, cut.changed, width)
+    if cut.force is not None:
+        token = Token.WARNING if cut.force.alarms else Token.TEXT
+        changed = [*wrapped(force_words(cut.force, text), width, token), BLANK, *changed]
     head = [*wrapped(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK]
     return [*head, *changed, *words]
 

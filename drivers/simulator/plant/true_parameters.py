@@ -60,8 +60,10 @@ class TrueParameters:
     turned by `lobe_turned_deg` past where it would be, and has `overtone_factor` of the ring's second harmonic.
 
     Blanks have an oval of `blank_oval_um_pp` on the radius and run out by `blank_run_out_um` (full indicator
-    movement), at angles of their own. From clamping to clamping the machine warms up: it brings the tip further
-    in, by `drift_um` in the end, of which 1 - exp(-n / `drift_parts`) after n parts.
+    movement), at angles of their own. With `blank_pressed` 1 they were round before they were clamped, so that the
+    jaws press their surface in; with 0 they were turned round in these jaws. From clamping to clamping the machine
+    warms up: it brings the tip further in, by `drift_um` in the end, of which 1 - exp(-n / `drift_parts`) after n
+    parts.
 
     The lobe grows by the fraction `lobe_growth_per_mm` with each mm past the middle of the cut, towards the jaws;
     None is the job's value.
@@ -131,6 +133,7 @@ class TrueParameters:
     overtone_factor: float = 0.0
     blank_oval_um_pp: float = 0.0
     blank_run_out_um: float = 0.0
+    blank_pressed: float = 0.0
     drift_um: float = 0.0
     drift_parts: float = 5.0
     lobe_growth_per_mm: float | None = None
@@ -205,17 +208,12 @@ class TrueParameters:
             overtone=self.overtone_factor * ring_overtone(job.jaws),
             shift_um=jaws.shift_um,
             oval_um=jaws.oval_fraction * 0.5 * lobe_um_pp,
+            pressed_in=self.blank_pressed * _before_cut(job) if self.blank_pressed else 0.0,
         )
 
     def pressed(self, job: Job, force_factor: float) -> Blank:
-        """Return the blank as the jaws press it at rest, before anything was turned off its wall.
-
-        A ring bends by 1 / t^3 of its wall t; one whose wall is thick is no ring, and hardly changes.
-        """
-        blank, wall_mm = self.blank(job, force_factor, at_rpm=0.0), job.wall_thickness_mm
-        if wall_mm / job.radius_mm >= THIN_WALL:
-            return blank
-        stiffer = (1.0 - job.depth_of_cut_mm / wall_mm) ** 3
+        """Return the blank as the jaws press it at rest, before anything was turned off its wall."""
+        blank, stiffer = self.blank(job, force_factor, at_rpm=0.0), _before_cut(job)
         return replace(blank, lobe_um_pp=stiffer * blank.lobe_um_pp, oval_um=stiffer * blank.oval_um)
 
     def finger_factor(self, random: Random) -> float:
@@ -350,6 +348,17 @@ def ring_overtone(jaws: int) -> float:
     of N have the same phase.
     """
     return ((jaws**2 - 1) / ((2 * jaws) ** 2 - 1)) ** 2
+
+
+def _before_cut(job: Job) -> float:
+    """Return by what fraction of the bending of the finished part its blank bends.
+
+    A ring bends by 1 / t^3 of its wall t; one whose wall is thick is no ring, and hardly changes.
+    """
+    wall_mm = job.wall_thickness_mm
+    if wall_mm / job.radius_mm >= THIN_WALL:
+        return 1.0
+    return (1.0 - job.depth_of_cut_mm / wall_mm) ** 3
 
 
 def _lobe_ratio(now_n: float, then_n: float) -> float:

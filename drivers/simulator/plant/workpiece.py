@@ -67,6 +67,9 @@ class Blank:
     amplitudes that are highest at jaw 1. All of it is that at the Z `middle_mm`; the lobe grows by the fraction
     `growth_per_mm` with each mm from there towards the jaws, and its second harmonic, the fraction `overtone` of
     it, with it. `form` is the shape of the surface that was never cut.
+
+    A blank that was round before it was clamped is pressed in where the part will spring back, by the fraction
+    `pressed_in` of that; 0 is one that was turned round in these jaws.
     """
 
     radius_mm: float
@@ -80,15 +83,26 @@ class Blank:
     middle_mm: float = 0.0
     overtone: float = 0.0
     form: Form = ROUND
+    pressed_in: float = 0.0
 
     @property
     def most_radius_mm(self) -> float:
         """A radius that no point of the surface exceeds."""
-        return self.radius_mm + self.form.most_mm
+        lobe_um = 0.5 * self.lobe_um_pp * (1.0 + self.overtone) + abs(self.oval_um) + abs(self.shift_um)
+        return self.radius_mm + self.form.most_mm + self.pressed_in * lobe_um / 1000.0
 
     def radius_at_mm(self, turns: float) -> float:
         """Return the clamped radius before any cut, `turns` of the spindle from its index."""
-        return self.radius_mm + (float(self.form.at_mm(turns)) if self.form is not ROUND else 0.0)
+        if self.form is ROUND and not self.pressed_in:
+            return self.radius_mm
+        return self.radius_mm + float(self.surface_mm(np.asarray(turns, dtype=np.float64)))
+
+    def surface_mm(self, turns: Floats) -> Floats:
+        """Return how much further out than its radius the clamped surface is before any cut, at these turns."""
+        own_mm = self.form.at_mm(turns)
+        if not self.pressed_in:
+            return own_mm
+        return own_mm - self.pressed_in / 1000.0 * self.spring_back_um(360.0 * turns, self.middle_mm)
 
     def spring_back_um(self, angle_deg: Floats, z_mm: float) -> Floats:
         """Return how much further out the released surface is than the clamped one, at a Z of the machine."""
@@ -120,9 +134,9 @@ class Workpiece:
         self._rough_mm: dict[int, Floats] = {}
         self._radius_mm = np.full((len(self._sections_mm), ANGLES), blank.radius_mm)
         self._rough_blank_mm = np.full(ROUGH_PLACES, blank.radius_mm)
-        if blank.form is not ROUND:
-            self._radius_mm += blank.form.at_mm(np.arange(ANGLES) / ANGLES)
-            self._rough_blank_mm += blank.form.at_mm((np.arange(ROUGH_PLACES) + 0.5) / ROUGH_PLACES)
+        if blank.form is not ROUND or blank.pressed_in:
+            self._radius_mm += blank.surface_mm(np.arange(ANGLES) / ANGLES)
+            self._rough_blank_mm += blank.surface_mm((np.arange(ROUGH_PLACES) + 0.5) / ROUGH_PLACES)
         self._tail: Floats = np.empty((3, 0))
 
     def cut(

@@ -207,7 +207,7 @@ class SimulatedWorkshop:
         assert self._part is not None
         turns = angle_deg / 360.0
         wander_mm = 0.0 if self._wander is None else self._wander.at_mm(turns)
-        own_mm = self._part.blank.radius_at_mm(turns) - self._part.blank.radius_mm
+        own_mm = float(self._part.blank.form.at_mm(turns))
         in_um = float(pressed.spring_back_um(np.array([angle_deg]), pressed.middle_mm)[0])
         return 1000.0 * (own_mm + wander_mm) - in_um
 

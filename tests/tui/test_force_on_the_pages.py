@@ -1,0 +1,82 @@
+"""What the cutting force of the half stage says on Run and Inspect, in both languages, at 80 columns."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+from rich.cells import cell_len
+
+from console.session.force_record import ForceCheck
+from console.session.learning.part_learning import PartLearning
+from console.session.station.progress import CutStage
+from console.text.catalogue import load
+from console.text.force import force_words
+from console.tui.pages.inspect import InspectPage
+from console.tui.pages.run import RunPage
+from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
+from profiles.problem import Problem
+from profiles.words.sentences import LANGUAGES
+from tests.tui import run_stage
+from tests.tui.page_stage import shown_on
+from tests.tui.scenes import taught_part
+from tests.tui.stage import experiment
+
+WRONG = ForceNull(
+    sign=Sign.WRONG_SIGN,
+    lobes=3,
+    force_n=1.06j,
+    force_sd_n=0.03,
+    right_n=-0.57j,
+    wrong_n=1.05j,
+    mean_n=2.6,
+    ratio=-0.98 + 0j,
+    turned_deg=-59.8,
+    turned_sd_deg=1.7,
+    air_turns=6,
+    cut_turns=6,
+)
+RIGHT = replace(WRONG, sign=Sign.AGREES, force_n=-0.55j, ratio=0.9 + 0j, turned_deg=0.4)
+
+
+def test_every_verdict_and_every_reason_has_words() -> None:
+    for language in LANGUAGES:
+        text = load(language)
+        said = [force_words(replace(WRONG, sign=sign), text) for sign in Sign if sign is not Sign.UNKNOWN]
+        said += [force_words(unknown(3, why), text) for why in Why if why is not Why.NONE]
+        assert len(set(said)) == 9 and all("{" not in each for each in said)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("found", [WRONG, RIGHT, unknown(3, Why.ROUND)])
+def test_run_says_it_after_the_cut(language: str, found: ForceNull) -> None:
+    text = load(language)
+    done = run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, force=found)
+    page = shown_on(RunPage, run_stage.state(cut=done, cut_done=True), language=language)
+    assert force_words(found, text)[:12] in page.text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_run_warns_of_the_whole_before_it_is_armed(language: str) -> None:
+    text, work = load(language), experiment()
+    check = ForceCheck(job=work.job, found=WRONG)
+    page = shown_on(RunPage, run_stage.state(force=check), work=work, language=language)
+    assert f"! {text('run_page.check.force')}" in page.text
+    half = shown_on(RunPage, run_stage.state(force=check), work=replace(work, stage="partial"), language=language)
+    assert text("run_page.check.force") not in half.text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_inspect_says_it_beside_the_measured_half_and_leads_to_jaw_1(language: str) -> None:
+    text, part = load(language), taught_part()
+    assert part.learning is not None
+    made = replace(part.learning.made, stage="partial")
+    half = replace(part, learning=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
+    state = run_stage.state(measured=half, force=ForceCheck(job=part.job, found=WRONG))
+    page = shown_on(InspectPage, state, work=experiment(), language=language)
+    assert page.next_step == text("inspect_page.next_force") and cell_len(page.next_step) <= 77
+    assert force_words(WRONG, text)[:12] in page.text
+    right = replace(state, force=ForceCheck(job=part.job, found=RIGHT))
+    assert shown_on(InspectPage, right, work=experiment(), language=language).next_step == text(
+        "inspect_page.next_half"
+    )
