@@ -33,6 +33,7 @@ ENTRY_TURNS = (
     3.0,
     12.0,
 )  # over which a tool yields that has just met the part: its guides give way, its loop follows
+SETTLED_TURNS = 3.0  # in air, from the start of feed: a tool held by dry friction has not reached its path before
 LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
 SWEEPS = 20
 
@@ -60,8 +61,8 @@ class PathSeen:
         # Clear of the part nothing deflects the tool: its path differs there, and the first turn is on neither.
         land = machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
         self._clear = setup.carriage_face - 0.5 * land
-        # A tool held by dry friction has not reached its path when the feed begins; a turn in air allows for it.
         self._first = plan.carriage_start + setup.carriage_per_turn
+        self._settled = plan.carriage_start + SETTLED_TURNS * setup.carriage_per_turn
         self._in_part = self._clear + setup.carriage_per_turn
         self._recut_end = self._uncut = -math.inf
         if before is not None:
@@ -96,7 +97,7 @@ class PathSeen:
         if not self._machine.spindle.followed:
             yield from self._spindle(turns, rows[:, 4])
         at = rows[:, 3]
-        clear, in_part = at < self._clear, at > self._in_part
+        clear, in_part = (at > self._settled) & (at < self._clear), at > self._in_part
         recut, uncut = in_part & (at < self._recut_end), in_part & (at > self._uncut)
         # Only a cut that follows the lobe has reached its path when the feed begins.
         for among in (clear, recut, uncut) if self._plan.strategy.traits.inverts else (recut, uncut):

@@ -79,9 +79,9 @@ def test_a_lobe_that_a_weak_amplifier_makes_smaller_is_no_reason() -> None:
     assert told(share=0.7) == []
 
 
-def test_a_tool_that_friction_holds_where_the_feed_begins_has_a_turn_in_air_to_follow() -> None:
-    assert told(-35.0, within_s=(0.0, TURN_S)) == []
-    assert told(-35.0, within_s=(1.5 * TURN_S, 3.0 * TURN_S)) == ["tool"]
+def test_a_tool_that_friction_holds_where_the_feed_begins_has_three_turns_in_air_to_follow() -> None:
+    assert told(-35.0, within_s=(0.0, 3.0 * TURN_S)) == []
+    assert told(-35.0, within_s=(3.5 * TURN_S, 5.0 * TURN_S)) == ["tool"]
 
 
 def test_a_tool_that_yields_where_the_part_begins_is_no_reason() -> None:
