@@ -1,8 +1,9 @@
 """What a perfect controller of a simulated lathe leaves on a part, by formulas of our own.
 
-It knows all that repeats, and its tool follows any path. It does not know this clamping's force, nor what the
-spindle does not repeat from turn to turn; and the gauge has its noise. Lobe, second harmonic and the oval of an
-unequal jaw are proportional to the force that holds the part at speed (docs/plant.md).
+It knows all that repeats, and its tool follows any path. It does not know this clamping's force, nor the form of
+this blank, which a part that gives way copies, nor what the spindle does not repeat from turn to turn; and the
+gauge has its noise. Lobe, second harmonic and the oval of an unequal jaw are proportional to the force that holds
+the part at speed (docs/plant.md).
 """
 
 from __future__ import annotations
@@ -12,9 +13,13 @@ import statistics
 from random import Random
 
 import numpy as np
+from numpy.typing import NDArray
 
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.spindle import STRAY_FRACTION, STRAY_PER_TURN
+from drivers.simulator.plant.tip_load import material_of
+from drivers.simulator.plant.true_parameters import TrueParameters
+from profiles.cutting import cutting_force
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
@@ -22,6 +27,7 @@ from profiles.roundness import evaluate
 CLAMPINGS = 100
 POINTS, GAUGE_POINTS = 720, 3600
 FILTER_UPR = 50.0
+Floats = NDArray[np.float64]
 
 
 def floor_um(job: Job, machine: MachineProfile, plant: str, seed: int, clamping_sd_percent: float | None) -> float:
@@ -34,13 +40,34 @@ def floor_um(job: Job, machine: MachineProfile, plant: str, seed: int, clamping_
     lobe = 0.5 * blank.lobe_um_pp
     shape = lobe * (np.cos(job.jaws * angle) + blank.overtone * np.cos(2 * job.jaws * angle))
     shape += blank.oval_um * np.cos(2.0 * angle)
-    chance, found = Random(f"floor {seed}"), []
+    copied = copied_fraction(true, job, angle)
+    chance, blanks, found = Random(f"floor {seed}"), Random(f"floor blanks {seed}"), []
     noise = np.random.default_rng(seed)
     for _ in range(CLAMPINGS):
         force = chance.gauss(0.0, true.clamping_force_spread)
         phases = [chance.uniform(0.0, 2.0 * math.pi) for _ in STRAY_PER_TURN]
         stray = sum(np.sin(rate * angle + phase) for rate, phase in zip(STRAY_PER_TURN, phases, strict=True))
-        left = per_force * force * shape + 0.25 * STRAY_FRACTION * true.radial_error_um_pp * stray
+        toward = 0.25 * STRAY_FRACTION * true.radial_error_um_pp * stray + copied * form_um(true, blanks, angle)
+        left = per_force * force * shape + true.process_gain * toward
         left = left + noise.normal(0.0, true.gauge_noise_um * math.sqrt(POINTS / GAUGE_POINTS), POINTS)
         found.append(evaluate(np.degrees(angle), left, FILTER_UPR, radius_mm=job.finished_radius_mm).ront_um)
     return statistics.median(found)
+
+
+def copied_fraction(true: TrueParameters, job: Job, angle: Floats) -> Floats:
+    """Return which fraction of a blank's form stays on the part: c k / (1 + c k), with c where the tool is.
+
+    The force grows by k with each um of depth; between two of the N jaws the part is softer than at them. Angles
+    are from jaw 1, in radians.
+    """
+    main_n = cutting_force(material_of(job), 1.0, job.feed_mm_per_rev, edge_n_per_mm=true.edge_n_per_mm).main_n
+    n_per_um = true.passive_fraction * main_n / 1000.0
+    softer = true.work_compliance_um_per_n * (1.0 - true.softer_between_jaws * np.cos(job.jaws * angle))
+    return np.asarray(softer * n_per_um / (1.0 + softer * n_per_um))
+
+
+def form_um(true: TrueParameters, blanks: Random, angle: Floats) -> Floats:
+    """Return the surface of a blank as it is drawn: oval and run-out, at any angles."""
+    oval, off = (blanks.uniform(0.0, 2.0 * math.pi) for _ in range(2))
+    oval_um = 0.5 * true.blank_oval_um_pp * np.cos(2.0 * angle - oval)
+    return np.asarray(oval_um + 0.5 * true.blank_run_out_um * np.cos(angle - off))

@@ -1,8 +1,10 @@
 """Which harmonics may be learned, with what promise: |1 - L T| of each order with its bound.
 
-A step of learning is L = gain / T_hat, with T_hat the response that is known and T the true one. An error of that
-order becomes 1 - L T of itself. With |T - T_hat| <= r |T_hat| that is at most |1 - gain| + gain r: below 1
-the error shrinks whatever the tool does within r (norm-optimal learning; Bristow, Tharayil and Alleyne 2006). The
+A step of learning is L = gain / T_hat, with T_hat the response that is known and T the true one, from the command
+to the part. An error of that order becomes 1 - L T of itself. T is g times the response of the tool, with the
+process gain g of which only its range is known: an identified response does not see it. With the tool within
+r |T_hat| of T_hat that is at most |1 - gain g| + gain g r, at one of the ends of the range: below 1 the error
+shrinks whatever tool and cut do within these (norm-optimal learning; Bristow, Tharayil and Alleyne 2006). The
 orders from 2 on for which that can be promised are followed without a gap: the first that has no promise is the
 end, as of a low-pass (the Q of learning control).
 """
@@ -17,6 +19,10 @@ from profiles.compensations.path import MOST_HARMONICS
 
 PROMISED = 0.95
 """The largest bound that counts as a promise: what is left after 14 parts is half. A choice."""
+
+
+PROCESS_GAINS = (0.8, 1.0)
+"""The fraction of the motion of the tool that arrives in the surface, from and to. Assumed."""
 
 
 class Standing(StrEnum):
@@ -51,8 +57,8 @@ class Certified:
 
 
 def bound(gain: float, spread: float) -> float:
-    """Return the largest |1 - L T| for a tool within `spread` of its response."""
-    return abs(1.0 - gain) + gain * spread
+    """Return the largest |1 - L T| for a tool within `spread` of its response, and any of the process gains."""
+    return max(abs(1.0 - gain * arrives) + gain * arrives * spread for arrives in PROCESS_GAINS)
 
 
 def is_promised(follows: Follows, least_response: float) -> bool:

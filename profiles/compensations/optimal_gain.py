@@ -25,6 +25,10 @@ chance it is one in 8000 where noise has both directions, one in 370 where the f
 
 PRIOR_FRACTION = 0.07  # of the height of a lobe, as an indicator shows it on a few parts; assumed
 PRIOR_DEG = 3.0  # of the angle of jaw 1, by eye or by an indicator; assumed
+PROCESS_LOSS_SD = 0.1
+"""Of the fraction of the tool's motion that does not arrive in the surface (it ploughs, the part gives way): most
+likely none, and 20 % at two standard deviations; assumed."""
+
 PRIOR_OTHERS_UM = 5.0  # amplitude of an order that nothing is known of: half of what a path may have of it
 
 _CONFIDENCE = 0.95

@@ -13,7 +13,14 @@ from dataclasses import dataclass
 
 from profiles.compensations.certificate import Certified, Follows, Standing, certified
 from profiles.compensations.learning import SIGNIFICANT
-from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, Scatter, lobe_prior_um, optimal_gain, repeats
+from profiles.compensations.optimal_gain import (
+    PRIOR_OTHERS_UM,
+    PROCESS_LOSS_SD,
+    Scatter,
+    lobe_prior_um,
+    optimal_gain,
+    repeats,
+)
 
 STEP_UM = 1e-6  # a path step below this is only the rounding of its file
 
@@ -54,7 +61,7 @@ class OrderRules:
         """Return the gain for the step of an order."""
         if self.gain is not None:
             return self.gain
-        spread = self.follows(seen.order).spread / SIGNIFICANT
+        spread = math.hypot(self.follows(seen.order).spread / SIGNIFICANT, PROCESS_LOSS_SD)
         if seen.order == self.lobes:
             prior_um = math.hypot(lobe_prior_um(self.lobe_um, self.lobes), spread * self.lobe_um)
             clamped_um = self.scatter * self.lobe_um

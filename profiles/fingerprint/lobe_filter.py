@@ -8,11 +8,15 @@ angle of the readings) is g, the same each time. L, g and s are found together b
 1960; iterated as a Gauss-Newton method, Bell and Cathey 1993): from a fingerprint before the cut, from the
 measured part after it. Without a fingerprint it is Kalman's gain, which trusts the angle of a part more than its
 height: a force turns nothing.
+
+Of a path W for the lobe the cut loses the fraction a: L (1 + k s) - (1 - a) W is on the part, and L / (1 - a)
+would remove the mean lobe. One part cannot tell a from L, nor does it have to: both ask for the same next path.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,7 +31,7 @@ SURPRISE = 18.0
 known of the lobe does not count. By chance it is one in 8000."""
 
 _ROUNDS = 6
-_LR, _LI, _GR, _GI, _S = range(5)
+_LR, _LI, _GR, _GI, _S, _A = range(6)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +57,7 @@ class Seen:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LobeFilter:
-    """Mean and covariance of L (two components, um), g (two) and s of the clamping that is in the chuck now."""
+    """Mean and covariance of L (two components, um), g (two), s of the clamping in the chuck now, and a."""
 
     scale: ClampingScale
     mean: Floats
@@ -63,6 +67,11 @@ class LobeFilter:
     def lobe_um(self) -> complex:
         """The mean lobe."""
         return complex(self.mean[_LR], self.mean[_LI])
+
+    @property
+    def path_um(self) -> complex:
+        """The path that removes the mean lobe."""
+        return self.lobe_um / (1.0 - float(self.mean[_A]))
 
     @property
     def this_um(self) -> complex:
@@ -77,7 +86,7 @@ class LobeFilter:
     @property
     def sd_um(self) -> float:
         """The standard deviation of the lobe of the part that is clamped, over both components."""
-        slope = self._slope_of_part(self.mean)
+        slope = self._slope_of_part(self.mean, 0j)
         return math.sqrt(float(np.trace(slope @ self.covariance @ slope.T)))
 
     def clamped(self, repeats_um: float = 0.0) -> LobeFilter:
@@ -95,33 +104,42 @@ class LobeFilter:
 
     def felt(self, deflection: Seen) -> LobeFilter:
         """Return the filter with the fingerprint of the clamping."""
-        return self._updated(deflection, self.covariance, at_rest=True)
+        return self._updated(deflection, self.covariance, self._shown_by_indicator)
 
-    def measured(self, plain: Seen) -> LobeFilter:
-        """Return the filter with the released part: the lobe that it would have without a path."""
-        slope = self._slope_of_part(self.mean)
+    def measured(self, plain: Seen, path_um: complex = 0j) -> LobeFilter:
+        """Return the filter with the released part: the lobe that it has, and `path_um`, its path, together."""
+        value, slope = self._shown_by_part(self.mean, path_um)
         expected = slope @ self.covariance @ slope.T + plain.sd_um**2 * np.eye(2)
-        error, covariance = _two(plain.value - self.this_um), self.covariance
+        error, covariance = _two(plain.value - value), self.covariance
         if float(error @ np.linalg.solve(expected, error)) > SURPRISE:
             covariance = covariance.copy()
             covariance[:2, :2] += np.eye(2) * float(error @ error)
-        return self._updated(plain, covariance, at_rest=False)
+        return self._updated(plain, covariance, lambda state: self._shown_by_part(state, path_um))
 
-    def _slope_of_part(self, state: Floats) -> Floats:
-        k, (re, im, _, _, s) = self.scale.at_speed, state
-        return floats([[1 + k * s, 0.0, 0.0, 0.0, k * re], [0.0, 1 + k * s, 0.0, 0.0, k * im]])
+    def _slope_of_part(self, state: Floats, path_um: complex) -> Floats:
+        k, (re, im, _, _, s, _) = self.scale.at_speed, state
+        return floats(
+            [
+                [1 + k * s, 0.0, 0.0, 0.0, k * re, path_um.real],
+                [0.0, 1 + k * s, 0.0, 0.0, k * im, path_um.imag],
+            ]
+        )
 
-    def _shown(self, state: Floats, *, at_rest: bool) -> tuple[complex, Floats]:
-        """Return what a state would show, and by how much each of its elements changes that."""
+    def _shown_by_part(self, state: Floats, path_um: complex) -> tuple[complex, Floats]:
+        """Return what a part of a state would show with this path, and by how much each element changes that."""
         lobe, s = complex(state[_LR], state[_LI]), float(state[_S])
-        if not at_rest:
-            return lobe * (1.0 + self.scale.at_speed * s), self._slope_of_part(state)
+        value = lobe * (1.0 + self.scale.at_speed * s) + float(state[_A]) * path_um
+        return value, self._slope_of_part(state, path_um)
+
+    def _shown_by_indicator(self, state: Floats) -> tuple[complex, Floats]:
+        """Return what an indicator on the part would show of a state, and by how much each element changes it."""
+        lobe, s = complex(state[_LR], state[_LI]), float(state[_S])
         gain = self.scale.at_rest * np.exp(complex(state[_GR], state[_GI]))
         value = complex(gain * lobe * (1.0 + s))
-        by = (gain * (1.0 + s), 1j * gain * (1.0 + s), value, 1j * value, gain * lobe)
+        by = (gain * (1.0 + s), 1j * gain * (1.0 + s), value, 1j * value, gain * lobe, 0j)
         return value, floats([[each.real for each in by], [each.imag for each in by]])
 
-    def _updated(self, seen: Seen, known: Floats, *, at_rest: bool) -> LobeFilter:
+    def _updated(self, seen: Seen, known: Floats, shown: Callable[[Floats], tuple[complex, Floats]]) -> LobeFilter:
         """Return the filter after an observation, before which the covariance was `known`.
 
         It is iterated, each time with the slope where it has arrived.
@@ -130,7 +148,7 @@ class LobeFilter:
         noise = seen.sd_um**2 * np.eye(len(axes))
         state = self.mean
         for _ in range(_ROUNDS):
-            value, slope = self._shown(state, at_rest=at_rest)
+            value, slope = shown(state)
             slope = axes @ slope
             left = axes @ _two(seen.value - value) - slope @ (self.mean - state)
             gain = known @ slope.T @ np.linalg.inv(slope @ known @ slope.T + noise)
@@ -141,22 +159,30 @@ class LobeFilter:
 
 
 def lobe_filter(
-    lobe_um: complex, lobes: int, scale: ClampingScale, *, height_sd: float, turn_sd_deg: float, beside_um: float
+    lobe_um: complex,
+    lobes: int,
+    scale: ClampingScale,
+    *,
+    height_sd: float,
+    turn_sd_deg: float,
+    beside_um: float,
+    lost_sd: float = 0.0,
 ) -> LobeFilter:
     """Return what a job knows: its lobe, known in height within a fraction and in angle within degrees of spindle.
 
     `beside_um` is how much of that order is no lobe, in each component: the spindle, the response of the tool.
+    `lost_sd` is the standard deviation of a, which is most likely 0.
     """
     along = _two(lobe_um / abs(lobe_um)) if lobe_um else floats([1.0, 0.0])
     across = floats([-along[1], along[0]])
     height_um, turn_um = height_sd * abs(lobe_um), lobes * math.radians(turn_sd_deg) * abs(lobe_um)
-    covariance = np.zeros((5, 5))
+    covariance = np.zeros((6, 6))
     covariance[:2, :2] = (
         height_um**2 * np.outer(along, along) + turn_um**2 * np.outer(across, across) + beside_um**2 * np.eye(2)
     )
     covariance[_GR, _GR], covariance[_GI, _GI] = GAIN_SD**2, (lobes * math.radians(TURN_SD_DEG)) ** 2
-    covariance[_S, _S] = scale.sd**2
-    mean = floats([lobe_um.real, lobe_um.imag, 0.0, 0.0, 0.0])
+    covariance[_S, _S], covariance[_A, _A] = scale.sd**2, lost_sd**2
+    mean = floats([lobe_um.real, lobe_um.imag, 0.0, 0.0, 0.0, 0.0])
     return LobeFilter(scale=scale, mean=mean, covariance=floats(covariance))
 
 

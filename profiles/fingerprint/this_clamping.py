@@ -17,7 +17,7 @@ from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.holding import holding_of
 from profiles.chucking.ring import Ring, is_thin, spring_back_um_pp
 from profiles.compensations.learning import SIGNIFICANT, coefficient_of
-from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM
+from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, PROCESS_LOSS_SD
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.deflection import ONCE, OVAL, Deflection, deflection_of
 from profiles.fingerprint.lobe_filter import ClampingScale, LobeFilter, Seen, lobe_filter
@@ -80,7 +80,15 @@ def known_lobe(
 ) -> LobeFilter:
     """Return what is known of the lobe of a job before any part: height and angle, each with its uncertainty."""
     scale = clamping_scale(job, machine)
-    return lobe_filter(lobe_um, job.jaws, scale, height_sd=height_sd, turn_sd_deg=turn_sd_deg, beside_um=BESIDE_UM)
+    return lobe_filter(
+        lobe_um,
+        job.jaws,
+        scale,
+        height_sd=height_sd,
+        turn_sd_deg=turn_sd_deg,
+        beside_um=BESIDE_UM,
+        lost_sd=PROCESS_LOSS_SD,
+    )
 
 
 def felt(readings: ClampReadings, job: Job) -> Felt:

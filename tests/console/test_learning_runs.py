@@ -83,3 +83,17 @@ def test_learning_needs_a_table_and_a_gauge(console: Console) -> None:
     assert said.code != 0
     assert "not measured" in said.err
     assert console("run", "lee-2001-experiment-1", "--sim", "--strategy", "cam", "--learn", "0").code == 2
+
+
+def test_with_a_process_gain_of_eight_tenths_no_part_is_worse_and_the_third_is_nearly_as_round(
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path
+) -> None:
+    """A fifth of 55 um stays on the first part, whatever was learned in air: the scale does not see it."""
+    plant = tmp_path / "eight-tenths.toml"
+    plant.write_text('like = "steady"\n[cut]\nprocess_gain = 0.8\n', encoding="utf-8")
+    words = (*close, "--sim", "--plant", str(plant), "--seed", "11", "--strategy", "cam", "--learn", "3", "--json")
+    result = console("run", str(job_file(cut_length_mm=QUARTER_MM)), *words).json
+    first, second, third = (part["RONt_um"] for part in result["passes"])
+    assert 0.2 * 55.0 - 2.0 < first < 0.2 * 55.0 + 3.0
+    assert third < second < first
+    assert third < result["floor"]["RONt_um"] + 2.0

@@ -91,7 +91,7 @@ def test_a_batch_is_as_quick_with_many_jaws_and_shows_each_learned_order(jaws: i
 def test_with_six_jaws_the_second_part_is_rounder_by_far(
     console: Callable[..., Any], close: tuple[str, str], tmp_path: Path
 ) -> None:
-    """Jaw 1 makes 13.8 um of oval, more than twice the lobe."""
+    """Jaw 1 makes 13.8 um of oval, more than twice the lobe; 0.90 of a path arrives, so 2.7 um p-p of it stay."""
     path = job_file("six", tmp_path)
     words = (
         str(path),
@@ -108,5 +108,5 @@ def test_with_six_jaws_the_second_part_is_rounder_by_far(
     )
     first, second = json.loads(console("run", *words, "--json").out)["passes"]
     assert first["RONt_um"] > 25.0
-    assert second["RONt_um"] < 6.0
+    assert second["RONt_um"] < 0.25 * first["RONt_um"]
     assert MADE["six"]["jaws"] == 6 and MOST_TRIM_UM < 13.8, "a trim alone could not"

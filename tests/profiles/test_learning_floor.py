@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 
+from benchmarks import learning_floor
 from benchmarks.learning_floor import floor_um
 from profiles.store import load_job, load_machine
 
@@ -48,3 +49,31 @@ def test_noise_of_the_gauge_alone_is_what_the_filter_lets_through(tmp_path: Path
     passed = 0.05 * math.sqrt(2 * 50 * math.sqrt(math.pi / (2 * math.log(2))) / math.sqrt(2) / 3600)
     found = floor(tmp_path, "[gauge]\nnoise_um = 0.05\n")
     assert 4.5 * passed < found < 8.5 * passed
+
+
+@pytest.fixture
+def few(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few clampings, where each is like the other."""
+    monkeypatch.setattr(learning_floor, "CLAMPINGS", 5)
+
+
+def test_a_process_gain_costs_a_perfect_controller_nothing_that_repeats(tmp_path: Path, few: None) -> None:
+    assert floor(tmp_path, "[cut]\nprocess_gain = 0.8\n[chuck]\nlobe_factor = 1.1\n") < 1e-6
+
+
+def test_of_the_spindle_that_does_not_repeat_the_gain_arrives(tmp_path: Path, few: None) -> None:
+    spindle = "[spindle]\nradial_error_um_pp = 4.0\n"
+    plain = floor(tmp_path, spindle)
+    assert floor(tmp_path, f"{spindle}[cut]\nprocess_gain = 0.8\n") == pytest.approx(0.8 * plain, rel=1e-6)
+
+
+def test_a_part_that_gives_way_keeps_of_each_blank_what_nobody_knows(tmp_path: Path, few: None) -> None:
+    """Wrought aluminium, 700 x 0.05^0.75 N for each mm, 0.4 of it outwards: 0.0296 N/um.
+
+    Of 40 um oval 0.5 um/N copy 0.0146, 0.58 um. What repeats, the force itself, is compensated.
+    """
+    stiff = 0.4 * 700.0 * 0.05**0.75 / 1000.0
+    plant = "[cut]\npassive_force_share = 0.4\nwork_compliance_um_per_n = 0.5\n[blank]\noval_um_pp = 40.0\n"
+    copied = 0.5 * stiff / (1.0 + 0.5 * stiff)
+    assert floor(tmp_path, plant) == pytest.approx(40.0 * copied, rel=0.01)
+    assert floor(tmp_path, plant.replace("oval_um_pp = 40.0", "oval_um_pp = 0.0")) < 1e-6

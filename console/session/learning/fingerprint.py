@@ -177,8 +177,9 @@ def _with_part(known: LobeFilter, part: PartRead, lobes: int) -> LobeFilter:
     if part.clamped is not None:
         ratio = ratio_read(part.clamped, lobes)
         known = known.felt(Seen(value=part.clamped.felt.coefficient, sd_um=part.clamped.felt_sd_um))
-    plain = ratio * (part.lobe.coefficient + part.target.coefficient)
-    return known.measured(Seen(value=plain, sd_um=math.hypot(part.lobe_sd_um, REPEATS_SD_UM)))
+    done = ratio * part.target.coefficient
+    plain = ratio * part.lobe.coefficient + done
+    return known.measured(Seen(value=plain, sd_um=math.hypot(part.lobe_sd_um, REPEATS_SD_UM)), done)
 
 
 def _turned(found: Felt, lobes: int, by_deg: float) -> Felt:

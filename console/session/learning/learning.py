@@ -38,7 +38,7 @@ from drivers.cutting.strategy import TRIMMED, UNCOMPENSATED, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response
 from profiles.axis.friction import held_back_um
-from profiles.compensations.certificate import Certified
+from profiles.compensations.certificate import PROCESS_GAINS, Certified
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
@@ -65,6 +65,7 @@ AIR_ENOUGH_UM_PP = 1.0
 """Number of air passes; more while the lobe error is above this: a small motion starts within its friction."""
 
 AIR_TURNS = 30
+MOST_GAIN = 1.0 / PROCESS_GAINS[0]  # of the lobe: what arrives in part is asked for in full
 MOVED_UM = 1.0
 """Change of the target, at an order that a blank disturbs too, from which the tool learns it in air anew."""
 
@@ -332,15 +333,15 @@ class _Learner:
         if not self._lobe.known:
             return
         lobes, tool_um = self._job.jaws, tool_off.coefficients_um.get(self._job.jaws, 0j)
-        plain_um = found.coefficients_um[lobes] + coefficient_of(self._cutting.target, lobes) - tool_um
+        done_um = coefficient_of(self._cutting.target, lobes) - tool_um
         sd_um = math.hypot(found.sd_um[lobes], tool_off.sd_um, REPEATS_SD_UM)
-        mean_um = self._lobe.measured(plain_um, sd_um)
+        mean_um = self._lobe.measured(found.coefficients_um[lobes], done_um, sd_um)
         if not self._filters:
             return
         step_um = mean_um - coefficient_of(path.target, lobes)
         error_um = abs(high.get(lobes, found.coefficients_um[lobes]) - missed.get(lobes, 0j))
         high[lobes] = missed.get(lobes, 0j) + step_um
-        gains[lobes] = min(abs(step_um) / error_um, 1.0) if error_um else 0.0
+        gains[lobes] = min(abs(step_um) / error_um, MOST_GAIN) if error_um else 0.0
 
     def _refuse_worse(self, part: PartHarmonics, tool_off: Deviation) -> None:
         """Refuse to learn from a part that its compensation has made worse, by the rule for a single part."""

@@ -66,8 +66,8 @@ class LobeLearning:
         lobes, made = self._job.jaws, clamped_orders(path, self._job.jaws)
         return {n: c / ratio_of(n, lobes, clamped.ratio) if n in made else c for n, c in left_um.items()}
 
-    def measured(self, plain_um: complex, sd_um: float) -> complex:
-        """Return the mean lobe, after a part that would have had `plain_um` of it without a path."""
+    def measured(self, left_um: complex, done_um: complex, sd_um: float) -> complex:
+        """Return the path of the mean lobe, after a part with `left_um` of it where the tool did `done_um`."""
         assert self._filter is not None
-        self._filter = self._filter.measured(Seen(value=plain_um, sd_um=sd_um))
-        return self._filter.lobe_um
+        self._filter = self._filter.measured(Seen(value=left_um + done_um, sd_um=sd_um), done_um)
+        return self._filter.path_um

@@ -21,7 +21,13 @@ from profiles.compensations.causes import OVAL
 from profiles.compensations.certificate import Certified, Standing, certified, is_promised, promised_orders
 from profiles.compensations.learning import SIGNIFICANT, Deviation, coefficient_of
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
-from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, Scatter, lobe_prior_um, optimal_gain
+from profiles.compensations.optimal_gain import (
+    PRIOR_OTHERS_UM,
+    PROCESS_LOSS_SD,
+    Scatter,
+    lobe_prior_um,
+    optimal_gain,
+)
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath
 from profiles.job import Job
@@ -111,6 +117,7 @@ class OrderLearning:
         scatter = Scatter(
             prior_um=lobe_prior_um(self._lobe_um, order) if lobe else PRIOR_OTHERS_UM,
             part_um=math.hypot(part.sd_um[order], self._clamped_um(order, made_um)),
+            response=PROCESS_LOSS_SD,
         )
         return optimal_gain(scatter, steps, abs(error_um))
 

@@ -84,6 +84,9 @@ PLANT_FIELDS = (
     Field(key="drift_parts", table="warm-up", default=5.0, above=0.0, at_most=1000.0),
     _amount("passive_force_share", "cut", "", 5.0),
     _amount("edge_force_n_per_mm", "cut", "N/mm", 100.0),
+    Field(key="process_gain", table="cut", default=1.0, at_least=0.8, at_most=1.0),
+    _amount("work_compliance_um_per_n", "cut", "um/N", 10.0),
+    _amount("softer_between_jaws", "cut", "", 1.0),
     _amount("indicator_noise_um", "indicator", "um", 100.0),
     _amount("indicator_backlash_um", "indicator", "um", 100.0),
     _amount("indicator_graduation_um", "indicator", "um", 100.0),
@@ -236,6 +239,9 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         jaw_1_harder=values["jaw_1_harder"],
         passive_fraction=values["passive_force_share"],
         edge_n_per_mm=values["edge_force_n_per_mm"],
+        process_gain=values["process_gain"],
+        work_compliance_um_per_n=values["work_compliance_um_per_n"],
+        softer_between_jaws=values["softer_between_jaws"],
     )
 
 

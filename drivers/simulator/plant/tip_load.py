@@ -65,7 +65,8 @@ class Stock:
     """A clamped blank: `ends_mm` is its range along Z, `fraction` the passive force over the main one.
 
     `surface_mm` is its radius in `CELLS` places from the spindle index, `drifted_mm` how much further in the
-    machine has brought the tip since it was cold.
+    machine has brought the tip since it was cold. `yields_mm_per_n` is how the part gives way in these places;
+    empty where it does not.
     """
 
     surface_mm: tuple[float, ...]
@@ -74,6 +75,7 @@ class Stock:
     fraction: float
     edge_n_per_mm: float
     drifted_mm: float = 0.0
+    yields_mm_per_n: tuple[float, ...] = ()
 
     def passive_n_per_mm(self, feed_mm_per_turn: float) -> float:
         """Return the force on the tool per mm of depth, N: a `fraction` of the main one; none without feed."""
@@ -102,6 +104,7 @@ class TipLoad:
         self._ring: int | None = None
         self._surface: list[float] = []
         self._fresh: list[float] = []
+        self._yields: tuple[float, ...] = ()
         self._n_per_mm = 0.0
         self._turns = self._turn_step = 0.0
         self._cell: int | None = None
@@ -132,6 +135,7 @@ class TipLoad:
         self._stock, self._ring, self._cell = stock, None, None
         if stock is not None:
             self._home_mm = self._geometry.home_radius_mm - stock.drifted_mm
+            self._yields = stock.yields_mm_per_n
         self._rings.clear()
 
     def begin(self) -> None:
@@ -176,6 +180,9 @@ class TipLoad:
             tip_mm -= self._wander.at_mm(turns)
         cell = int(turns * CELLS // 1.0)
         depth_mm = self._surface[cell % CELLS] - tip_mm
+        if self._yields and depth_mm > 0.0:
+            depth_mm /= 1.0 + self._yields[cell % CELLS] * self._n_per_mm
+            tip_mm = self._surface[cell % CELLS] - depth_mm
         self._leave(cell, tip_mm)
         self.force_n = self._n_per_mm * depth_mm if depth_mm > 0.0 else 0.0
         return -self._push_per_n * self.force_n

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 from random import Random
 
 from drivers.placed import Placed
+from drivers.simulator.plant.cut_process import CutProcess
 from drivers.simulator.plant.workpiece import ROUND, Blank, Form
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
@@ -47,7 +48,9 @@ class TrueParameters:
     acceleration to what scale and tip do (see `FlexibleMode`); 0 is a rigid axis.
 
     The cut deflects the tool with `passive_fraction` of the main cutting force, with `edge_n_per_mm` along the
-    edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool.
+    edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool. It
+    presses the part away, too: `work_compliance_um_per_n` in the mean, the fraction `softer_between_jaws` less at
+    the jaws and more between them. Of the motion of tool and part `process_gain` arrives (see `CutProcess`).
 
     `jaw_1_deg` is the spindle angle, from the index, at which jaw 1 of the chuck meets the mark at the tool; None
     is a chuck that was mounted as each job says, with jaw 1 at `jaw_offset_deg` after the angle of the job. A part
@@ -116,6 +119,9 @@ class TrueParameters:
     encoder_noise_um: float = 0.0
     passive_fraction: float = 0.0
     edge_n_per_mm: float = 0.0
+    process_gain: float = 1.0
+    work_compliance_um_per_n: float = 0.0
+    softer_between_jaws: float = 0.0
     speed_ripple: float = 0.0
     ripple_per_turn: int = 2
     radial_error_um_pp: float = 0.0
@@ -235,6 +241,17 @@ class TrueParameters:
     def _held_n(self, jaws: int, force_n: float, spindle_speed_rpm: float) -> float:
         """Return the remaining chucking force at speed, N over all jaws; below 0 nothing holds the part."""
         return force_n - loss_n(jaws * self.jaw_mass_radius_kg_m, spindle_speed_rpm)
+
+    def process(self, blank: Blank, n_per_mm: float) -> CutProcess:
+        """Return how a clamped blank is cut, with `n_per_mm` of passive force per mm of depth."""
+        return CutProcess(
+            jaws=blank.jaws,
+            jaw_1_deg=blank.jaw_1_deg,
+            gain=self.process_gain,
+            compliance_mm_per_n=self.work_compliance_um_per_n / 1000.0,
+            softer_between=self.softer_between_jaws,
+            n_per_mm=n_per_mm,
+        )
 
     def form(self, random: Random) -> Form:
         """Draw the shape of the next blank's surface: its angles are any."""

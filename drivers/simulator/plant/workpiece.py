@@ -10,10 +10,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.simulator.plant.cut_process import ALL_ARRIVES, CutProcess
 from profiles.job import Job
 
 Floats = NDArray[np.float64]
@@ -115,19 +117,20 @@ class Blank:
         uneven = self.oval_um * np.cos(2.0 * past_jaw) + self.shift_um * np.cos(past_jaw)
         return np.asarray(lobe + uneven, dtype=np.float64)
 
-    def unexpected_um(self, job: Job, angle_deg: Floats) -> Floats:
-        """Return what the lobe of its job leaves of the spring-back in the middle of the cut, um outwards."""
+    def expected_um(self, job: Job, angle_deg: Floats) -> Floats:
+        """Return the lobe that its job expects, um outwards."""
         past_lobe = np.radians(angle_deg - self.jaw_1_deg - (job.lobe_past_jaw_deg or 0.0))
-        expected_um = job.lobe_amplitude_um * np.cos(job.jaws * past_lobe)
-        return np.asarray(self.spring_back_um(angle_deg, self.middle_mm) - expected_um, dtype=np.float64)
+        return np.asarray(job.lobe_amplitude_um * np.cos(job.jaws * past_lobe), dtype=np.float64)
 
 
 class Workpiece:
     """Sections of a part, each the least radius that the tool has reached, all round."""
 
-    def __init__(self, blank: Blank, sections_mm: Sequence[float], land_mm: float) -> None:
+    def __init__(
+        self, blank: Blank, sections_mm: Sequence[float], land_mm: float, process: CutProcess = ALL_ARRIVES
+    ) -> None:
         """`sections_mm` are Z positions of the machine, `land_mm` the length of the tool's flat along Z."""
-        self.blank = blank
+        self.blank, self._process = blank, process
         self._sections_mm = tuple(sections_mm)
         self._land_mm = land_mm
         self._rough_length_mm = max(land_mm, ROUGH_LENGTH_MM)
@@ -137,6 +140,9 @@ class Workpiece:
         if blank.form is not ROUND or blank.pressed_in:
             self._radius_mm += blank.surface_mm(np.arange(ANGLES) / ANGLES)
             self._rough_blank_mm += blank.surface_mm((np.arange(ROUGH_PLACES) + 0.5) / ROUGH_PLACES)
+        # What was there before the tool came: of its depth a part that gives way leaves some.
+        self._blank_mm: Floats = self._radius_mm[0].copy()
+        self._before_mm = [self._blank_mm] * len(self._sections_mm)
         self._tail: Floats = np.empty((3, 0))
 
     def cut(
@@ -152,8 +158,8 @@ class Workpiece:
         self._tail = samples[:, -OVERLAP:]
         self._turn_down(samples)
         if samples.shape[1] > OVERLAP:
-            for surface_mm, section_mm in zip(self._radius_mm, self._sections_mm, strict=True):
-                self._pass(surface_mm, samples, section_mm)
+            for section in range(len(self._sections_mm)):
+                self._pass(section, samples)
 
     def released_um(self, section: int, nominal_radius_mm: float) -> tuple[Floats, Floats]:
         """Return angles (deg, from the spindle index) and deviations (um, outward) of a section when free."""
@@ -163,7 +169,9 @@ class Workpiece:
 
     def clamped_um(self, section: int, nominal_radius_mm: float) -> Floats:
         """Return the deviations (um, outward) of a section while it is clamped, from the spindle index on."""
-        clamped_um: Floats = (self._radius_mm[section] - nominal_radius_mm) * 1000.0
+        radius_mm = self._radius_mm[section]
+        arrived_mm = self._process.arrived_mm(radius_mm, radius_mm < self._blank_mm)
+        clamped_um: Floats = (arrived_mm - nominal_radius_mm) * 1000.0
         return clamped_um
 
     def clamped_radius_mm(self, turns: float, z_mm: float) -> float:
@@ -175,6 +183,18 @@ class Workpiece:
         if rough_mm is None:
             return self.blank.radius_at_mm(turns)
         return float(rough_mm[math.floor(turns * ROUGH_PLACES) % ROUGH_PLACES])
+
+    def followed_um(self, job: Job, off_um: Floats) -> Floats:
+        """Return what a tool that does exactly the lobe of a job leaves in the middle of the cut, um outwards.
+
+        `off_um` is by how much the work comes nearer than its path, all round.
+        """
+        blank, angle_deg = self.blank, np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
+        tip_mm = job.finished_radius_mm - (blank.expected_um(job, angle_deg) + off_um) / 1000.0
+        tip_mm += self._process.left_mm(angle_deg / 360.0, self._blank_mm - tip_mm)
+        arrived_mm = self._process.arrived_mm(tip_mm, np.ones(ANGLES, dtype=np.bool_))
+        left_mm = arrived_mm - job.finished_radius_mm
+        return np.asarray(1000.0 * left_mm + blank.spring_back_um(angle_deg, blank.middle_mm), dtype=np.float64)
 
     def mean_radius_mm(self, z_mm: float) -> float:
         """Return the mean radius of the clamped surface at a Z, as `clamped_radius_mm` knows it."""
@@ -195,20 +215,46 @@ class Workpiece:
                 self._rough_mm[length] = self._rough_blank_mm.copy()
             np.minimum.at(self._rough_mm[length], places[here], radius_mm[here])
 
-    def _pass(self, surface_mm: Floats, samples: Floats, section_mm: float) -> None:
+    def _pass(self, section: int, samples: Floats) -> None:
         """Lower a section to the tool wherever its land passed, including between the samples."""
-        radius_mm, turns, z_mm = samples
-        away_mm, reach_mm = z_mm - section_mm, 0.5 * self._land_mm + EDGE_MM
+        away_mm, reach_mm = samples[2] - self._sections_mm[section], 0.5 * self._land_mm + EDGE_MM
         near = (np.minimum(away_mm[:-1], away_mm[1:]) <= reach_mm) & (
             np.maximum(away_mm[:-1], away_mm[1:]) >= -reach_mm
         )
-        if not near.any() or radius_mm.min() >= surface_mm.max():
+        if not near.any():
+            return
+        visits = (0, *self._arrivals(samples[0], near), near.size)
+        for first, end in pairwise(visits):
+            if first:
+                self._before_mm[section] = self._radius_mm[section].copy()
+            visit = near.copy()
+            visit[:first] = visit[end:] = False
+            self._lower(section, samples, away_mm, reach_mm, visit)
+
+    def _arrivals(self, radius_mm: Floats, near: NDArray[np.bool_]) -> list[int]:
+        """Return the intervals in which the tool comes to a section again, of those that are processed now."""
+        if not self._process.yields:
+            return []
+        there = near & (np.minimum(radius_mm[:-1], radius_mm[1:]) < self.blank.most_radius_mm)
+        came = np.flatnonzero(there[1:] & ~there[:-1]) + 1
+        return [at for at in came.tolist() if REACH <= at < near.size - REACH]
+
+    def _lower(
+        self, section: int, samples: Floats, away_mm: Floats, reach_mm: float, near: NDArray[np.bool_]
+    ) -> None:
+        """Lower a section to the tool in the intervals `near` it."""
+        radius_mm, turns, _ = samples
+        surface_mm = self._radius_mm[section]
+        if radius_mm.min() >= surface_mm.max():
             return
         index, grid, u = _whole_places(turns * ANGLES, near)
         # Of an interval in which the land comes or goes, only the part inside it cuts.
         inside = np.abs(away_mm[index] + u * (away_mm[index + 1] - away_mm[index])) <= reach_mm
         radius = _cubic(radius_mm, index[inside], u[inside])
-        np.minimum.at(surface_mm, np.mod(grid[inside], ANGLES), radius)
+        places = np.mod(grid[inside], ANGLES)
+        if self._process.yields:
+            radius += self._process.left_mm(places / ANGLES, self._before_mm[section][places] - radius)
+        np.minimum.at(surface_mm, places, radius)
 
 
 def _whole_places(

@@ -130,13 +130,15 @@ class SimulatedWorkshop:
         self._parts += 1
         self._past_middle_mm = tuple(fraction * job.cut_length_mm for fraction in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
-        self._part = Workpiece(blank, sections_mm, true.wiper_land_mm)
+        stock = self._stock(blank, job)
+        process = true.process(blank, stock.passive_n_per_mm(job.feed_mm_per_rev))
+        self._part = Workpiece(blank, sections_mm, true.wiper_land_mm, process)
         self._nominal_radius_mm = job.finished_radius_mm
         self._torque_n_m = cutting_torque_n_m(job)
         there = replace(clamped(job, true.jaw_face_mm), radius_mm=blank.most_radius_mm)
         self.watch.clamp(there, self._surface_mm)
         if self._load is not None:
-            self._load.clamp(self._stock(blank, job))
+            self._load.clamp(replace(stock, yields_mm_per_n=process.compliances(CELLS)))
 
     def _stock(self, blank: Blank, job: Job) -> Stock:
         true = self._true
@@ -216,11 +218,10 @@ class SimulatedWorkshop:
         last, true = self._part or self._released, self._true
         jaw_1_deg = last.blank.jaw_1_deg if last else true.jaw_1_deg or 0.0
         left_um: Floats = np.zeros(ANGLES)
-        trace_deg: Floats = np.arange(ANGLES, dtype=np.float64) * (360.0 / ANGLES)
-        if self._wander is not None:
+        if self._wander is not None:  # it brings the work nearer to the tool
             left_um += 1000.0 * np.array([self._wander.at_mm(place / ANGLES) for place in range(ANGLES)])
         if last is not None and self._job is not None:
-            left_um += last.blank.unexpected_um(self._job, trace_deg)
+            left_um = last.followed_um(self._job, left_um)
         # A gauge of its own: a debrief must not change what the next part measures.
         trace = Gauge(true).trace(left_um, 0.0, FREE)
         return Truth(
