@@ -93,6 +93,7 @@ _FORMS = {"CutPlan": _plan, "PartLearning": _learning, "PartLobe": _lobe}
 def names() -> Mapping[str, Any]:
     """Return the types that the state names without importing them (`TYPE_CHECKING`); they are for reading."""
     from console.session.data.made_parts import MadeWith
+    from console.session.force_record import ForceCheck
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning
     from console.session.station.link.lost_link import LostLink
@@ -108,6 +109,7 @@ def names() -> Mapping[str, Any]:
 
     found = (
         MadeWith,
+        ForceCheck,
         PartLearning,
         PartLobe,
         CutProgress,
