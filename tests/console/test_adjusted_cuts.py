@@ -157,7 +157,6 @@ def test_presses_between_two_polls_do_not_pass_the_bound(floor: Floor) -> None:
     assert [problem.code for problem in state.refusals] == ["cut.override_bound_inverse"]
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize(
     ("strategy", "command", "code"),
     [
@@ -166,6 +165,7 @@ def test_presses_between_two_polls_do_not_pass_the_bound(floor: Floor) -> None:
         (Strategy.NONE, LATER, "cut.no_trim"),
     ],
 )
+@pytest.mark.long
 def test_what_a_strategy_cannot_do_is_refused_with_the_reason(
     floor: Floor, strategy: Strategy, command: Command, code: str
 ) -> None:
@@ -235,8 +235,8 @@ def test_a_link_that_is_lost_under_an_override_stays_in_its_band(
     assert percent(floor) == 99.0
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize("commands", [(SLOWER, SLOWER, SLOWER), (MORE, LATER)])
+@pytest.mark.long
 def test_a_changed_cut_is_held_and_resumed_as_any(floor: Floor, commands: tuple[Command, ...]) -> None:
     found: list[str] = []
     left_s: list[float] = []

@@ -39,6 +39,7 @@ def left_in_the_part(floor: Floor) -> StationState:
     return floor.do(Retract())
 
 
+@pytest.mark.long
 def test_after_a_stop_it_is_known_how_far_the_blank_is_cut(aligned: Floor) -> None:
     assert aligned.state.touched is None
     left = left_in_the_part(aligned)

@@ -120,8 +120,8 @@ PLAYS: dict[str, Play] = {
 }
 
 
-@pytest.mark.first(2)
 @pytest.mark.parametrize("name", PLAYS)
+@pytest.mark.first(1)
 def test_a_lesson_with_a_fault_is_made_by_its_hints_and_costs_nothing(name: str, tmp_path: Path) -> None:
     lesson = load_lesson(name, tmp_path)
     pupil = Pupil(open_floor(tmp_path, plant=lesson.plant), lesson)

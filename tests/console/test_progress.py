@@ -61,6 +61,7 @@ def test_without_a_lobe_there_is_no_phase() -> None:
     assert phase_of(looks, flat) is None
 
 
+@pytest.mark.long
 def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path, in_copies: None) -> None:
     floor = set_up_once(tmp_path)
     floor.arm(experiment_1(3.0))

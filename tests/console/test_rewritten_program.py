@@ -36,6 +36,7 @@ def started(sim: SimulatedLathe) -> bool:
 
 
 @pytest.mark.parametrize(("line", "code"), REWRITES)
+@pytest.mark.first(1)
 def test_the_screens_refuse_it_before_anything_moves(
     tmp_path: Path, in_copies: None, line: str, code: str
 ) -> None:

@@ -211,6 +211,7 @@ def test_without_a_place_for_the_record_nothing_is_started(
 
 
 @pytest.mark.parametrize(("language", "word"), [("en", "deeper"), ("ko", "충돌")])
+@pytest.mark.first(1)
 def test_what_the_tool_ran_into_is_told(
     console: Console,
     close: tuple[str, str],

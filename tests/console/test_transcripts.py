@@ -80,6 +80,7 @@ def golden_of(family: str, strategy: Strategy) -> Path:
 
 
 @every_job
+@pytest.mark.first(2)
 def test_a_job_says_what_it_said_to_the_byte(family: str, strategy: Strategy, tmp_path: Path) -> None:
     whole = tmp_path / "whole.txt"
     whole.write_text("\n".join(transcript(family, strategy)[0]), encoding="utf-8")

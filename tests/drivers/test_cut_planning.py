@@ -114,6 +114,7 @@ def test_pvt_stays_within_its_interpolation_limit_over_the_whole_cut(
     assert plan.spindle_speed_rpm == pytest.approx(rpm, rel=1e-9)
 
 
+@pytest.mark.long
 def test_the_angle_is_not_rounded_over_a_thousand_turns(machine: MachineProfile, experiment: JobMaker) -> None:
     """2345.7 rpm has no whole number of milliseconds a turn; a rounded angle would drift by a lobe and more."""
     job = replace(

@@ -81,7 +81,7 @@ def test_a_program_with_all_that_stands_before_it_is_found_as_it_was_sent(family
 
 @every_family
 @every_strategy
-@pytest.mark.first(3)
+@pytest.mark.first(2)
 def test_one_wrong_digit_in_any_setting_is_refused_by_name(family: str, strategy: Strategy) -> None:
     """In the Turbo in those that it words in its own way: the others are the same lines."""
     known = settings_sent("pmac", strategy) if family == "turbo" else []

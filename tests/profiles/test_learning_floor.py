@@ -27,6 +27,7 @@ def test_a_lathe_that_repeats_everything_has_none(tmp_path: Path) -> None:
     assert floor(tmp_path, "[chuck]\nlobe_factor = 1.1\n[spindle]\nradial_error_um_pp = 0.0\n") < 1e-6
 
 
+@pytest.mark.long
 def test_the_scatter_of_the_wrench_is_the_lobe_times_what_is_left_of_its_force(tmp_path: Path) -> None:
     """5 % of 1314 N, over the 1083.7 N that hold at 1000 rpm, are 6.06 % of 55 um; the median is 0.67 of that."""
     left_n = 1314.0 - 3 * 0.2 * 0.035 * (1000 * math.pi / 30) ** 2

@@ -80,6 +80,7 @@ def test_readers_do_not_touch_a_console_and_a_killed_one_leaves_nothing(tmp_path
     assert os.listdir(tmp_path / "feed") == []
 
 
+@pytest.mark.long
 def test_metrics_are_served_on_loopback_while_consoles_come_and_go(tmp_path: Path) -> None:
     words = [sys.executable, "-m", "console", "metrics", "--listen", "127.0.0.1:0", "--data", str(tmp_path)]
     with Preloaded(words, stdout=subprocess.PIPE, text=True) as serving:

@@ -140,6 +140,7 @@ def test_the_servo_turns_and_scales_a_sine_and_passes_a_depth() -> None:
     assert followed(machine, 100.0 + 10.0 * np.cos(3.0 * angle), 1000.0) == pytest.approx(expected, abs=1e-6)
 
 
+@pytest.mark.long
 def test_what_cannot_be_planned_is_said_and_the_rest_is_shown() -> None:
     """At 3000 rpm of six jaws the lobe is at 300 Hz: too fast for segments of 1 ms."""
     made = seen(jaws=6, spindle_speed_rpm=3000.0)

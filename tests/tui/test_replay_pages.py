@@ -143,6 +143,7 @@ async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path)
 
 
 @at_once
+@pytest.mark.long
 async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> None:
     bench = a_cut(tmp_path)
     async with replayed(bench) as (app, pilot):
