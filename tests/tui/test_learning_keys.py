@@ -82,7 +82,7 @@ def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Pa
     async def play(stage: OnInspect) -> None:
         await stage.show()
         assert "3/rev 1.82 → 0.11" in stage.text and "6/rev 0.58 → 0.00" in stage.text
-        assert "gain 0.939 · improving x0.10" in stage.text and "next cut: model, full" in stage.text
+        assert "gain 0.939 · improving x0.09" in stage.text and "next cut: model, full" in stage.text
         assert "a accepts" in stage.next_step
         await stage.act("inspect.accept")
         assert (used(stage).version, kept(tmp_path)) == (1, [1])
