@@ -162,7 +162,7 @@ def changed(table: Any, place: tuple[Any, ...], value: object) -> Any:
 
 
 @pytest.mark.parametrize("what", WRITERS)
-@pytest.mark.first(3)
+@pytest.mark.first(2)
 def test_a_file_of_ours_with_any_value_anywhere_is_read_or_refused(tmp_path: Path, what: str) -> None:
     write, read = WRITERS[what]
     path = write(tmp_path / "data")

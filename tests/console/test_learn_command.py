@@ -44,6 +44,7 @@ def lobe_um_pp(part: dict[str, Any]) -> float:
     return 2.0 * next(float(h["amplitude_um"]) for h in part["harmonics"] if h["n"] == 3)
 
 
+@pytest.mark.long
 def test_a_first_part_is_cut_in_air_by_half_and_whole(
     console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path
 ) -> None:

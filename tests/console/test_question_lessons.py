@@ -96,7 +96,7 @@ def test_the_seed_draws_each_of_the_lathes_and_the_same_one_again() -> None:
         ("spindle-runs-out", {2, 3, 4, 5, 7}, None),
     ],
 )
-@pytest.mark.first(1)
+@pytest.mark.long
 def test_each_error_of_the_plot_lesson_can_be_read_off_its_plot(
     lathe: str, orders: set[int], from_jaw_deg: float | None, tmp_path: Path
 ) -> None:

@@ -347,7 +347,7 @@ def _left_safe(of: Stand) -> None:
 @ON_ONE
 @pytest.mark.parametrize("fault", ["jammed", "encoder_lost"])
 @pytest.mark.parametrize("frequency_hz", [2.0, 17.1, 51.3, 150.0])
-@pytest.mark.first(3)
+@pytest.mark.first(2)
 def test_a_tool_that_does_not_answer_ends_it_before_it_is_pushed_away(
     machine: MachineProfile, fault: str, frequency_hz: float
 ) -> None:

@@ -170,7 +170,7 @@ def test_a_command_ends_says_why_and_moves_nothing(
 
 @pytest.mark.parametrize("link", ["tcp", "serial"])
 @pytest.mark.parametrize("kind", [kind for kind in WAYS if kind.name.startswith(SOME)], ids=lambda kind: kind.name)
-@pytest.mark.first(4)
+@pytest.mark.first(2)
 def test_a_check_ends_says_why_and_moves_nothing(site: Order, kind: Kind, link: str, tmp_path: Path) -> None:
     language = "en" if link == "tcp" else "ko"
     is_as_it_should(ended(site, "controller verify", kind, IDENTIFIED, link, language, tmp_path), kind)

@@ -17,8 +17,8 @@ from tests.tui.test_settings_page import EVERYWHERE
 TICKS = 3
 
 
-@pytest.mark.first(1)
 @pytest.mark.parametrize("size", [(80, 24), (160, 48)])
+@pytest.mark.long
 def test_a_tick_without_news_paints_nothing_on_any_page(
     size: tuple[int, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -64,7 +64,7 @@ def lengths(rows: list[str]) -> list[tuple[float, float]]:
 
 
 @pytest.mark.parametrize("page", [page for page in PageName if page not in STAYS_METRIC])
-@pytest.mark.first(4)
+@pytest.mark.first(3)
 def test_no_length_is_left_in_millimetres(page: PageName) -> None:
     for language in LANGUAGES:
         rows = shown(scene_of(page), "inch", language, WIDE)

@@ -76,7 +76,7 @@ PICTURES = [
 
 
 @pytest.mark.parametrize(("page", "size", "language"), PICTURES)
-@pytest.mark.first(5)
+@pytest.mark.first(3)
 def test_every_page_is_shown_without_a_colour_in_the_same_words(
     page: PageName, size: tuple[int, int], language: str, data: Path
 ) -> None:
