@@ -17,9 +17,15 @@ GONE = (OSError, ValueError, asyncio.IncompleteReadError, TimeoutError)
 
 START_S, END_S = 5.0, 2.0
 
+ROUNDS_OF_THE_LAST = 8
+"""Of the loop: who was accepted in the last moment is connected, dropped and closed within these."""
+
 Made = Callable[[], asyncio.Protocol]
-Listen = Callable[[Made, ExitStack], Awaitable[str]]
-"""Listens with what is made for each client, and returns the address; the stack ends it. Raises OSError."""
+Listen = Callable[[Made, ExitStack], Awaitable[tuple[asyncio.Server, str]]]
+"""Listens with what is made for each client, and returns server and address; the stack ends all else of it.
+
+Raises OSError.
+"""
 
 Converse = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 """Serves one client to its end; may raise what is in `GONE`."""
@@ -83,13 +89,22 @@ class BoundedServer:
             return
         with ExitStack() as opened:
             try:
-                bound = await self._listen(self._made, opened)
+                server, bound = await self._listen(self._made, opened)
             except OSError as error:
                 self.failed = error
                 self._started.put(error)
                 return
             self._started.put(bound)
+            opened.callback(server.close)
             await self._ended.wait()
+            await self._drop_the_last(server)
+
+    async def _drop_the_last(self, server: asyncio.Server) -> None:
+        """Accept nobody any more, and drop who was accepted just now: a closed server would leave them open."""
+        for listening in server.sockets:
+            asyncio.get_running_loop().remove_reader(listening.fileno())
+        for _ in range(ROUNDS_OF_THE_LAST):
+            await asyncio.sleep(0.0)
 
     def _made(self) -> asyncio.Protocol:
         reader = asyncio.StreamReader(limit=self._longest_line + 1)
@@ -99,7 +114,7 @@ class BoundedServer:
         """Serve one client until it leaves, or does what no client may."""
         self._clients += 1
         try:
-            if self._clients <= self._most_clients:
+            if self._clients <= self._most_clients and not self._closing.is_set():
                 writer.transport.set_write_buffer_limits(high=self._unread_bytes)
                 # Cancelled where the server ends; asyncio would write a traceback of that to the terminal.
                 with suppress(*GONE, asyncio.CancelledError):

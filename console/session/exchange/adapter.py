@@ -50,11 +50,10 @@ class Adapter:
         """Drop everybody."""
         self._server.close()
 
-    async def _listen(self, made: Made, opened: ExitStack) -> str:
+    async def _listen(self, made: Made, _: ExitStack) -> tuple[asyncio.Server, str]:
         server = await asyncio.get_running_loop().create_server(made, self._host, self._port)
-        opened.callback(server.close)
         host, port = server.sockets[0].getsockname()[:2]
-        return f"{f'[{host}]' if ':' in host else host}:{port}"
+        return server, f"{f'[{host}]' if ':' in host else host}:{port}"
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         connection = writer.get_extra_info("socket")

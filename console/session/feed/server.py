@@ -64,11 +64,10 @@ class FeedServer:
         value = error.strerror or str(error)
         return (Problem(code="feed.not_served", where=printable(str(self._data)), value=value),)
 
-    async def _listen(self, made: Made, opened: ExitStack) -> str:
+    async def _listen(self, made: Made, opened: ExitStack) -> tuple[asyncio.Server, str]:
         listening = claimed(self._data, opened)
         server = await asyncio.get_running_loop().create_unix_server(made, sock=listening.dup())
-        opened.callback(server.close)
-        return str(listening.getsockname())
+        return server, str(listening.getsockname())
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         connection = writer.get_extra_info("socket")

@@ -88,8 +88,8 @@ class ControlHost(asyncio.Protocol):
 
 async def listen_for_control(
     made: Callable[[], asyncio.Protocol], address: ControlAddress, opened: ExitStack
-) -> str:
-    """Listen, and return the address that was bound; `opened` closes it, and removes it from the file system.
+) -> tuple[asyncio.Server, str]:
+    """Listen; return the server, and the address that was bound. `opened` closes it and removes its file.
 
     `made` makes what serves one client.
 
@@ -100,13 +100,13 @@ async def listen_for_control(
         server = await loop.create_server(made, address.host, address.port)
         opened.callback(server.close)
         host, port = server.sockets[0].getsockname()[:2]
-        return f"{PREFIX}{TcpAddress(host=host, port=port)}"
+        return server, f"{PREFIX}{TcpAddress(host=host, port=port)}"
     with closing(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)) as listening:
         _bind(listening, address)
         opened.callback(_remove, address.path, os.stat(address.path).st_ino)
         server = await loop.create_unix_server(made, sock=listening.dup())
     opened.callback(server.close)
-    return f"{PREFIX}{address}"
+    return server, f"{PREFIX}{address}"
 
 
 def _bind(listening: socket.socket, address: UnixAddress) -> None:

@@ -80,7 +80,8 @@ async def listen(
         yield str(SerialAddress(device=line.device))
     if listeners.control:
         try:
-            yield await listen_for_control(lambda: ControlHost(lathe), listeners.control, opened)
+            _, bound = await listen_for_control(lambda: ControlHost(lathe), listeners.control, opened)
+            yield bound
         except OSError as error:
             raise _refusal(f"{PREFIX}{listeners.control}", error) from error
 
