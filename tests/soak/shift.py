@@ -29,6 +29,7 @@ from console.session.station.commands import (
     Recover,
     Retract,
     Start,
+    TakeControl,
 )
 from console.session.station.state import IDLE, Activity
 from console.text.catalogue import Catalogue, load
@@ -152,6 +153,7 @@ class Shift:
         """Do what a good operator does: put right what there is, set up if needed, cut, and measure."""
         if self._floor.state.activity is Activity.LOST:
             self._restart()
+        self._take_control()
         if self._floor.state.stop is not None:
             self._order(Recover())
             self._order(Retract())
@@ -160,6 +162,11 @@ class Shift:
         if self._floor.state.armed is None and not self._floor.state.cut_done:
             self._set_up()
             self._cut()
+
+    def _take_control(self) -> None:
+        """A console that ended without its line has left its number: whoever comes next takes the machine over."""
+        if any(alarm.problem.code == "owner.held" for alarm in self._floor.state.alarms):
+            self._order(TakeControl())
 
     def _set_up(self) -> None:
         with suppress(AssertionError):  # refused half-way: whoever does it gives up there
