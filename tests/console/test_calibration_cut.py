@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import replace
 from pathlib import Path
 
@@ -39,6 +40,17 @@ class Shop:
     def job(self) -> LoadedJob:
         return load_job(str(self.path))
 
+    @functools.cached_property
+    def plain(self) -> MeasuredPart:
+        """The part that was cut without compensation, before anything else."""
+        return self.cut(Strategy.NONE)
+
+    @functools.cached_property
+    def calibrated(self) -> LoadedJob:
+        """The job with the lobe that this part has shown, as it was written."""
+        assert self.plain.lobe is not None
+        return accept_lobe(self.plain.lobe, self.machine.machine, self.data)
+
     def cut(self, strategy: Strategy) -> MeasuredPart:
         """Clamp a blank, cut it to its end, and measure it."""
         job, floor = self.job, self.floor
@@ -59,20 +71,19 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
 
 
 def test_a_plain_part_gives_its_job_the_lobe_and_the_next_part_is_round(shop: Shop) -> None:
-    job = shop.job
+    job = load_job(str(shop.path))
     refused = shop.floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
     assert (refused.armed, [problem.code for problem in refused.refusals]) == (None, ["rule.lobe_none"])
     assert opened(job, shop.machine).strategy == "none"
 
-    plain = shop.cut(Strategy.NONE)
-    lobe = plain.lobe
+    plain, lobe = shop.plain, shop.plain.lobe
     assert lobe is not None and lobe.found is not None and not lobe.reasons, lobe
     # What the simulated ring springs back is the model's; the jaw was found at the mark.
     true_um_pp = with_modelled_lobe(job.job, shop.machine.machine).lobe_error_um_pp
     assert lobe.found.fit.error_um_pp == pytest.approx(true_um_pp, rel=0.02)
     assert lobe.found.past_jaw_deg == pytest.approx(0.0, abs=0.3)
 
-    written = accept_lobe(lobe, shop.machine.machine, shop.data)
+    written = shop.calibrated
     assert written.job == shop.job.job and written.job.lobe_error_source == "fitted"
     assert written.job.lobe_chuck == shop.machine.machine.chuck.name
     (kept,) = files_of(shop.data, "ring", "lobe")
@@ -84,9 +95,9 @@ def test_a_plain_part_gives_its_job_the_lobe_and_the_next_part_is_round(shop: Sh
 
 
 def test_a_lobe_is_not_written_over_a_job_that_has_changed_since(shop: Shop) -> None:
-    part = shop.floor.state.uncompensated
-    assert part is not None and part.lobe is not None
-    assert part.lobe.loaded is not None and part.lobe.loaded.sha256 != shop.job.sha256
+    part, written = shop.plain, shop.calibrated
+    assert part.lobe is not None and part.lobe.loaded is not None
+    assert part.lobe.loaded.sha256 != written.sha256
     before = shop.path.read_bytes()
     with pytest.raises(ProblemError) as raised:
         accept_lobe(part.lobe, shop.machine.machine, shop.data)
@@ -95,8 +106,8 @@ def test_a_lobe_is_not_written_over_a_job_that_has_changed_since(shop: Shop) -> 
 
 
 def test_a_part_of_an_edited_job_gives_none_a_lobe(shop: Shop) -> None:
-    part = shop.floor.state.uncompensated
-    assert part is not None and part.lobe is not None and part.lobe.found is not None
+    part = shop.plain
+    assert part.lobe is not None and part.lobe.found is not None
     bare = PartLobe(loaded=None, file="x", file_sha256="")
     edited = lobe_of(part.trace, part.job, bare, phase_known=True, simulated=True)
     assert [problem.code for problem in edited.reasons] == ["learned.edited_part"]

@@ -169,8 +169,9 @@ def test_a_stop_does_not_wait_for_a_screen_that_hangs(trainee: Trainee) -> None:
 def test_in_a_field_of_numbers_space_stops_and_in_free_text_f12_does(trainee: Trainee) -> None:
     """At rest: nothing can be typed while something moves."""
     goes_to(trainee, "2", "Set-up: lee-2001")
-    trainee.press("down", "enter", "5")
+    trainee.press("down", "enter")
     trainee.sees("setup.next.entry", 2.0)
+    trainee.press("5")
     trainee.press("space")
     trainee.terminal.wait_for("nothing moved: no reset", 5.0)
     trainee.press("u")
