@@ -12,7 +12,7 @@ def force_words(found: ForceNull, text: Catalogue) -> str:
         return text("force.unknown", why=text(f"force.why.{found.why}"))
     said = text(
         f"force.{found.sign}",
-        turned=f"{found.turned_deg:+.1f}",
+        turned=f"{round(found.turned_deg, 1) + 0.0:+.1f}",  # never -0.0
         sd=f"{SURE * found.turned_sd_deg:.1f}",
         ratio=f"{100.0 * abs(found.ratio):.0f}",
         force=f"{abs(found.force_n):.2f}",
