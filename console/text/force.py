@@ -14,7 +14,6 @@ def force_words(found: ForceNull, text: Catalogue) -> str:
         f"force.{found.sign}",
         turned=f"{round(found.turned_deg, 1) + 0.0:+.1f}",  # never -0.0
         sd=f"{SURE * found.turned_sd_deg:.1f}",
-        ratio=f"{100.0 * abs(found.ratio):.0f}",
         force=f"{abs(found.force_n):.2f}",
         right=f"{abs(found.right_n):.2f}",
         wrong=f"{abs(found.wrong_n):.2f}",

@@ -202,7 +202,7 @@ def test_the_command_says_it_and_warns_the_whole_run(
     # The whole part was the last one: it is not said twice.
     assert "sign of the compensation" not in console(*words, "--json").err
     spoken = console("--lang", "ko", *words, "--stage", "partial")
-    assert "절삭력으로 보아 부호가 틀렸습니다" in spoken.out
+    assert "절삭력: 부호가 틀렸습니다" in spoken.out
 
 
 @pytest.mark.long
