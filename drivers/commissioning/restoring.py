@@ -1,4 +1,4 @@
-"""Send a backup to a controller, so that it has what the backup has and no other program; say what differs yet.
+"""Send a backup to a controller, delete the programs that it does not have, and report what still differs.
 
 A limit that is 0 in the backup is not sent: 0 is no limit. Where the controller has another value it keeps that,
 and it is one of the differences. Nothing is saved.
@@ -63,13 +63,13 @@ def refuse_hidden(now: Configuration, where: str) -> None:
 
 
 def restore_lines(text: str, backup: Backup, now: Configuration) -> tuple[str, ...]:
-    """Return the lines that make of the controller `now` what the text of a backup has."""
+    """Return the lines that bring a controller from the state `now` to that of a backup."""
     wanted = "\n".join(line for line in text.splitlines() if not line.endswith(NO_LIMIT))
     return (*_removals(backup.configuration, now), *typed_lines(wanted))
 
 
 def kept_limits(wanted: Configuration, now: Configuration) -> tuple[str, ...]:
-    """Return the limits that the backup does not have, and that the controller therefore keeps."""
+    """Return the limits that are 0 in the backup and that the controller therefore keeps."""
     dialect = now.dialect
     return tuple(
         f"I{index}"
@@ -79,18 +79,25 @@ def kept_limits(wanted: Configuration, now: Configuration) -> tuple[str, ...]:
 
 
 def _removals(wanted: Configuration, now: Configuration) -> Iterator[str]:
-    """Yield what deletes that the backup does not have; first all PLCs are disabled, so that none writes."""
+    """Yield the lines that delete what the backup does not have. All PLCs are disabled first, so that none writes."""
     yield f"DISABLE PLC 0..{HIGHEST_PLC}"
-    yield from (f"DELETE PROG{number}" for number in sorted(now.programs.keys() - wanted.programs.keys()))
-    yield from (f"DELETE PLC{number}" for number in sorted(now.plcs.keys() - wanted.plcs.keys()))
+    for number in sorted(now.programs.keys() - wanted.programs.keys()):
+        yield from _emptied(f"OPEN PROG{number}")
+    for number in sorted(now.plcs.keys() - wanted.plcs.keys()):
+        yield from _emptied(f"OPEN PLC{number}")
     if wanted.values is None:
         return  # such a backup has neither entries of tables nor kinematic programs
     for system, kind in sorted(now.kinematics.keys() - wanted.kinematics.keys()):
-        yield f"&{system}DELETE {kind}"
+        yield from _emptied(f"&{system}OPEN {kind}")
     if now.tables and not wanted.entries:
         yield DELETE_GATHER
         yield from (f"#{motor}DELETE COMP" for motor in sorted(now.tables))
     yield "&1#1"
+
+
+def _emptied(opening: str) -> tuple[str, str, str]:
+    """Return the lines that erase a program, as the manuals do it (Software Reference, CLEAR)."""
+    return (opening, "CLEAR", "CLOSE")
 
 
 def restore(

@@ -67,7 +67,7 @@ class Batch:
 class BatchGather:
     """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls.
 
-    Every method raises DriverError: `gather.failed`, the controller does not gather as it should; the link broke.
+    Every method but `give_back` raises DriverError: `gather.failed`, the controller does not gather as it should; the link broke.
     """
 
     def __init__(
@@ -105,7 +105,7 @@ class BatchGather:
         cycle_s = self._machine.controller.servo_period_ms / 1000.0
         sample_s = 60.0 / (samples_a_turn * cut.spindle_speed_rpm)
         period = max(1, math.floor(sample_s / cycle_s))
-        self._cut, self._take, self._state = cut, take, None
+        self._cut, self._take, self._state, self._plan = cut, take, None, None
         self._from_counts = cut.carriage_start + cut.setup.carriage_per_turn
         if from_counts is not None:
             self._from_counts = max(self._from_counts, from_counts)
@@ -146,11 +146,13 @@ class BatchGather:
             self._state = self._tried(partial(self._fetched, state, long_words))
 
     def give_back(self) -> None:
-        """Stop gathering, and delete the buffer, whose room other work of the controller may need."""
-        self._plan, self._state = None, None
-        with suppress(DriverError):
-            self._quick.stop()
-            self._client.request("DELETE GATHER", ANSWER_S)
+        """Stop gathering and delete the buffer, if it is still ours; other work may need the room. Raises nothing."""
+        plan, self._plan, self._state = self._plan, None, None
+        if plan is None:
+            return
+        for line in ("ENDGATHER", "DELETE GATHER"):
+            with suppress(DriverError):
+                self._client.request(line, ANSWER_S)
 
     def _next(self, snapshot: Snapshot) -> _State:
         state, plan = self._state, self._plan
@@ -209,6 +211,7 @@ class BatchGather:
         machine, cut, plan = self._machine, self._cut, state.plan
         assert cut is not None  # nothing is fetched before `prepare`
         if not self._quick.set_up_as(plan):
+            self._plan = None
             raise GatherError("somebody else sets up gathering")
         self._lost = 0
         data = GatheredData.from_listing(state.lines, plan.channels, plan.period_cycles, plan.cycle_ms)

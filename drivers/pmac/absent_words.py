@@ -7,7 +7,7 @@ import re
 _ABSENT = (
     ("LEARN", "LEARN"),
     ("PRELUDE", "PRELUDE"),
-    ("DISPLAY", r"DISP(LAY)?\d*[IPQM]"),
+    ("DISPLAY", r".*DISP(LAY)?[\d,.]*[IPQM]\d"),
     ("CC0 to CC3", r"CC[0-3]"),
     ("CCR", "CCR"),
     ("TSELECT", r"TSEL(ECT)?"),
@@ -15,9 +15,9 @@ _ABSENT = (
     ("ADIS, AROT, IDIS, IROT", r"(A|I)(DIS|ROT)"),
     ("altered destination (!)", r"[A-CU-Z]*!"),
     ("rotary buffers (ROT)", r"((OPEN|DEF(INE)?|DEL(ETE)?)(BIN)?|)ROT(ARY)?(\d|$)"),
-    ("compiled PLCs (PLCC)", r"((OPEN|ENA(BLE)?|DIS(ABLE)?|CLEAR|DEL(ETE)?)?PLC)?C\d"),
+    ("compiled PLCs (PLCC)", r".*PLCC\d"),
     ("DEFINE of TBUF, TCOMP, BLCOMP, TRACE", r"DEF(INE)?(TBUF|TCOMP|BLCOMP|TRACE)"),
-    ("LOCK, UNLOCK", r"(UN)?LOCK\d"),
+    ("LOCK, UNLOCK", r"(UN)?LOCK[\dP]"),
     ("SETPHASE", "SETPHASE"),
 )
 _FOUND = re.compile(r", found (.+)$")
