@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from profiles.compensations.force_null import AGREES_DEG, SURE, ForceNull, Sign, Why
+from profiles.compensations.force_null import AGREES_DEG, MIRRORED_DEG, SURE, ForceNull, Sign, Why
 from profiles.job import Job
 from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
@@ -28,13 +28,17 @@ class ForceCheck:
         """Whether it is of a cut of this job with jaw 1 there; a jaw that was found is assumed no more."""
         return replace(job, assumed=()) == replace(self.job, assumed=())
 
+    def concerns(self, job: Job) -> bool:
+        """Whether it says anything of a cut of this job, wherever its jaw 1 was found since."""
+        return self.is_of(replace(job, lobe_phase_deg=self.job.lobe_phase_deg))
+
     def contradicts(self, job: Job) -> Problem | None:
         """Return what it says against the full stage of a job with jaw 1 where it is now, None for nothing.
 
         It stands until the job is another one, the half stage is cut again, or jaw 1 is found where the force
         has it.
         """
-        if not self.is_of(replace(job, lobe_phase_deg=self.job.lobe_phase_deg)):
+        if not self.concerns(job):
             return None
         return against_full(self.found, job.lobe_phase_deg - self.job.lobe_phase_deg)
 
@@ -47,7 +51,7 @@ def against_full(found: ForceNull | None, jaw_moved_deg: float = 0.0) -> Problem
     if found.lobes * abs(left_deg) <= AGREES_DEG:
         return None
     return Problem(
-        code="force.wrong_sign" if found.sign is Sign.WRONG_SIGN else "force.turned",
+        code="force.wrong_sign" if found.lobes * abs(left_deg) >= MIRRORED_DEG else "force.turned",
         value=f"{left_deg:+.0f} ± {SURE * found.turned_sd_deg:.0f} deg",
         limit=f"± {AGREES_DEG / found.lobes:.0f} deg",
     )

@@ -79,7 +79,7 @@ def kept_limits(wanted: Configuration, now: Configuration) -> tuple[str, ...]:
 
 
 def _removals(wanted: Configuration, now: Configuration) -> Iterator[str]:
-    """Yield the lines that delete what the backup does not have. All PLCs are disabled first, so that none writes."""
+    """Yield the lines that delete what the backup does not have; first they disable all PLCs: none may write."""
     yield f"DISABLE PLC 0..{HIGHEST_PLC}"
     for number in sorted(now.programs.keys() - wanted.programs.keys()):
         yield from _emptied(f"OPEN PROG{number}")

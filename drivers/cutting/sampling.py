@@ -67,7 +67,8 @@ class Batch:
 class BatchGather:
     """Gathers the batches of a cut in turn; `take` receives each after it is fetched, between two polls.
 
-    Every method but `give_back` raises DriverError: `gather.failed`, the controller does not gather as it should; the link broke.
+    Every method but `give_back` raises DriverError: `gather.failed`, the controller does not gather as it should;
+    the link broke.
     """
 
     def __init__(
@@ -146,7 +147,7 @@ class BatchGather:
             self._state = self._tried(partial(self._fetched, state, long_words))
 
     def give_back(self) -> None:
-        """Stop gathering and delete the buffer, if it is still ours; other work may need the room. Raises nothing."""
+        """Stop gathering and delete the buffer, if it is ours: other work may need the room. Raises nothing."""
         plan, self._plan, self._state = self._plan, None, None
         if plan is None:
             return

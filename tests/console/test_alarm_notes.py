@@ -48,13 +48,18 @@ def test_without_an_alarm_there_is_neither_a_log_nor_a_thread(tmp_path: Path) ->
 
 
 def test_a_disk_that_does_not_answer_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    stuck = threading.Event()
-    monkeypatch.setattr(alarm_notes, "note", lambda *words, **named: stuck.wait(30.0))
+    stuck, over = threading.Event(), threading.Event()
+
+    def noted(*_: object, **__: object) -> None:
+        stuck.wait(30.0)
+        over.set()
+
+    monkeypatch.setattr(alarm_notes, "note", noted)
     monkeypatch.setattr(alarm_notes, "CLOSE_S", 0.05)
     notes = AlarmNotes(tmp_path, "lathe", simulated=False)
     notes([entry(LogKind.RAISED, number) for number in range(1000)])
     notes.close()
-    assert not stuck.is_set(), "it was waited for"
+    assert not over.is_set(), "it was waited for"
     stuck.set()
 
 

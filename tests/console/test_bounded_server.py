@@ -49,8 +49,9 @@ def test_who_connects_while_it_ends_is_dropped_and_nothing_stays_open(tmp_path: 
             server.start()
             crowd = threading.Thread(target=connect_until, args=(over, path, opened))
             crowd.start()
-            while len(opened) < 20:
+            while len(opened) < 20 and crowd.is_alive():
                 over.wait(0.001)
+            assert len(opened) >= 20
             server.close()
             over.set()
             crowd.join()

@@ -12,8 +12,9 @@ from typing import Any
 
 import pytest
 
-from console.cli.backups import reading_progress
+from console.cli.backups import reading_progress, restore_backup
 from console.text.catalogue import load
+from drivers.commissioning.reading import read_configuration
 from drivers.errors import LinkError
 from drivers.lathe.ownership import Ownership
 from profiles.problem import Problem
@@ -58,7 +59,7 @@ def test_what_was_changed_comes_back_and_can_be_undone(
     assert console("controller", "backup", str(again)).code == 0
     assert body(again) == body(backed_up)
     (before,) = (data_folder / "trilobe" / "backups").iterdir()
-    assert f"console controller restore '{before}'" in said.out
+    assert f"console controller restore {before}" in said.out
     assert console("controller", "restore", str(before)).code == 0
     assert card.client.numbers("P7", "I130", "M9") == (9.0, 100.0, 3.0)
 
@@ -141,24 +142,33 @@ def test_a_machine_that_is_not_free_is_refused(
     assert b"CLEAR" not in card.line.heard and b"UNDEFINE" not in card.line.heard
 
 
+def at_program_5(card: Commissioned, monkeypatch: pytest.MonkeyPatch, then: Callable[[], None]) -> None:
+    """Let something happen when program 5 is about to be sent."""
+    send = card.client.send
+
+    def seen(line: str, *words: Any, **named: Any) -> None:
+        if line.startswith("OPEN PROG5"):
+            then()
+        send(line, *words, **named)
+
+    monkeypatch.setattr(card.client, "send", seen)
+
+
 @on_one
 def test_a_restore_that_is_cut_off_names_the_way_back(
     console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
-    send = card.client.send
 
-    def torn(line: str, *words: Any, **named: Any) -> None:
-        if line.startswith("OPEN PROG5"):
-            raise LinkError(Problem(code="link.lost", where="memory"))
-        send(line, *words, **named)
+    def torn() -> None:
+        raise LinkError(Problem(code="link.lost", where="memory"))
 
-    monkeypatch.setattr(card.client, "send", torn)
+    at_program_5(card, monkeypatch, torn)
     said = console("controller", "restore", str(backed_up))
     (before,) = (data_folder / "trilobe" / "backups").iterdir()
     assert said.code == 1
     assert re.search(r"in part: \d+ of \d+ lines", said.err)
-    assert f"console controller restore '{before}'" in said.err
+    assert f"console controller restore {before}" in said.err
 
 
 @on_one
@@ -166,19 +176,32 @@ def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
     console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
-    send = card.client.send
-
-    def interrupted(line: str, *words: Any, **named: Any) -> None:
-        if line.startswith("OPEN PROG5"):
-            signal.raise_signal(signal.SIGINT)
-        send(line, *words, **named)
-
-    monkeypatch.setattr(card.client, "send", interrupted)
+    at_program_5(card, monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
     said = console("controller", "restore", str(backed_up))
     (before,) = (data_folder / "trilobe" / "backups").iterdir()
     assert said.code != 0
-    assert f"console controller restore '{before}'" in said.err
+    assert f"console controller restore {before}" in said.err
     assert card.client.numbers("P7", "P1000") == (1.25, 0.0)
+
+
+@on_one
+def test_ctrl_c_while_it_reads_again_names_the_way_back_to_the_same_machine(
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+) -> None:
+    card.tell("P7=9")
+    readings = []
+
+    def interrupted(*words: Any) -> Any:
+        readings.append(words)
+        if len(readings) == 2:
+            signal.raise_signal(signal.SIGINT)
+        return read_configuration(*words)
+
+    monkeypatch.setattr(restore_backup, "read_configuration", interrupted)
+    said = console("controller", "restore", str(backed_up), "--machine", "lee-2001-lathe")
+    (before,) = (data_folder / "trilobe" / "backups").iterdir()
+    assert said.code != 0 and len(readings) == 2
+    assert f"console controller restore {before} --machine lee-2001-lathe" in said.err
 
 
 class Terminal(io.StringIO):

@@ -197,8 +197,8 @@ def test_the_command_says_it_and_warns_the_whole_run(
     assert (found["sign"], found["why"], found["lobes"]) == ("wrong_sign", "", 3)
     assert abs(complex(*found["force_n"])) > 1.5 * abs(complex(*found["right_n"]))
     whole = console(*words, "--json")
-    assert "the sign of the compensation is wrong" in whole.err and "force_null" not in whole.json
-    assert any("sign of the compensation" in each for each in whole.json["warnings"])
+    assert "the sign is wrong" in whole.err and "force_null" not in whole.json
+    assert any("the sign is wrong" in each for each in whole.json["warnings"])
     # The whole part was the last one: it is not said twice.
     assert "sign of the compensation" not in console(*words, "--json").err
     spoken = console("--lang", "ko", *words, "--stage", "partial")

@@ -46,7 +46,7 @@ def test_what_another_version_wrote_is_nothing(data: str) -> None:
         (0.0, "force.turned"),
         (28.0, None),
         (20.0, None),
-        (-28.0, "force.turned"),
+        (-28.0, "force.wrong_sign"),  # 56 degrees of spindle are 168 of the lobe
         (148.0, None),
         (15.0, "force.turned"),
     ],

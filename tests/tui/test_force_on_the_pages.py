@@ -18,7 +18,7 @@ from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
 from profiles.problem import Problem
 from profiles.words.sentences import LANGUAGES
 from tests.tui import run_stage
-from tests.tui.page_stage import shown_on
+from tests.tui.page_stage import Shown, shown_on
 from tests.tui.scenes import taught_part
 from tests.tui.stage import experiment
 
@@ -47,13 +47,28 @@ def test_every_verdict_and_every_reason_has_words() -> None:
         assert len(set(said)) == 9 and all("{" not in each for each in said)
 
 
+WORDS = {
+    ("en", "wrong"): "THE SIGN IS WRONG",
+    ("ko", "wrong"): "부호가 틀렸습니다",
+    ("en", "right"): "sign and angle are right",
+    ("ko", "right"): "부호와 각도가 맞습니다",
+    ("en", "round"): "round in the jaws",
+    ("ko", "round"): "조에 물린 상태에서 이미 둥글었습니다",
+}
+"""What an operator reads of each verdict."""
+
+
+def words_of(page: Shown) -> str:
+    """The text of the panels on the left as it is read, from line to line."""
+    return " ".join(" ".join(line.split("││")[0].strip("│ ") for line in page.text.splitlines()).split())
+
+
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("found", [WRONG, RIGHT, unknown(3, Why.ROUND)])
-def test_run_says_it_after_the_cut(language: str, found: ForceNull) -> None:
-    text = load(language)
+@pytest.mark.parametrize(("what", "found"), [("wrong", WRONG), ("right", RIGHT), ("round", unknown(3, Why.ROUND))])
+def test_run_says_it_after_the_cut(language: str, what: str, found: ForceNull) -> None:
     done = run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, force=found)
     page = shown_on(RunPage, run_stage.state(cut=done, cut_done=True), language=language)
-    assert force_words(found, text)[:12] in page.text
+    assert WORDS[language, what] in words_of(page)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -62,8 +77,9 @@ def test_run_warns_of_the_whole_before_it_is_armed(language: str) -> None:
     check = ForceCheck(job=work.job, found=WRONG)
     page = shown_on(RunPage, run_stage.state(force=check), work=work, language=language)
     assert f"! {text('run_page.check.force')}" in page.text
-    half = shown_on(RunPage, run_stage.state(force=check), work=replace(work, stage="partial"), language=language)
-    assert text("run_page.check.force") not in half.text
+    for other in (replace(work, stage="partial"), replace(work, strategy="none")):
+        unasked = shown_on(RunPage, run_stage.state(force=check), work=other, language=language)
+        assert text("run_page.check.force") not in unasked.text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -75,7 +91,7 @@ def test_inspect_says_it_beside_the_measured_half_and_leads_to_jaw_1(language: s
     state = run_stage.state(measured=half, force=ForceCheck(job=part.job, found=WRONG))
     page = shown_on(InspectPage, state, work=experiment(), language=language)
     assert page.next_step == text("inspect_page.next_force") and cell_len(page.next_step) <= 77
-    assert force_words(WRONG, text)[:12] in page.text
+    assert WORDS[language, "wrong"] in words_of(page)
     right = replace(state, force=ForceCheck(job=part.job, found=RIGHT))
     assert shown_on(InspectPage, right, work=experiment(), language=language).next_step == text(
         "inspect_page.next_half"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 import sys
 from argparse import Namespace
 from dataclasses import dataclass
@@ -54,7 +55,7 @@ def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
     content, backup = load_backup(path)
     refuse_other_controller(backup, card.kind, dialect, printable(str(path)))
     refuse_busy(client, dialect)
-    now = _read(card, text, backup, "configuration.reading")
+    now = _read(card, text, "configuration.reading")
     refuse_hidden(now, client.link.address)
     before = in_order(left_differing(backup.configuration, now, card.machine))
     if not options.json:
@@ -66,8 +67,7 @@ def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
         kept = backup_path(data_of(options), card.machine.name)
         keep_backup(now, kept, private=True)
         lines = restore_lines(content, backup, now)
-        _send(card, lines, kept, text)
-        after = _read(card, text, backup, "configuration.proving")
+        after = _sent_and_read(card, lines, _undo(options, kept), text)
         left = in_order(left_differing(backup.configuration, after, card.machine))
         limits = kept_limits(backup.configuration, after)
         found = _Restored(before=before, kept=kept, sent=len(lines), left=left, limits=limits)
@@ -75,14 +75,32 @@ def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
     return 1 if found.left else 0
 
 
-def _read(card: Card, text: Catalogue, backup: Backup, key: str) -> Configuration:
-    """Read as much of the controller as the backup has; what goes before it is kept with all values."""
+def _sent_and_read(card: Card, lines: tuple[str, ...], undo: str, text: Catalogue) -> Configuration:
+    """Send the lines, and return what the controller has after them."""
+    try:
+        _send(card, lines, undo, text)
+        return _read(card, text, "configuration.proving")
+    except Interrupted:  # once all is sent: a half of a backup is worse than a late Ctrl-C
+        print(text("configuration.restore_unread", command=undo), file=sys.stderr)
+        raise
+
+
+def _read(card: Card, text: Catalogue, key: str) -> Configuration:
+    """Read the whole controller with all values: what there is before is also the way back."""
     dialect = card.client.dialect
     with reading_shown(card, text, key=key):
         return read_configuration(card.client, dialect, whole_card(dialect, values=True))
 
 
-def _send(card: Card, lines: tuple[str, ...], kept: Path, text: Catalogue) -> None:
+def _undo(options: Namespace, kept: Path) -> str:
+    """Return the command that restores what there was before, at the same controller."""
+    words = ["console", "controller", "restore", printable(str(kept))]
+    for name, value in (("--machine", options.machine), ("--link", options.link)):
+        words += [name, str(value)] if value else []
+    return shlex.join(words)
+
+
+def _send(card: Card, lines: tuple[str, ...], undo: str, text: Catalogue) -> None:
     """Send the lines as the owner of the machine. A failure names the backup of what there was before."""
     sent = 0
 
@@ -96,13 +114,10 @@ def _send(card: Card, lines: tuple[str, ...], kept: Path, text: Catalogue) -> No
     try:
         with shown("configuration.sending", text, lambda: fraction_done(sent, len(lines))):
             with_control(card, work)
-    except Interrupted:  # once all is sent: a half of a backup is worse than a late Ctrl-C
-        print(text("configuration.restore_unread", file=printable(str(kept))), file=sys.stderr)
-        raise
     except DriverError as error:
         if any(problem.code == "controller.restored_in_part" for problem in error.problems):
-            undo = Problem(code="controller.restore_undo", where=card.address, value=printable(str(kept)))
-            raise DriverError(*error.problems, undo) from error
+            back = Problem(code="controller.restore_undo", where=card.address, value=undo)
+            raise DriverError(*error.problems, back) from error
         raise
 
 
@@ -122,11 +137,11 @@ def _show(options: Namespace, card: Card, backup: Backup, found: _Restored, text
             "sent": found.sent,
             "differences": check_fields(found.left, text),
         },
-        lambda: _lines(backup, found, text),
+        lambda: _lines(options, backup, found, text),
     )
 
 
-def _lines(backup: Backup, found: _Restored, text: Catalogue) -> list[str]:
+def _lines(options: Namespace, backup: Backup, found: _Restored, text: Catalogue) -> list[str]:
     hidden = backup.configuration.locked
     lines = [text("configuration.restore_hidden", names=", ".join(hidden))] if hidden else []
     if found.kept is None:
@@ -136,9 +151,8 @@ def _lines(backup: Backup, found: _Restored, text: Catalogue) -> list[str]:
         done = text("configuration.restored_not_all", count=found.sent)
     if found.limits:
         lines.append(text("configuration.limits_kept", names=", ".join(found.limits)))
-    return ["", *lines, done, *check_lines(found.left, text), "", *_afterwards(found.kept, text)]
+    return ["", *lines, done, *check_lines(found.left, text), "", *_afterwards(_undo(options, found.kept), text)]
 
 
-def _afterwards(kept: Path, text: Catalogue) -> list[str]:
-    undo = text("configuration.restore_undo", file=printable(str(kept)))
-    return [text("configuration.restore_not_saved"), undo]
+def _afterwards(undo: str, text: Catalogue) -> list[str]:
+    return [text("configuration.restore_not_saved"), text("configuration.restore_undo", command=undo)]

@@ -18,6 +18,7 @@ from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
 from console.session.learning.history import history_of
 from console.session.learning.learning import refuse_unlearnable
+from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
 from console.session.station.whereabouts import address_of
 from drivers.cutting.strategy import Strategy
@@ -114,14 +115,15 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simul
 def _contradicted(
     options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool
 ) -> tuple[Problem, ...]:
-    """Return what the cutting force of the last part, a half-stage one, says against the whole of it."""
+    """Return the warning of a full stage that the force of the last part, a half-stage one, contradicts."""
     if options.stage != Stage.FULL or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
         part = newest_part(data_of(options), asked_for(job, machine, "", simulated=simulated))
+        check = check_of(part, job.job)
     except ProblemError as error:
         return tuple(error.problems)
-    found = None if part is None else part.against(job.job)
+    found = None if check is None else check.contradicts(job.job)
     return () if found is None else (found,)
 
 

@@ -10,11 +10,10 @@ from typing import Any
 from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
 from console.session.errors import SessionError
-from console.session.force_record import against_full, force_of
+from console.session.force_record import force_of
 from console.session.stages import Stage
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.learned import HoldsFor
-from profiles.job import Job
 from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
 
@@ -157,11 +156,6 @@ class CutPart:
     cut_since: bool
     tool_lobe_um: complex = 0j
     force: ForceNull | None = None
-
-    def against(self, job: Job) -> Problem | None:
-        """Return what its force says against the full stage of its `job` as filed, None for nothing."""
-        said = self.made.cut_jaw_1_deg
-        return against_full(self.force, 0.0 if said == AS_FILED else job.jaw_1_deg - float(said))
 
 
 def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:

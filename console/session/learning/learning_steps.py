@@ -17,6 +17,7 @@ from console.session.data.made_parts import (
     AS_FILED,
     CUT_JAW,
     INVERTED,
+    CutPart,
     MadeWith,
     cuts_of,
     made_with,
@@ -26,6 +27,7 @@ from console.session.data.made_parts import (
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
 from console.session.data.made_parts import date_problems as cut_date_problems
 from console.session.errors import SessionError, refuse
+from console.session.force_record import ForceCheck
 from console.session.learning.fingerprint import of_mean_clamping
 from console.session.learning.history import history_of
 from console.session.stages import Stage, nominal_path
@@ -202,6 +204,13 @@ def as_cut(job: Job, made: MadeWith) -> Job:
         raise SessionError(Problem(code="learned.bad_stage", key=CUT_JAW, value=made.cut_jaw_1_deg, limit=limit))
     found = aligned_job(job, Alignment(jaw=JawAngle(angle_deg=jaw_1_deg, jaws=job.jaws, at="")))
     return replace(found, assumed=tuple(key for key in job.assumed if key != "lobe_phase_deg"))
+
+
+def check_of(part: CutPart | None, job: Job) -> ForceCheck | None:
+    """Return what the force said of a part of the record, of its `job` as filed; raises as `as_cut`."""
+    if part is None or part.force is None:
+        return None
+    return ForceCheck(job=as_cut(job, part.made), found=part.force)
 
 
 def _left(n: int, part: PartHarmonics, step: LearningStep, path: CutPath, stage: Stage) -> LeftHarmonic:

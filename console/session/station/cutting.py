@@ -18,7 +18,7 @@ from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import fingerprinted, refuse_unusable
 from console.session.learning.history import history_of
-from console.session.learning.learning_steps import as_cut
+from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
 from console.session.station.adjusting.passing_on import Adjusting, left_behind
 from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
@@ -83,19 +83,19 @@ def arm(context: StationContext, command: Arm) -> None:
     )
     if percent is not None:
         context.note("override_restored", percent=percent)
-    context.tell(armed=armed, force=context.state.force or _checked_before(context, command.loaded))
+    context.tell(armed=armed, force=_checked_before(context, job, command.loaded))
 
 
-def _checked_before(context: StationContext, loaded: LoadedJob | None) -> ForceCheck | None:
-    """Return what the force of the last part of a job said, by the record: this console may be a new one."""
+def _checked_before(context: StationContext, job: Job, loaded: LoadedJob | None) -> ForceCheck | None:
+    """Return what the force said of this job last; by the record, where this console has not cut it."""
+    known = context.state.force
+    if known is not None and known.concerns(job):
+        return known
     if loaded is None:
         return None
     asked = asked_for(loaded, context.loaded_machine, "", simulated=context.shop is not None)
     try:
-        part = newest_part(context.records, asked)
-        if part is None or part.force is None:
-            return None
-        return ForceCheck(job=as_cut(loaded.job, part.made), found=part.force)
+        return check_of(newest_part(context.records, asked), loaded.job)
     except ProblemError:
         return None  # what is wrong with the record is reported by what needs it
 

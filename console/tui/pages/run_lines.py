@@ -129,12 +129,13 @@ def _force_check(state: StationState, work: Work | None) -> Iterator[Interlock]:
     if state.force is None:
         return
     if state.armed is not None:
-        job, stage = state.armed.job, state.armed.made.stage
+        job, stage, strategy = state.armed.job, state.armed.made.stage, state.armed.strategy
     elif work is not None:
         job, stage = aligned_job(work.job, state.alignment), work.stage
+        strategy = Strategy(work.strategy)
     else:
         return
-    against = state.force.contradicts(job) if stage == Stage.FULL else None
+    against = state.force.contradicts(job) if stage == Stage.FULL and strategy.traits.inverts else None
     if against is not None:
         yield Interlock(name="force", warnings=(against,))
 
