@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
 from drivers.commissioning.setting_names import named
 from drivers.commissioning.values import highest_of, read_value_line, value_lines
+from drivers.pmac.compensation.table_text import entry_lines
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.execution.kinematics import FORWARD, INVERSE
 from drivers.pmac.language.text import format_number
@@ -44,7 +45,6 @@ LIMITS_OFF_AT_ZERO = frozenset(  # the limits that a 0 disables, by the keys of 
     )
 )
 _WORDS_A_LINE = 8
-_ENTRIES_A_LINE = 16
 DELETE_GATHER, UNDEFINE = "DELETE GATHER", "UNDEFINE ALL"
 
 CAP_BYTES = 16_000_000
@@ -115,8 +115,7 @@ def _entries(configuration: Configuration) -> Iterator[str]:
     for motor in sorted(configuration.entries, reverse=True):
         entries = configuration.entries[motor]
         yield f"#{motor}DEFINE COMP {configuration.tables[motor].definition}"
-        for start in range(0, len(entries), _ENTRIES_A_LINE):
-            yield " ".join(map(str, entries[start : start + _ENTRIES_A_LINE]))
+        yield from entry_lines(entries)
     yield "#1"
 
 

@@ -56,6 +56,11 @@ class Extent:
     unlisted_table: int | None = None
     values: bool = False
 
+    @property
+    def table_motors(self) -> tuple[int, ...]:
+        """The motors whose compensation tables are read."""
+        return self.motors if self.tables is None else self.tables
+
 
 def whole_card(dialect: Dialect, *, values: bool = False) -> Extent:
     """Return the full extent of the family, with the values of P, Q and M if asked for."""
@@ -82,9 +87,7 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
 def expected_work(dialect: Dialect, extent: Extent) -> int:
     """Return how much there is to read, in the unit of `work_done`; programs that are there come on top."""
     settings, pointers = (sum(map(len, ranges)) for ranges in (extent.settings, extent.pointers))
-    listings = (
-        len(extent.plcs) + len(extent.programs) + len(extent.motors if extent.tables is None else extent.tables)
-    )
+    listings = len(extent.plcs) + len(extent.programs) + len(extent.table_motors)
     whole = work_done((settings + pointers) // NUMBERS_A_LINE + listings, settings + pointers)
     if extent.values:
         values = (len(dialect.numbers(Scope.SYSTEM)) + 2) * (dialect.highest_index + 1)
@@ -105,7 +108,6 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
     _refuse_open_buffer(client, dialect)
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
     motors, locked, entries = extent.motors, list[str](), dict[int, tuple[int, ...]]()
-    tables = motors if extent.tables is None else extent.tables
     pointers = dict(_pointers(client, extent.pointers))
     return Configuration(
         family=dialect.name,
@@ -116,7 +118,7 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
         pointers=pointers,
         plcs=dict(_listings(client, "PLC", extent.plcs, PLC_TIMEOUT_S, locked)),
         programs=dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked)),
-        tables=dict(_tables(client, tables, extent.unlisted_table, entries)),
+        tables=dict(_tables(client, extent.table_motors, extent.unlisted_table, entries)),
         conversion=_conversion(client, dialect),
         entries=entries if extent.values else {},
         values=read_values(client, dialect, pointers) if extent.values else None,

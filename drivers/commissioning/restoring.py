@@ -29,15 +29,20 @@ Seen = Callable[[int, int], None]
 MOST_VALUES = 20  # differing values of P, Q and M that are named one by one
 
 
-def refuse_other_controller(backup: Backup, kind: str, dialect: Dialect, where: str) -> None:
-    """Make sure that a backup is from a controller of this family and type.
-
-    Raises RefusedError: `controller.backup_family`, `controller.backup_type`.
-    """
-    found = backup.configuration
+def refuse_other_family(found: Configuration, dialect: Dialect, where: str) -> None:
+    """Make sure that a backup is of this family. Raises RefusedError: `controller.backup_family`."""
     if found.family != dialect.name:
         code, value, limit = "controller.backup_family", found.family, dialect.name
         raise RefusedError(Problem(code=code, where=where, value=value, limit=limit))
+
+
+def refuse_other_controller(backup: Backup, kind: str, dialect: Dialect, where: str) -> None:
+    """Make sure that a backup is from a controller of this family and type.
+
+    Raises RefusedError: as `refuse_other_family`; `controller.backup_type`.
+    """
+    found = backup.configuration
+    refuse_other_family(found, dialect, where)
     if found.kind.strip() != kind.strip():
         code = "controller.backup_type"
         raise RefusedError(Problem(code=code, where=where, value=found.kind, limit=kind.strip()))

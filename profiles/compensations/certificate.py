@@ -15,14 +15,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 
+from profiles.compensations.optimal_gain import PROCESS_LOSS_SD
 from profiles.compensations.path import MOST_HARMONICS
 
 PROMISED = 0.95
 """The largest bound that counts as a promise: what is left after 14 parts is half. A choice."""
 
 
-PROCESS_GAINS = (0.8, 1.0)
-"""The fraction of the motion of the tool that arrives in the surface, from and to. Assumed."""
+PROCESS_GAINS = (1.0 - 2.0 * PROCESS_LOSS_SD, 1.0)
+"""The fraction of the motion of the tool that arrives in the surface, from and to."""
 
 
 class Standing(StrEnum):

@@ -33,6 +33,7 @@ class Shop:
         plain = without_lobe(replace(load_job("lee-2001-experiment-1").job, name="ring", cut_length_mm=1.0))
         self.path = jobs_folder(data) / "ring.toml"
         save_job(replace(plain, wall_thickness_mm=2.0), self.path)
+        self.bare, self.refused = self.job, list[str]()
         self.floor: Floor = open_floor(data, SEED, "mounted", self.machine)
         self.floor.set_up(self.job.job)
 
@@ -42,7 +43,11 @@ class Shop:
 
     @functools.cached_property
     def plain(self) -> MeasuredPart:
-        """The part that was cut without compensation, before anything else."""
+        """The part that was cut without compensation, before anything else; with one the cut was refused."""
+        job = self.bare
+        state = self.floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
+        assert state.armed is None
+        self.refused = [problem.code for problem in state.refusals]
         return self.cut(Strategy.NONE)
 
     @functools.cached_property
@@ -71,12 +76,9 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
 
 
 def test_a_plain_part_gives_its_job_the_lobe_and_the_next_part_is_round(shop: Shop) -> None:
-    job = load_job(str(shop.path))
-    refused = shop.floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
-    assert (refused.armed, [problem.code for problem in refused.refusals]) == (None, ["rule.lobe_none"])
+    plain, lobe, job = shop.plain, shop.plain.lobe, shop.bare
+    assert shop.refused == ["rule.lobe_none"]
     assert opened(job, shop.machine).strategy == "none"
-
-    plain, lobe = shop.plain, shop.plain.lobe
     assert lobe is not None and lobe.found is not None and not lobe.reasons, lobe
     # What the simulated ring springs back is the model's; the jaw was found at the mark.
     true_um_pp = with_modelled_lobe(job.job, shop.machine.machine).lobe_error_um_pp

@@ -167,7 +167,7 @@ def test_a_restore_that_is_cut_off_names_the_way_back(
     said = console("controller", "restore", str(backed_up))
     (before,) = (data_folder / "trilobe" / "backups").iterdir()
     assert said.code == 1
-    assert re.search(r"in part: \d+ of \d+ lines", said.err)
+    assert re.search(r"part of the backup was restored: \d+ of \d+ lines", said.err)
     assert f"console controller restore {before}" in said.err
 
 

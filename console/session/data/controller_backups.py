@@ -8,9 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.session.data.kept_files import folder_name, make_folder, names_in
-from drivers.errors import RefusedError
 from profiles.files import printable, read_regular_file, write_atomically
-from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from drivers.commissioning.backup import Backup
@@ -95,13 +93,11 @@ def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile
     """
     from drivers.commissioning.comparison import differences
     from drivers.commissioning.reading import read_configuration, whole_card
+    from drivers.commissioning.restoring import refuse_other_family
     from drivers.commissioning.verification import in_order
 
     _, backup = load_backup(path)
-    family = backup.configuration.family
-    if family != dialect.name:
-        where = printable(str(path))
-        raise RefusedError(Problem(code="controller.backup_family", where=where, value=family, limit=dialect.name))
+    refuse_other_family(backup.configuration, dialect, printable(str(path)))
     now = read_configuration(client, dialect, whole_card(dialect))
     return Compared(
         date=backup.date,

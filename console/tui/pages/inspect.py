@@ -334,10 +334,8 @@ class InspectPage(ChartPage):
         rows[len(head) : len(head)] = force
         more = text("panel.more") if len(rows) > room.height else ""
         self._learn.show(rows[: room.height], learn_title(learning, text), more)
-        least = (
-            len(head) + len(force) + (_STEP_ROWS if failed else 0)
-        )  # and of a part that fails the learning step
-        self._grant(least)
+        step = _STEP_ROWS if failed else 0  # what a part that fails teaches
+        self._grant(len(head) + len(force) + step)
 
     def _grant(self, rows: int) -> None:
         """Give the words on the part this many rows at least, up to half of the page."""

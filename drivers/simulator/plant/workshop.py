@@ -143,7 +143,7 @@ class SimulatedWorkshop:
     def _stock(self, blank: Blank, job: Job) -> Stock:
         true = self._true
         return Stock(
-            surface_mm=tuple(blank.radius_at_mm((cell + 0.5) / CELLS) for cell in range(CELLS)),
+            surface_mm=tuple((blank.radius_mm + blank.surface_mm((np.arange(CELLS) + 0.5) / CELLS)).tolist()),
             ends_mm=(self._free_end_mm, true.jaw_face_mm),
             material=material_of(job),
             fraction=true.passive_fraction,
