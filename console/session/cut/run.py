@@ -249,7 +249,7 @@ def cut_part(
     The record has it under its `name`.
 
     Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
-    A part not to be `measured` stays clamped. With `force`, and no work `beside`, sign and angle are checked by the force.
+    A part not to be `measured` stays clamped. With `force`, and no work `beside`, its force is checked.
 
     Raises:
         ProblemError: what went wrong, or who stopped it; the machine is at rest, or the problems say that this
