@@ -63,11 +63,11 @@ _STOPPING: tuple[Mutation, ...] = (
         test="tests/drivers/test_live_trim.py::test_what_is_beyond_the_bounds_is_put_back_whole",
     ),
     Mutation(
-        rule="Rest is three looks in a row.",
-        file="drivers/lathe/standstill.py",
-        old="POLLS_AT_REST = 3",
-        new="POLLS_AT_REST = 0",
-        test="tests/drivers/test_recovery.py::test_a_stop_pressed_while_rest_is_proven_begins_the_proof_anew",
+        rule="Rest is four looks in a row, by which nothing drifts.",
+        file="drivers/lathe/drift.py",
+        old="<= REST_COUNTS_PER_S for",
+        new="<= math.inf for",
+        test="tests/drivers/test_rest_proof.py::test_an_axis_that_moves_is_not_at_rest",
     ),
     Mutation(
         rule="A machine is taken over only at rest.",

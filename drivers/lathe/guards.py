@@ -5,9 +5,11 @@ Pure: a snapshot goes in, problems come out. The code that waits for the motion 
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 
+from drivers.lathe.drift import FEWEST_POLLS, none_drifts
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
 from profiles.problem import Problem
@@ -18,7 +20,6 @@ STALLED_S = 1.0
 """A running program that moves nothing for this long is being held: the longest DWELL of a cut is half of it,
 and a program that waits for its spindle sees the spindle turn."""
 
-STIRRED_COUNTS = 2.0  # an axis that moves by less is at a standstill
 OVERRIDE_BAND_PERCENT = 0.5
 
 OTHERS_COUNTS = 50.0  # of an axis at rest: position and following error are not sampled simultaneously
@@ -104,7 +105,7 @@ class ProgramGuard:
     def __init__(self, lengths: Lengths, ranges: Iterable[AxisRange] = (), *, real_time: bool = True) -> None:
         """`real_time` is False for a program whose time base is not the feed override."""
         self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
-        self._last: Snapshot | None = None
+        self._looks: deque[Snapshot] = deque()  # of the last second of the running program
         self.expected_percent: Callable[[Snapshot], tuple[float, float]] = _real_time
         self.further: Mapping[AxisName, float] = {}  # counts by which a feed hold lets an axis go beyond its range
 
@@ -124,15 +125,15 @@ class ProgramGuard:
         return Problem(code="cut.override", value=f"{percent:g} %", limit=limit)
 
     def _stalled(self, snapshot: Snapshot) -> Problem | None:
-        last = self._last
+        looks = self._looks
         if not snapshot.program_running:
-            self._last = None
+            looks.clear()
             return None
-        if last is None or not snapshot.still(last, STIRRED_COUNTS):
-            self._last = snapshot
-            return None
-        still_s = snapshot.at_s - last.at_s
-        if still_s < STALLED_S:
+        looks.append(snapshot)
+        while len(looks) > FEWEST_POLLS and snapshot.at_s - looks[1].at_s >= STALLED_S:
+            looks.popleft()
+        still_s = snapshot.at_s - looks[0].at_s
+        if still_s < STALLED_S or len(looks) < FEWEST_POLLS or not none_drifts(looks, AxisName):
             return None
         return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
 

@@ -156,11 +156,6 @@ class Snapshot:
         """Whether no axis, driven or not, has moved by more than `counts`."""
         return all(abs(a.position - b.position) <= counts for a, b in zip(self.axes, other.axes, strict=True))
 
-    def near(self, other: Snapshot, counts: float) -> bool:
-        """Whether no driven axis is further than `counts` from its position in `other`."""
-        pairs = zip(self.driven_axes, other.driven_axes, strict=True)
-        return all(abs(a.position - b.position) <= counts for a, b in pairs)
-
 
 def driven_axes(machine: MachineProfile) -> tuple[AxisName, ...]:
     """Return the axes that the controller moves."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable, Iterable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
+from drivers.lathe.drift import MOST_POLLS, rest_is_proven
 from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
@@ -15,8 +17,6 @@ from profiles.problem import Problem
 REST_TIMEOUT_S = 15.0
 COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
-POLLS_AT_REST = 3
-REST_BAND_COUNTS = 1.0  # rest is this many polls in a row between which no axis has moved further than this
 ARRIVED_COUNTS = 2.0  # commanded rest of a jog beside its target; positions are reported in tenths of a count
 SETTLE_S = 15.0  # for an axis at rest near its target to come in position: three servo time constants
 REST_S = 2.0  # the same where nothing depends on it
@@ -25,17 +25,19 @@ REST_S = 2.0  # the same where nothing depends on it
 def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Callable[[], None]) -> Snapshot:
     """Poll the machine until it is proven at rest, and repeat the stop while it is not.
 
-    After control-K every loop must be open as well, and the spindle gets time to coast down. A failed poll
-    proves nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the
-    proof. `end_watchdog` must not raise. When this process has to exit, the wait ends at `leave_by_s` of the stop.
+    Rest is several polls in a row that report it, and by which no axis drifts, see `rest_is_proven`. After
+    control-K every loop must be open as well, and the spindle gets time to coast down. A failed poll proves
+    nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the proof.
+    `end_watchdog` must not raise. When this process has to exit, the wait ends at `leave_by_s` of the stop.
     Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
-    before: Snapshot | None = None
-    mark, polls_at_rest = stop.mark, 0
+    looks: deque[Snapshot] = deque(maxlen=MOST_POLLS)  # in a row, at rest as far as they say
+    mark = stop.mark
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         if stop.mark != mark:
-            mark, polls_at_rest = stop.mark, 0
+            mark = stop.mark
+            looks.clear()
         snapshot = None
         try:
             snapshot = poller.poll_once(poller.quick_timeout_s)
@@ -45,16 +47,15 @@ def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Calla
                 raise
         if snapshot is not None:
             end_watchdog()
-        proven = snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed)
-        if not proven:
+        if snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed):
+            looks.append(snapshot)
+        else:
             stop.repeat()
-        still = snapshot is not None and before is not None and snapshot.near(before, REST_BAND_COUNTS)
-        polls_at_rest = polls_at_rest + 1 if proven and still else 0
-        if snapshot is not None and mark is not None and polls_at_rest >= POLLS_AT_REST:
+            looks.clear()
+        if snapshot is not None and mark is not None and rest_is_proven(list(looks)):
             stop.rest_proven(mark)
             if stop.proven:
                 return snapshot
-        before = snapshot
         if snapshot is not None:
             clock.wait(STOP_REPEAT_S)
     now_s = clock.now_s()

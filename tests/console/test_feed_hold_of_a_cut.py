@@ -95,7 +95,7 @@ def test_a_stop_while_held_leaves_no_mark_and_is_not_resumed(aligned: Floor) -> 
     before = aligned.idle().snapshot
     assert not aligned.station.post(ResumeFeed())
     after = aligned.idle(1.0).snapshot
-    assert before is not None and after is not None and after.near(before, 100.0)
+    assert before is not None and after is not None and after.still(before, 100.0)
 
 
 def test_a_link_that_is_lost_while_held_brings_nothing_in(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:

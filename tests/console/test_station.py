@@ -101,7 +101,7 @@ def test_a_start_that_comes_too_late_moves_nothing(aligned: Floor) -> None:
     state = aligned.do(Start())
     assert codes(state) == ["session.not_armed"]
     # The tool still creeps the last micrometres into its position.
-    assert before is not None and state.snapshot is not None and state.snapshot.near(before, 100.0)
+    assert before is not None and state.snapshot is not None and state.snapshot.still(before, 100.0)
 
 
 @pytest.mark.parametrize(

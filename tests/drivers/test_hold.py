@@ -212,7 +212,7 @@ def test_a_hold_after_a_stop_and_without_a_program_moves_nothing(closed: Bench) 
     closed.stop.stop("operator")
     closed.lathe.program.end_after_turn()
     closed.sim.wait(1.0)
-    assert closed.lathe.snapshot().near(before, 5.0)
+    assert closed.lathe.snapshot().still(before, 5.0)
     assert closed.stop.reason == "operator"
 
 
