@@ -36,6 +36,7 @@ COMMANDS = {
     "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",
     "doctor": "console.cli.machine.doctor",
+    "machines": "console.cli.site.machines",
     "config": "console.cli.site.config",
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
@@ -81,10 +82,13 @@ def build(text: Catalogue) -> Parser:
     return parser
 
 
-def add_actions(parser: Parser, command: str, names: Iterable[str], text: Catalogue) -> dict[str, Parser]:
-    """Add the actions of a command; return the parser of each."""
+def add_actions(
+    parser: Parser, command: str, names: Iterable[str], text: Catalogue, *, required: bool = True
+) -> dict[str, Parser]:
+    """Add the actions of a command; return the parser of each. `action` is None where none is given."""
+    title = text(f"help.{command}.actions")
     actions = parser.add_subparsers(
-        dest="action", metavar="ACTION", title=text(f"help.{command}.actions"), required=True, parser_class=Parser
+        dest="action", metavar="ACTION", title=title, required=required, parser_class=Parser
     )
     return {name: _action(actions, name, f"{command}.{name}", text) for name in names}
 

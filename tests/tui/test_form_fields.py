@@ -85,7 +85,7 @@ def test_names_that_can_be_kept(name: str) -> None:
 def test_names_that_are_no_file_names(name: str) -> None:
     problem = name_problem(name, frozenset())
     assert problem is not None
-    assert problem.code == "screen.name_unfit"
+    assert problem.code == "file.name_unfit"
 
 
 def test_a_name_that_is_too_long_says_how_long_it_may_be() -> None:

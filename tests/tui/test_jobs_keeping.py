@@ -223,7 +223,7 @@ def test_a_job_is_renamed_and_stays_open(own: Path, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("name", "code"),
-    [("two-jaw-tube", "screen.name_taken"), ("../x", "screen.name_unfit"), ("x" * 61, "screen.name_long")],
+    [("two-jaw-tube", "screen.name_taken"), ("../x", "file.name_unfit"), ("x" * 61, "file.name_long")],
 )
 def test_a_name_that_cannot_be_is_refused_and_stays_in_the_entry(
     name: str, code: str, own: Path, tmp_path: Path

@@ -13,10 +13,9 @@ from console.tui.ui_context import locked
 from profiles.fields import Field, Kind
 from profiles.job import JOB_FIELDS, Job
 from profiles.problem import Problem, ProfileError
+from profiles.profile_names import MOST_CHARACTERS, unfit_name
 
 LOCKED = "screen.locked_moving", "screen.locked_armed"
-FILE_NAME_CAP_CHARACTERS = 60
-_FILE_NAME_CAP_BYTES = 200
 NEXT_TO_NOTHING = 0.001  # fraction of the maximum below which a minimum is not worth its cells
 _LIMITS = {field.key: field for field in JOB_FIELDS}
 
@@ -171,12 +170,8 @@ def provenance(job: Job, text: Catalogue) -> str:
 
 def name_problem(name: str, taken: frozenset[str]) -> Problem | None:
     """Return why a job cannot be saved under this name; for a taken one the limit is a free name."""
-    beyond = not name.isprintable() or "/" in name or "\\" in name
-    if beyond or name.startswith((".", "-", "~")) or name.lower().endswith(".toml"):
-        return Problem(code="screen.name_unfit", value=name)
-    if len(name) > FILE_NAME_CAP_CHARACTERS or len(name.encode()) > _FILE_NAME_CAP_BYTES:
-        limit = f"<= {FILE_NAME_CAP_CHARACTERS}"
-        return Problem(code="screen.name_long", value=str(len(name)), limit=limit)
+    if problem := unfit_name(name):
+        return problem
     if name in taken:
         return Problem(code="screen.name_taken", value=name, limit=free_name(name, taken))
     return None
@@ -191,6 +186,6 @@ def suggested_name(job: Job) -> str:
 def free_name(name: str, taken: frozenset[str]) -> str:
     """Return the name with the lowest number after it that makes it free."""
     place = 2
-    while (free := f"{name[: FILE_NAME_CAP_CHARACTERS - 5]}-{place}") in taken:
+    while (free := f"{name[: MOST_CHARACTERS - 5]}-{place}") in taken:
         place += 1
     return free
