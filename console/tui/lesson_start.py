@@ -47,25 +47,29 @@ def _continued(data: Path, trainee: str, lesson: Lesson, text: Catalogue) -> Att
     from console.session.training.left import continued, read_left
 
     left = read_left(data, trainee, lesson.name)
-    attempt = None if left is None else continued(left, lesson, time.monotonic())
-    if attempt is None or left is None:
+    if left is None:
         return None
+    attempt = continued(left, lesson, time.monotonic())
     minutes, seconds = divmod(int(left.took_s), 60)
-    facts = {"made": len(left.reached), "steps": len(lesson.steps), "kept": attempt.continued}
+    facts = {"made": len(left.reached), "steps": len(lesson.steps), "kept": attempt.continued if attempt else 0}
+    if attempt is None:
+        print(text("lesson_start.lost", time=f"{minutes}:{seconds:02d}", **facts))
+        _answer(text("lesson_start.anew"))
+        return None
     print(text("lesson_start.left", time=f"{minutes}:{seconds:02d}", **facts))
-    if not _wants(text("lesson_start.ask")):
+    if _answer(text("lesson_start.ask")):
         return None
     return replace(attempt, began_s=time.monotonic() - left.took_s)  # reading the question takes none of its time
 
 
-def _wants(question: str) -> bool:
-    """Ask on the terminal: Enter for yes, n for no. A terminal that ends answers nothing: that is an interrupt."""
+def _answer(question: str) -> str:
+    """Ask on the terminal; return "" for Enter, or n. A terminal that ends interrupts."""
     for _ in range(MOST_QUESTIONS):
         try:
             answer = input(question).strip().lower()
         except EOFError:
             break
         if answer in ("", *ANEW):
-            return not answer
+            return answer
     sys.stdout.flush()
     raise KeyboardInterrupt

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from argparse import Namespace
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
@@ -15,6 +16,8 @@ from console.session.training.happened import Happening, What
 from console.session.training.left import Left, continued, forget_left, keep_left, left_file, left_of, read_left
 from console.session.training.lesson import load_lesson
 from console.session.training.tries import left_files, tries
+from console.text.catalogue import load
+from console.tui.lesson_start import begun
 from profiles.problem import ProfileError
 from tests.console.floor import open_floor
 from tests.console.test_debrief import Pupil
@@ -140,3 +143,29 @@ def json_back(left: Left, data: Path) -> Left:
     back = read_left(data, "", "drive-fails")
     assert back is not None
     return back
+
+
+@pytest.mark.parametrize(
+    ("made", "asked", "word"), [(5, "lesson_start.ask", "5"), (3, "lesson_start.anew", "None")]
+)
+def test_it_is_said_before_the_screens_when_a_lesson_continues_and_when_it_cannot(
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    made: int,
+    asked: str,
+    word: str,
+) -> None:
+    text, questions = load("en"), list[str]()
+
+    def enter(question: str) -> str:
+        questions.append(question)
+        return ""
+
+    keep_left(tmp_path, after("following-error", made), 300.0)
+    monkeypatch.setattr("builtins.input", enter)
+    attempt = begun(Namespace(trainee="", lesson="following-error"), tmp_path, text)
+    assert questions == [text(asked)]
+    said = capsys.readouterr().out
+    assert "after 5:00" in said and word in said
+    assert attempt.continued == (5 if made == 5 else 0)
