@@ -78,13 +78,14 @@ class ConversionTable:
 
 @dataclass(frozen=True, slots=True)
 class UserBuffer:
-    """Where the words of DEFINE UBUFFER are: the last ones before `end`, down to `start` at most.
+    """Where the words of DEFINE UBUFFER are: the last ones before the end of memory, down to `start` at most.
 
-    Where they begin is reported by the setting, or by the X word at the address, that the family has for it.
+    `ends` are those of the sizes of memory, the smallest first. Where the words begin is reported by the setting,
+    or by the X word at the address, that the family has for it.
     """
 
     start: int
-    end: int
+    ends: tuple[int, ...]
     setting: int | None = None
     x_address: int | None = None
 

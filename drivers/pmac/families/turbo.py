@@ -38,7 +38,7 @@ _MOTOR_BITS = bit_table(
 
 _TIMERS = (11, 12)
 
-_BUFFERS, _BUFFERS_END = 0x6000, 0x10800  # of the smaller memory
+_BUFFERS, _BUFFERS_ENDS = 0x6000, (0x10800, 0x40000)  # of the standard and of the extended memory
 _OPEN_MEMORY_END = 4908
 
 _CONVERSION_TABLE = ConversionTable(
@@ -90,7 +90,7 @@ TURBO = Dialect(
         68: 15,
         # The phase clock of the first MACRO and servo chips, 9 kHz, and the servo clock, a quarter of it.
         **{6800: 6527, 6802: 3, 7000: 6527, 7002: 3},
-        _OPEN_MEMORY_END: _BUFFERS_END,
+        _OPEN_MEMORY_END: _BUFFERS_ENDS[0],
         5049: 1,
         # The register of `%`, one for each coordinate system.
         **{5093 + 100 * system: 0x1F00 + 0x100 * system for system in range(1, 17)},
@@ -134,7 +134,7 @@ TURBO = Dialect(
     other_axes_speed=86,
     variable_addresses={"P": 0x6000, "Q": 0x8000},
     definitions_address=0x4000,
-    user_buffer=UserBuffer(_BUFFERS, _BUFFERS_END, setting=_OPEN_MEMORY_END),
+    user_buffer=UserBuffer(_BUFFERS, _BUFFERS_ENDS, setting=_OPEN_MEMORY_END),
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
     velocity_average=(60, 61),
