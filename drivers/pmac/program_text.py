@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
@@ -91,11 +91,25 @@ class ProgramText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefusedLine:
-    """A line of a text, from 1, that the controller refuses."""
+    """A line of a text that the controller refuses: `place` is its number in the text, from 1.
+
+    `source` is its file and line where that is an included one, `shown` the line with that before it.
+    """
 
     place: int
     text: str
     error: PmacError
+    source: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The line, after its place in an included file."""
+        return f"{self.source}: {self.text}" if self.source else self.text
+
+    @property
+    def where(self) -> str:
+        """Its place in the text, and in the included file."""
+        return _where(self.place, self.source)
 
 
 def read_program(
@@ -123,21 +137,29 @@ def read_program(
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
-            taken.sources.append(f"{source.place}, {source.source}" if source.source else str(source.place))
+            taken.sources.append(_where(source.place, source.source))
             taken.take(source.text)
         except PmacError as error:
-            if refused is not None:
-                shown = f"{source.source}: {source.text}" if source.source else source.text
-                refused.append(RefusedLine(place=source.place, text=shown, error=error))
-                continue
-            place = f"{source.place}, {source.source}" if source.source else str(source.place)
-            raise PmacError(error.code, f"line {place}: {error.detail}") from error
-    if not taken.programs and refused:
-        first = refused[0]
-        raise PmacError(first.error.code, f"line {first.place}: {first.error.detail}; no OPEN PROG in the text")
+            line = RefusedLine(place=source.place, text=source.text, error=error, source=source.source)
+            if refused is None:
+                raise PmacError(error.code, f"line {line.where}: {error.detail}") from error
+            refused.append(line)
     if not taken.programs:
-        raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
+        raise _without_program(refused)
     return taken.finished()
+
+
+def _where(place: int, source: str) -> str:
+    return f"{place}, {source}" if source else str(place)
+
+
+def _without_program(refused: Sequence[RefusedLine] | None) -> PmacError:
+    """Return the error of a text without a program; the first refused line is usually why."""
+    missing = "no OPEN PROG in the text"
+    if not refused:
+        return PmacError(ErrorCode.NO_BUFFER_OPEN, missing)
+    first = refused[0]
+    return PmacError(first.error.code, f"line {first.where}: {first.error.detail}; {missing}")
 
 
 @dataclass(slots=True)

@@ -54,10 +54,10 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
 
 
 def _refused(line: RefusedLine) -> ProgramFinding:
-    values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
+    values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.shown}
     if isinstance(line.error, TableOrderError):
         return finding(Code.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower)
-    word = absent_word(line.text.rpartition(": ")[2], line.error.detail)
+    word = absent_word(line.text, line.error.detail)
     if word:
         return finding(Code.WORD_ABSENT, (line.place,), **values, word=word)
     return finding(Code.LINE_REFUSED, (line.place,), **values)
