@@ -91,6 +91,14 @@ class UserBuffer:
 
 
 @dataclass(frozen=True, slots=True)
+class PhaseClock:
+    """The phase interrupts: a servo cycle has I`divider` + 1 of them; what counts their period has this rate."""
+
+    divider: int
+    counts_per_ms: float
+
+
+@dataclass(frozen=True, slots=True)
 class BufferDirectory:
     """Where memory names the programs: a long word for each, one for each PLC, and where text begins."""
 
@@ -204,6 +212,7 @@ class Dialect:
     kinematics: int | None = None
     buffer_directory: BufferDirectory | None = None
     user_buffer: UserBuffer | None = None
+    phase_clock: PhaseClock | None = None
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""

@@ -9,6 +9,7 @@ from drivers.pmac.families.family import (
     ConversionTable,
     Dialect,
     GatherSettings,
+    PhaseClock,
     Place,
     Register,
     Scope,
@@ -135,6 +136,7 @@ TURBO = Dialect(
     variable_addresses={"P": 0x6000, "Q": 0x8000},
     definitions_address=0x4000,
     user_buffer=UserBuffer(_BUFFERS, _BUFFERS_ENDS, setting=_OPEN_MEMORY_END),
+    phase_clock=PhaseClock(divider=7002, counts_per_ms=120_000.0),  # half the cycles of a CPU of 240 MHz
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
     velocity_average=(60, 61),
@@ -194,5 +196,6 @@ TURBO = Dialect(
         "system_status_3": Register("Y", 0x2040, 0x100, Scope.SYSTEM),
         "global_status_1": Register("X", 0x6, scope=Scope.GLOBAL),
         "global_status_2": Register("Y", 0x6, scope=Scope.GLOBAL),
+        "phase_period": Register("X", 0xFFFF8C, scope=Scope.GLOBAL),
     },
 )

@@ -37,6 +37,14 @@ def _position(counts: Callable[[Motor], float]) -> Value:
 _desired = _position(lambda motor: motor.desired)
 _velocity = _of_motor(lambda motor: motor.encoder_step * motor.variable(9) * PARTS)
 
+
+def _phase_period(controller: Controller, _: int) -> float:
+    clock = controller.dialect.phase_clock
+    if clock is None:
+        return 0.0
+    return controller.servo_period_ms * clock.counts_per_ms / (controller.variables.i(clock.divider) + 1.0)
+
+
 READERS: Mapping[str, Value] = {
     "commanded": _desired,
     "actual": _position(lambda motor: motor.encoder),
@@ -57,6 +65,7 @@ READERS: Mapping[str, Value] = {
     "system_status_3": lambda controller, number: reports.system_words(controller, number)[2],
     "global_status_1": lambda controller, _: reports.global_words(controller)[0],
     "global_status_2": lambda controller, _: reports.global_words(controller)[1],
+    "phase_period": _phase_period,
 }
 """All registers; which of them a family has, and where, is in its dialect."""
 
