@@ -63,6 +63,7 @@ def test_a_backup_is_sent_to_a_fresh_controller_and_to_one_with_other_words(mach
     card = commissioned(machine)
     first = LAST[card.dialect.name] - 299
     card.tell("DEFINE UBUFFER 300", f"WX:${first:X},1,2,3", f"WY:${first + 299:X},$FFFFFF")
+    card.tell(f"M9->L:${first + 100:X}", "M9=-2.5")
     text = backup_text(read(card), DATE)
     backup = read_backup(text, "file")
     assert backup_text(backup.configuration, DATE) == text
@@ -78,6 +79,7 @@ def test_a_backup_is_sent_to_a_fresh_controller_and_to_one_with_other_words(mach
         assert backup_text(read(other), DATE) == text
         assert words_of(other, "X", first, 8) == [1, 2, 3, 0, 0, 0, 0, 0]
         assert words_of(other, "Y", first + 299, 1) == [0xFFFFFF]
+        assert other.client.numbers(f"RL:${first + 100:X}") == (-2.5,)
         assert left_differing(backup.configuration, read(other), machine) == []
 
 

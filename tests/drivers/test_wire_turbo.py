@@ -153,7 +153,7 @@ def test_eight_positions_of_its_elder_are_told_in_tenths(elder: Wire) -> None:
 
 
 def test_the_time_between_phase_interrupts_is_told_to_who_divides_by_it(card: Wire) -> None:
-    """By factory settings the phase clock is 9.035 kHz (Turbo Software Reference, I7000): 120000 / 9.035 counts."""
+    """By factory settings the phase clock is 9.035 kHz (Turbo Software Reference, I7000)."""
     card.tell("M70->X:$FFFF8C,0,24", "M70=1")
     (told,) = card.ask("M70")
     assert float(told) == pytest.approx(120_000 / 9.035, rel=0.001)
