@@ -26,7 +26,7 @@ from drivers.pmac.language.listing import stored_plc_lines
 from drivers.pmac.language.parser import parse_line, parse_statement
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
-from drivers.pmac.preprocessor import Include, preprocess
+from drivers.pmac.preprocessor import Include, Place, preprocess
 
 _OPEN_KINEMATIC = {f"OPEN{word}": kind for word, kind in KINDS.items()}
 _BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, *_OPEN_KINEMATIC, "OPEN", *CLEAR, *CLOSE)
@@ -60,9 +60,9 @@ class ProgramText:
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
     controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from
-    1) of each program's lines in the text, `setting_places` those of the settings. `sources` name the place of
-    each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines` is
-    whether it clears the axis definitions that there are before.
+    1) of each program's lines in the text, `setting_places` those of the settings; both are a `Place`. `sources`
+    name the place of each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines`
+    is whether it clears the axis definitions that there are before.
     """
 
     number: int
@@ -91,25 +91,16 @@ class ProgramText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefusedLine:
-    """A line of a text that the controller refuses: `place` is its number in the text, from 1.
+    """A line of a text, or of a file that it includes, that the controller refuses."""
 
-    `source` is its file and line where that is an included one, `shown` the line with that before it.
-    """
-
-    place: int
+    place: Place
     text: str
     error: PmacError
-    source: str = ""
-
-    @property
-    def shown(self) -> str:
-        """The line, after its place in an included file."""
-        return f"{self.source}: {self.text}" if self.source else self.text
 
     @property
     def where(self) -> str:
-        """Its place in the text, and in the included file."""
-        return _where(self.place, self.source)
+        """Its line in the text, and in the included file."""
+        return _where(self.place)
 
 
 def read_program(
@@ -132,15 +123,15 @@ def read_program(
     """
     taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic)
     for source in preprocess(text, include):
-        taken.place = source.place
+        taken.place = Place(source.place, source.source)
         try:
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
-            taken.sources.append(_where(source.place, source.source))
+            taken.sources.append(_where(taken.place))
             taken.take(source.text)
         except PmacError as error:
-            line = RefusedLine(place=source.place, text=source.text, error=error, source=source.source)
+            line = RefusedLine(place=taken.place, text=source.text, error=error)
             if refused is None:
                 raise PmacError(error.code, f"line {line.where}: {error.detail}") from error
             refused.append(line)
@@ -149,8 +140,8 @@ def read_program(
     return taken.finished()
 
 
-def _where(place: int, source: str) -> str:
-    return f"{place}, {source}" if source else str(place)
+def _where(place: Place) -> str:
+    return f"{int(place)}, {place.source}" if place.source else str(int(place))
 
 
 def _without_program(refused: Sequence[RefusedLine] | None) -> PmacError:
@@ -176,7 +167,7 @@ class _Taken:
     programs: dict[int, list[Line]] = field(default_factory=dict)
     plcs: dict[int, list[str]] = field(default_factory=dict)
     places: dict[int, list[int]] = field(default_factory=dict)
-    place: int = 0
+    place: Place = field(default_factory=lambda: Place(0))
     number: int = 0
     program: list[Line] | None = None
     plc: list[str] | None = None

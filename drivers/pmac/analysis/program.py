@@ -54,7 +54,7 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
 
 
 def _refused(line: RefusedLine) -> ProgramFinding:
-    values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.shown}
+    values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     if isinstance(line.error, TableOrderError):
         return finding(Code.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower)
     word = absent_word(line.text, line.error.detail)

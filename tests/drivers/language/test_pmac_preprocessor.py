@@ -92,7 +92,7 @@ def test_a_program_is_read_with_its_directives_carried_out() -> None:
     read = read_program(text, refused, include=include)
     assert read.lines == ("P1=20", "OPEN PROG 5 CLEAR", "X(20)", "X10 bad", "F(20)", "CLOSE")
     assert read.places == {5: (4, 5)}
-    assert [(line.place, line.text, line.shown) for line in refused] == [(4, "X10 bad", "speeds.h:4: X10 bad")]
+    assert [(line.place, line.where, line.text) for line in refused] == [(4, "4, speeds.h:4", "X10 bad")]
     with pytest.raises(PmacError, match=r"line 4, speeds\.h:4"):
         read_program(text, include=include)
 
