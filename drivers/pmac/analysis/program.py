@@ -26,6 +26,7 @@ from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.language.arithmetic import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
@@ -44,13 +45,20 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
         findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
     for each in walk.substitutes:
         place = subject.place_of(each.program, each.line) if each.program else each.line
-        findings.append(finding(Code.NO_RESULT, (place,), error=each.detail))
+        findings.append(_without_result(place, each.detail))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
         findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))
     if not subject.moves:
         findings.append(finding(Code.NO_MOTION))
     return findings
+
+
+def _without_result(place: int, detail: str) -> ProgramFinding:
+    if detail == BY_ZERO:
+        return finding(Code.DIVIDED_BY_ZERO, (place,), error=detail)
+    what = "x%0" if detail == REMAINDER_BY_ZERO else detail.removesuffix(NO_VALUE)
+    return finding(Code.NO_RESULT, (place,), error=detail, what=what)
 
 
 def _refused(line: RefusedLine) -> ProgramFinding:
