@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
@@ -46,6 +46,9 @@ _BUFFERED = (
     | syntax.Read
     | syntax.Return
 )
+OnLine = Callable[[str], None]
+"""Reads a line of on-line commands. Raises PmacError: the controller does not understand it."""
+
 _UNDEFINE = re.compile(r"UNDEF(INE)?\s*(ALL)?", re.IGNORECASE)
 _ON_LINE_LETTERS = ("B", "I")
 """B1 and I100 are commands, too."""
@@ -110,18 +113,22 @@ def read_program(
     include: Include | None = None,
     *,
     kinematic: bool = True,
+    on_line: OnLine = lambda line: None,
 ) -> ProgramText:
     """Parse a text as a controller with this many motors would, with its #define, #ifdef and #include carried out.
 
     `kinematic` is whether the controller has kinematic programs. `include` returns the text of another file;
     without it none can be included.
 
+    `on_line` reads each line outside of the buffers as the controller does; without it words of commands that are
+    no settings are not looked at.
+
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
     controller.
 
     Raises PmacError: its detail names the wrong line.
     """
-    taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic)
+    taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic, on_line=on_line)
     for source in preprocess(text, include):
         taken.place = Place(source.place, source.source)
         try:
@@ -173,6 +180,7 @@ class _Taken:
     plc: list[str] | None = None
     undefines: bool = False
     kinematic: bool = True
+    on_line: OnLine = lambda line: None
     kinematics: dict[str, list[Line]] = field(default_factory=dict)
     calculation: list[Line] | None = None
 
@@ -197,7 +205,7 @@ class _Taken:
 
     def take(self, line: str) -> None:
         scanner = Scanner(line)
-        while (word := scanner.take_word(_BUFFER_WORDS)) is not None:
+        while (word := scanner.take_word(_BUFFER_WORDS) or self._opening_after_system(scanner)) is not None:
             self._buffer_word(scanner, word)
         rest = line[scanner.position :]
         closing = TRAILING_CLOSE.search(rest)
@@ -207,11 +215,23 @@ class _Taken:
         if closing is not None:
             self._close()
 
+    def _opening_after_system(self, scanner: Scanner) -> str | None:
+        """Take `&1` and the word behind it, where that is one of a buffer, as in `&1OPEN INVERSE`."""
+        mark = scanner.mark()
+        if scanner.accept("&") and (system := scanner.take_integer()) is not None:
+            word = scanner.take_word(_BUFFER_WORDS)
+            if word is not None:
+                self.commands.append(f"&{system}")
+                return word
+        scanner.reset(mark)
+        return None
+
     def _close(self) -> None:
         self.program = self.plc = self.calculation = None
 
     def _buffer_word(self, scanner: Scanner, word: str) -> None:
         if word in CLOSE:
+            scanner.accept("ALL")
             self._close()
         elif word in CLEAR:
             for buffer in (self.program, self.plc, self.calculation):
@@ -256,6 +276,7 @@ class _Taken:
         scanner = Scanner(text)
         if self.tables.take_entries(scanner, self.place):
             return
+        self._refuse_unread(text)
         assigned: list[syntax.Statement] = []
         while not scanner.at_end:
             mark = scanner.mark()
@@ -280,6 +301,14 @@ class _Taken:
         if assigned:
             self.settings.append(tuple(assigned))
             self.setting_places.append(self.place)
+
+    def _refuse_unread(self, text: str) -> None:
+        """Refuse a line with a word that is none; what belongs into a buffer is told by the reading after it."""
+        try:
+            self.on_line(text)
+        except PmacError as error:
+            if error.code is not ErrorCode.NO_BUFFER_OPEN:
+                raise
 
     def _define(self, scanner: Scanner) -> bool:
         if not scanner.accept("#"):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from drivers.pmac.absent_words import absent_word
-from drivers.pmac.analysis.explanation import explain, find_zigzag
+from drivers.pmac.analysis.explanation import ZigZag, explain, find_zigzag
 from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
 from drivers.pmac.analysis.limits import limit_findings
 from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
@@ -29,7 +29,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.arithmetic import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
-from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
+from drivers.pmac.program_text import OnLine, ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
 from profiles.findings import Severity, worst
 from profiles.machine import MachineProfile
@@ -115,18 +115,20 @@ def check_program(
     ts_ms: float | None = None,
     start: Mapping[str, float] | None = None,
     include: Include | None = None,
+    on_line: OnLine = lambda line: None,
 ) -> ProgramCheck:
     """Check a text on a machine; `ta_ms` and `ts_ms` replace those of the text.
 
     `start` are axis positions (user units); without them a comment of the text gives them, or all is at home.
-    `include` returns the text of a file that the text includes.
+    `include` returns the text of a file that the text includes, `on_line` reads a line outside of the buffers.
 
     Raises:
         PmacError: the controller refuses the program as a whole.
         DriverError: `program.start_axis`, `program.start_too_far`.
     """
     refused, dialect = list[RefusedLine](), DIALECTS[machine.controller.family]
-    as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=dialect.kinematics is not None)
+    kinematic = dialect.kinematics is not None
+    as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=kinematic, on_line=on_line)
     read = _with_times(as_typed, ta_ms, ts_ms)
     # The axes of the machine, replaced by those of the text; each motor has one definition.
     own = () if read.undefines else read_definitions(machine.controller.axis_definitions)
@@ -144,9 +146,7 @@ def check_program(
     moves = analyse_moves(walked, timeline)
     subject = Subject(machine=machine, walk=walked, timeline=timeline, moves=moves, place_of=place_of)
     zigzag = find_zigzag(subject)
-    findings = _flow_findings(subject, refused) + rounding_findings(subject, read) + table_findings(subject, read)
-    findings += limit_findings(subject) + timing_findings(subject) + path_findings(subject, zigzag)
-    findings += synchronism_findings(subject)
+    findings = [*_flow_findings(subject, refused), *_all_findings(subject, read, zigzag)]
     return ProgramCheck(
         number=read.number,
         start=begins,
@@ -157,6 +157,13 @@ def check_program(
         findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
     )
+
+
+def _all_findings(subject: Subject, text: ProgramText, zigzag: ZigZag | None) -> list[ProgramFinding]:
+    """Return what the rules find in the moves and settings of a program."""
+    found = rounding_findings(subject, text) + table_findings(subject, text) + limit_findings(subject)
+    found += timing_findings(subject) + path_findings(subject, zigzag) + synchronism_findings(subject)
+    return found
 
 
 def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None) -> dict[int, float]:
