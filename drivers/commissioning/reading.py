@@ -123,10 +123,10 @@ def read_configuration(
     The user buffer comes first, since only the controller knows its size: `seen_words` takes how far that is.
 
     Raises RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it;
-        `controller.user_buffer`.
+        `controller.user_buffer`, where its words are asked for.
     """
     _refuse_open_buffer(client, dialect)
-    place = read_place(client, dialect) if extent.user_buffer else None
+    place = _user_buffer(client, dialect, extent)
     user_words = read_words(client, place, seen_words) if place and extent.values else None
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
     motors, locked, entries = extent.motors, list[str](), dict[int, tuple[int, ...]]()
@@ -149,6 +149,16 @@ def read_configuration(
         user_buffer=place,
         user_words=user_words,
     )
+
+
+def _user_buffer(client: Controller, dialect: Dialect, extent: Extent) -> range | None:
+    """Return the place of the user buffer; one that cannot be is as none told, where its words are not wanted."""
+    try:
+        return read_place(client, dialect) if extent.user_buffer else None
+    except RefusedError:
+        if extent.values:
+            raise
+        return None
 
 
 def _refuse_open_buffer(client: Controller, dialect: Dialect) -> None:

@@ -37,6 +37,7 @@ def plain(family: str, **changes: object) -> Configuration:
 
 
 def read(card: Commissioned, *, values: bool = True) -> Configuration:
+    """The user buffer, and what takes no time; the values of P, Q and M are not asked for."""
     extent = replace(whole_card(card.dialect), settings=(), pointers=(), motors=(1,), plcs=(), programs=())
     found = read_configuration(card.client, card.dialect, extent)
     words = read_words(card.client, found.user_buffer) if values and found.user_buffer else None
@@ -183,14 +184,15 @@ def answering(card: Commissioned, monkeypatch: pytest.MonkeyPatch, answer: str) 
 
 
 @pytest.mark.parametrize("answer", ["$5", "$FFFFFF"])
-def test_a_place_outside_of_memory_is_refused(
+def test_a_place_outside_of_memory_is_refused_where_its_words_are_wanted(
     machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, answer: str
 ) -> None:
     card = commissioned(machine)
     answering(card, monkeypatch, answer.removeprefix("$") if card.dialect.name == "pmac" else answer)
     with pytest.raises(RefusedError) as caught:
-        read(card)
+        read_configuration(card.client, card.dialect, whole_card(card.dialect, values=True))
     assert caught.value.problems[0].code == "controller.user_buffer"
+    assert read(card, values=False).user_buffer is None, "what does not need it goes on without"
 
 
 def test_an_answer_that_is_no_number_is_out_of_step(
