@@ -19,12 +19,12 @@ TRIES = 3  # of a line that only reads
 class SideController(Controller):
     """Asks for one piece of work, all of one kind.
 
-    `made` counts its requests, `answered` the lines of data in their replies.
+    `requests_sent` counts its requests, `reply_lines` the lines of data in their replies.
     Nothing here can move anything: the link's thread sends only what `permitted` allows.
     """
 
     def __init__(self, side: SideLine, kind: Kind) -> None:
-        self.made = self.answered = 0
+        self.requests_sent = self.reply_lines = 0
         self._side, self._kind = side, kind
         self._cancelled, self._last = False, ""
 
@@ -64,9 +64,9 @@ class SideController(Controller):
         self._last = line
         lines = expected_replies(line).lines if lines is None else lines
         asked = Asked(line=line, kind=self._kind, lines=lines, timeout_s=timeout_s)
-        self.made += 1
+        self.requests_sent += 1
         answer = self._side.ask(asked, lambda: self._cancelled)
-        self.answered += len(answer)
+        self.reply_lines += len(answer)
         return answer
 
     def send(

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
 from drivers.commissioning.setting_names import named
+from drivers.commissioning.user_buffer import UserBufferLines, definition, title, word_lines
 from drivers.commissioning.values import highest_of, read_value_line, value_lines
 from drivers.pmac.compensation.table_text import entry_lines
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
@@ -23,11 +24,9 @@ from profiles.problem import Problem, ProfileError
 TITLE = "; trilobe controller backup 1"
 END_OF_HEADER = "; ----"
 _WITHOUT_VALUES = (
-    "; Left out: values of P, Q and M; entries of compensation tables; the handshake of the host (I3, I4, I6)."
+    "; Left out: values of P, Q and M; entries of tables; words of the user buffer; the handshake (I3, I4, I6)."
 )
-_WITH_VALUES = (
-    "; Left out: P1000 to P1023; values of M that point at memory; the user buffer; the handshake (I3, I4, I6)."
-)
+_WITH_VALUES = "; Left out: P1000 to P1023; values of M that point at memory; the handshake (I3, I4, I6)."
 LEFT_OUT = (
     "; Programs were looked for under 1 to 99 and 1000 to 1003. Sending PLCs back leaves them switched off.",
     "; Limits, kill mode, commutation and addresses are among these lines: read them before you send them.",
@@ -96,7 +95,7 @@ def _body(configuration: Configuration) -> Iterator[str]:
     yield from ("", "; compensation tables: definition, number of entries, hash of the entries")
     for motor, table in sorted(configuration.tables.items()):
         yield f"; #{motor} COMP {table.definition} {table.entry_count} {table.sha256}"
-    yield from _entries(configuration)
+    yield from _storage(configuration)
     yield from _buffers("PLC", configuration.plcs)
     yield from _buffers("PROG", configuration.programs)
     for (system, kind), lines in sorted(configuration.kinematics.items()):
@@ -106,12 +105,21 @@ def _body(configuration: Configuration) -> Iterator[str]:
         yield from value_lines(configuration.values, dialect, configuration.pointers)
 
 
-def _entries(configuration: Configuration) -> Iterator[str]:
-    """Delete all tables from the lowest motor up, then define them from the highest one down, as they need."""
-    if not configuration.entries:
+def _storage(configuration: Configuration) -> Iterator[str]:
+    """Delete all tables from the lowest motor up, then define them from the highest one down, as they need.
+
+    The user buffer lies above all of them at the end of memory: it is defined between.
+    """
+    place, words = configuration.user_buffer, configuration.user_words
+    if place is not None:
+        yield from ("", title(place))
+    if words is None and not configuration.entries:
         return
     yield DELETE_GATHER
     yield from (f"#{motor}DELETE COMP" for motor in configuration.dialect.numbers(Scope.MOTOR))
+    if place is not None and words is not None:
+        yield definition(len(place))
+        yield from word_lines(place, words)
     for motor in sorted(configuration.entries, reverse=True):
         entries = configuration.entries[motor]
         yield f"#{motor}DEFINE COMP {configuration.tables[motor].definition}"
@@ -219,7 +227,7 @@ def read_backup(text: str, where: str) -> Backup:
         raise ProfileError(Problem(code="controller.no_backup", where=where, limit=TITLE))
     if digest(body) != header["sha256"]:
         raise ProfileError(Problem(code="controller.backup_changed", where=where, limit=header["sha256"][:12]))
-    gathered = _Gathered(highest_index=DIALECTS[header["family"]].highest_index)
+    gathered = _Gathered(DIALECTS[header["family"]])
     for number, line in enumerate(body, start=end + 2):
         _refuse_above(len(line), MOST_CHARACTERS, "characters", f"{where}:{number}")
         try:
@@ -227,8 +235,10 @@ def read_backup(text: str, where: str) -> Backup:
         except ValueError as error:
             value = f"{number}: {printable(line, 60)}"
             raise ProfileError(Problem(code="controller.backup_line", where=where, value=value)) from error
-        _refuse_above(gathered.highest, gathered.highest_index, "I, M", f"{where}:{number}")
+        _refuse_above(gathered.highest, gathered.dialect.highest_index, "I, M", f"{where}:{number}")
         _refuse_above(len(gathered.conversion), MOST_WORDS, "WY", f"{where}:{number}")
+    if not gathered.user_buffer.whole:
+        raise ProfileError(Problem(code="controller.backup_line", where=where, value=f"{len(lines)}: W"))
     return Backup(configuration=gathered.configuration(header), date=header["date"])
 
 
@@ -242,7 +252,7 @@ def _refuse_above(actual: int, most: int, unit: str, where: str) -> None:
 class _Gathered:
     """The content of the lines so far. A line `I0..N=` costs memory per entry: none above the highest is kept."""
 
-    highest_index: int
+    dialect: Dialect
     settings: dict[int, float] = field(default_factory=dict)
     axes: dict[int, AxisEntry] = field(default_factory=dict)
     pointers: dict[int, str] = field(default_factory=dict)
@@ -254,8 +264,12 @@ class _Gathered:
     values: dict[str, float] | None = None
     kinematics: dict[tuple[int, str], list[str]] = field(default_factory=dict)
     highest: int = 0
+    user_buffer: UserBufferLines = field(init=False)
     _open: list[str] | None = None
     _table: list[int] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.user_buffer = UserBufferLines(self.dialect)
 
     def take(self, line: str) -> None:
         """Parse one line. Raises ValueError: not a line of a backup."""
@@ -273,6 +287,8 @@ class _Gathered:
                 self.pointers[int(found[1])] = found[3]
         elif found := _AXIS.fullmatch(line):
             self.axes[int(found[2])] = AxisEntry(int(found[1]), found[3])
+        elif self.user_buffer.take(line):
+            return
         elif found := _WORDS.fullmatch(line):
             self.conversion += [int(word.removeprefix("$"), 16) for word in found[1].split(",")]
         elif found := _TABLE.fullmatch(line):
@@ -318,11 +334,13 @@ class _Gathered:
             entries={motor: tuple(entries) for motor, entries in self.entries.items()},
             values=self.values,
             kinematics={which: tuple(lines) for which, lines in self.kinematics.items()},
+            user_buffer=self.user_buffer.place,
+            user_words=self.user_buffer.words,
         )
 
     def _setting(self, found: re.Match[str]) -> None:
         value = float(int(found[3][1:], 16)) if found[3].startswith("$") else float(found[3])
         first, last = int(found[1]), int(found[2] or found[1])
         self.highest = max(self.highest, last)
-        if last <= self.highest_index:
+        if last <= self.dialect.highest_index:
             self.settings.update(dict.fromkeys(range(first, last + 1), value))

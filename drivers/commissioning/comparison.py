@@ -23,7 +23,7 @@ from profiles.machine import Controller as ControllerSettings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-_Key = TypeVar("_Key", int, str)
+_Key = TypeVar("_Key", int, str, tuple[int, str])
 
 
 def profile_problems(
@@ -80,16 +80,18 @@ def differences(before: Configuration, now: Configuration, machine: MachineProfi
     cards = ({"TYPE": each.kind, "VERSION": each.version} for each in both)
     axes = ({motor: f"&{a.system} {a.text}" for motor, a in each.axes.items()} for each in both)
     tables = ({motor: f"{t.definition} {t.sha256[:12]}" for motor, t in each.tables.items()} for each in both)
+    sizes = ({"UBUFFER": str(len(each.user_buffer or ()))} for each in both)
     words = ({first + line: f"${word:X}" for line, word in enumerate(each.conversion)} for each in both)
     return [
         *_entries("{}", Group.CARD, *cards),
         *_settings(before, now, machine),
         *_entries("#{}->", Group.SYSTEM, *axes),
         *_entries("M{}->", Group.PROGRAMS, before.pointers, now.pointers),
-        *_buffers("PLC", before.plcs, now.plcs),
-        *_buffers("PROG", before.programs, now.programs),
+        *buffer_changes("PLC {}", before.plcs, now.plcs),
+        *buffer_changes("PROG {}", before.programs, now.programs),
         *_entries("#{} COMP", Group.PROGRAMS, *tables),
         *_entries("Y:${:X}", Group.CARD, *words),
+        *(() if None in (before.user_buffer, now.user_buffer) else _entries("{}", Group.PROGRAMS, *sizes)),
     ]
 
 
@@ -108,22 +110,23 @@ def _entries(form: str, group: Group, before: Mapping[_Key, str], now: Mapping[_
     for key in sorted(before.keys() | now.keys()):
         old, new = before.get(key, "-"), now.get(key, "-")
         if old != new:
-            yield _changed(group, form.format(key), new, old)
+            yield changed(group, form.format(key), new, old)
 
 
-def _buffers(
-    kind: str, before: Mapping[int, tuple[str, ...]], now: Mapping[int, tuple[str, ...]]
+def buffer_changes(
+    form: str, before: Mapping[_Key, tuple[str, ...]], now: Mapping[_Key, tuple[str, ...]]
 ) -> Iterator[Check]:
-    """Yield the first differing line of each buffer."""
+    """Yield the first differing line of each buffer, by its name in the `form`."""
     for number in sorted(before.keys() | now.keys()):
         for line, (old, new) in enumerate(
             zip_longest(before.get(number, ()), now.get(number, ()), fillvalue="-"), start=1
         ):
             if old != new:
-                yield _changed(Group.PROGRAMS, f"{kind} {number}:{line}", new, old)
+                yield changed(Group.PROGRAMS, f"{form.format(number)}:{line}", new, old)
                 break
 
 
-def _changed(group: Group, what: str, found: str, wanted: str) -> Check:
+def changed(group: Group, what: str, found: str, wanted: str) -> Check:
+    """Return the check of one entry that differs, by its name."""
     facts = {"what_changed": what}
     return Check(group, "changed", Severity.REFUSAL, facts=facts, found=found, wanted=wanted)

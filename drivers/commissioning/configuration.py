@@ -10,6 +10,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 
+from drivers.commissioning.user_buffer import UserWords
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.variables import MODAL_NUMBERS
 
@@ -41,7 +42,9 @@ class Configuration:
     conversion table, of families in which these are not I-variables. `locked` names what a password hides, such as
     `PLC 3`. `entries` are those of the compensation tables, `values` those of P, Q and M that are not 0, by names
     such as `P7` and `&2Q5`; None where they were not asked for. `kinematics` are the programs INVERSE and FORWARD
-    by coordinate system, where values were asked for.
+    by coordinate system, where values were asked for. `user_buffer` are its addresses,
+    empty where it has no words; None where they were not asked for or the controller does not tell.
+    `user_words` are the words there, None where there are none or values were not asked for.
     """
 
     family: str
@@ -58,6 +61,8 @@ class Configuration:
     entries: Mapping[int, tuple[int, ...]] = field(default_factory=dict)
     values: Mapping[str, float] | None = None
     kinematics: Mapping[tuple[int, str], tuple[str, ...]] = field(default_factory=dict)
+    user_buffer: range | None = None
+    user_words: UserWords | None = None
 
     @property
     def dialect(self) -> Dialect:

@@ -10,6 +10,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
+from drivers.commissioning.user_buffer import BYTES_A_WORD, Seen, read_place, read_words
 from drivers.commissioning.values import VALUES_A_LINE, read_values
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
@@ -44,7 +45,8 @@ class Extent:
 
     `tables` are the motors whose compensation tables are read, None: all of `motors`.
     Of the table that belongs to motor `unlisted_table` only the definition is read: entries take seconds.
-    `values` is whether the values of P, Q and M are kept, and the entries of tables.
+    `values` is whether the values of P, Q and M are kept, the entries of tables and the words of the user buffer.
+    `user_buffer` is whether it is asked where that one is.
     """
 
     settings: tuple[range, ...]
@@ -55,6 +57,7 @@ class Extent:
     tables: tuple[int, ...] | None = None
     unlisted_table: int | None = None
     values: bool = False
+    user_buffer: bool = False
 
     @property
     def table_motors(self) -> tuple[int, ...]:
@@ -65,7 +68,8 @@ class Extent:
 def whole_card(dialect: Dialect, *, values: bool = False) -> Extent:
     """Return the full extent of the family, with the values of P, Q and M if asked for."""
     numbers = (range(dialect.highest_index + 1),)
-    return Extent(settings=numbers, pointers=numbers, motors=tuple(dialect.numbers(Scope.MOTOR)), values=values)
+    motors = tuple(dialect.numbers(Scope.MOTOR))
+    return Extent(settings=numbers, pointers=numbers, motors=motors, values=values, user_buffer=True)
 
 
 def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] = ()) -> Extent:
@@ -100,12 +104,30 @@ def work_done(requests: int, lines: int) -> int:
     return BYTES_A_REQUEST * requests + BYTES_A_LINE * lines
 
 
-def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> Configuration:
+def work_of_words(count: int) -> int:
+    """Return how much words of the user buffer are, beside their requests, in the unit of `work_done`."""
+    return BYTES_A_WORD * count
+
+
+def requests_of_words(count: int) -> int:
+    """Return the work of the requests that read all words of a user buffer."""
+    requests = -(-count // WORDS_A_LINE)
+    return work_done(requests, requests)
+
+
+def read_configuration(
+    client: Controller, dialect: Dialect, extent: Extent, seen_words: Seen = lambda done, of: None
+) -> Configuration:
     """Read everything in `extent`, with PLCs, tables and the conversion table.
 
-    Raises RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it.
+    The user buffer comes first, since only the controller knows its size: `seen_words` takes how far that is.
+
+    Raises RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it;
+        `controller.user_buffer`, where its words are asked for.
     """
     _refuse_open_buffer(client, dialect)
+    place = _user_buffer(client, dialect, extent)
+    user_words = read_words(client, place, seen_words) if place and extent.values else None
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
     motors, locked, entries = extent.motors, list[str](), dict[int, tuple[int, ...]]()
     pointers = dict(_pointers(client, extent.pointers))
@@ -124,7 +146,19 @@ def read_configuration(client: Controller, dialect: Dialect, extent: Extent) -> 
         values=read_values(client, dialect, pointers) if extent.values else None,
         kinematics=dict(_kinematics(client, dialect, locked)) if extent.values else {},
         locked=tuple(locked),
+        user_buffer=place,
+        user_words=user_words,
     )
+
+
+def _user_buffer(client: Controller, dialect: Dialect, extent: Extent) -> range | None:
+    """Return the place of the user buffer; one that cannot be is as none told, where its words are not wanted."""
+    try:
+        return read_place(client, dialect) if extent.user_buffer else None
+    except RefusedError:
+        if extent.values:
+            raise
+        return None
 
 
 def _refuse_open_buffer(client: Controller, dialect: Dialect) -> None:

@@ -6,14 +6,16 @@ and it is one of the differences. Nothing is saved.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 from drivers.commissioning.backup import DELETE_GATHER, NO_LIMIT, Backup, is_no_limit, typed_lines
 from drivers.commissioning.card_state import read_state
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.comparison import differences
+from drivers.commissioning.comparison import buffer_changes, changed, differences
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import refuse_unready
+from drivers.commissioning.user_buffer import definition
+from drivers.commissioning.values import order_of
 from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
 from drivers.pmac.dialect import Dialect
@@ -67,10 +69,26 @@ def refuse_hidden(now: Configuration, where: str) -> None:
         raise RefusedError(Problem(code="controller.restore_locked", where=where, value=", ".join(now.locked)))
 
 
+def refuse_other_memory(backup: Backup, now: Configuration, where: str) -> None:
+    """Make sure that the user buffer of the backup would lie at the same addresses in this controller.
+
+    Raises RefusedError: `controller.user_buffer_end`.
+    """
+    wanted, here = backup.configuration.user_buffer, now.user_buffer
+    if wanted and (here is None or here.stop != wanted.stop):
+        code, value = "controller.user_buffer_end", "-" if here is None else f"${here.stop - 1:X}"
+        raise RefusedError(Problem(code=code, where=where, value=value, limit=f"${wanted.stop - 1:X}"))
+
+
 def restore_lines(text: str, backup: Backup, now: Configuration) -> tuple[str, ...]:
-    """Return the lines that bring a controller from the state `now` to that of a backup."""
+    """Return the lines that bring a controller from the state `now` to that of a backup.
+
+    A user buffer of the right size is not defined again: only its words are written.
+    """
     wanted = "\n".join(line for line in text.splitlines() if not line.endswith(NO_LIMIT))
-    return (*_removals(backup.configuration, now), *typed_lines(wanted))
+    standing = None if now.user_buffer is None else definition(len(now.user_buffer))
+    lines = (line for line in typed_lines(wanted) if line != standing)
+    return (*_removals(backup.configuration, now), *lines)
 
 
 def kept_limits(wanted: Configuration, now: Configuration) -> tuple[str, ...]:
@@ -94,9 +112,12 @@ def _removals(wanted: Configuration, now: Configuration) -> Iterator[str]:
         return  # such a backup has neither entries of tables nor kinematic programs
     for system, kind in sorted(now.kinematics.keys() - wanted.kinematics.keys()):
         yield from _emptied(f"&{system}OPEN {kind}")
-    if now.tables and not wanted.entries:
+    unwanted = bool(now.user_buffer) and wanted.user_buffer is not None and not wanted.user_buffer
+    if unwanted or (now.tables and not wanted.entries):
         yield DELETE_GATHER
         yield from (f"#{motor}DELETE COMP" for motor in sorted(now.tables))
+    if unwanted:
+        yield definition(0)
     yield "&1#1"
 
 
@@ -138,24 +159,30 @@ def left_differing(wanted: Configuration, now: Configuration, machine: MachinePr
     found = differences(wanted, now, machine)
     if wanted.values is None or now.values is None:
         return found
-    for system, kind in sorted(wanted.kinematics.keys() | now.kinematics.keys()):
-        old, new = (each.kinematics.get((system, kind), ()) for each in (wanted, now))
-        if old != new:
-            found.append(_changed(f"&{system} {kind}", " ".join(new) or "-", " ".join(old) or "-"))
-    before, after = wanted.values, now.values
-    names = [
-        name for name in sorted(before.keys() | after.keys()) if before.get(name, 0.0) != after.get(name, 0.0)
-    ]
-    found += [
-        _changed(name, format_number(after.get(name, 0.0)), format_number(before.get(name, 0.0)))
-        for name in names[:MOST_VALUES]
-    ]
-    if len(names) > MOST_VALUES:
-        facts = {"more": str(len(names) - MOST_VALUES)}
+    values = [*_differing_values(wanted.values, now.values), *_differing_words(wanted, now)]
+    found += buffer_changes("&{0[0]} {0[1]}", wanted.kinematics, now.kinematics)
+    found += values[:MOST_VALUES]
+    if len(values) > MOST_VALUES:
+        facts = {"more": str(len(values) - MOST_VALUES)}
         found.append(Check(Group.PROGRAMS, "more_values", Severity.REFUSAL, facts=facts))
     return found
 
 
-def _changed(what: str, found: str, wanted: str) -> Check:
-    facts = {"what_changed": what}
-    return Check(Group.PROGRAMS, "changed", Severity.REFUSAL, facts=facts, found=found, wanted=wanted)
+def _differing_values(before: Mapping[str, float], now: Mapping[str, float]) -> Iterator[Check]:
+    """Yield the values of P, Q and M that differ, by number; what is not there is 0."""
+    for name in sorted(before.keys() | now.keys(), key=order_of):
+        old, new = before.get(name, 0.0), now.get(name, 0.0)
+        if old != new:
+            yield changed(Group.PROGRAMS, name, format_number(new), format_number(old))
+
+
+def _differing_words(wanted: Configuration, now: Configuration) -> Iterator[Check]:
+    """Yield the words of the user buffer that differ, where it has the same place."""
+    if wanted.user_buffer != now.user_buffer or not wanted.user_buffer:
+        return
+    place, before, after = wanted.user_buffer, wanted.user_words, now.user_words
+    if before is not None and after is not None and before != after:
+        old = before.named(place.start)
+        for name, new in after.named(place.start).items():
+            if old[name] != new:
+                yield changed(Group.PROGRAMS, name, new, old[name])

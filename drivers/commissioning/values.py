@@ -46,7 +46,7 @@ def value_lines(values: Mapping[str, float], dialect: Dialect, pointers: Iterabl
     """Yield the lines that set them, and 0 wherever there is none."""
     for before, kind, whole in _ranges(dialect, pointers):
         yield f"{before}{kind}{whole.start}..{whole.stop - 1}=0"
-    yield from (f"{name}={format_number(values[name])}" for name in sorted(values, key=_order))
+    yield from (f"{name}={format_number(values[name])}" for name in sorted(values, key=order_of))
 
 
 def read_value_line(line: str) -> tuple[str, float] | None:
@@ -61,10 +61,11 @@ def read_value_line(line: str) -> tuple[str, float] | None:
 
 def highest_of(name: str) -> int:
     """Return the index in the name of a value."""
-    return _order(name)[2]
+    return order_of(name)[2]
 
 
-def _order(name: str) -> tuple[str, int, int]:
+def order_of(name: str) -> tuple[str, int, int]:
+    """Return what sorts the names of values: by letter, coordinate system and number."""
     found = _NAME.fullmatch(name)
     assert found is not None
     return found[2], int(found[1] or 0), int(found[3])

@@ -44,7 +44,7 @@ class PmacClient:
         self.link = link
         self._exchange = Exchange(link, clock)
         self._dialect: Dialect | None = None
-        self.made = self.answered = 0  # requests, and lines of data in their replies: how far a long reading is
+        self.requests_sent = self.reply_lines = 0  # how far a long reading is
 
     @property
     def dialect(self) -> Dialect:
@@ -166,7 +166,7 @@ class PmacClient:
             raise ControllerError(
                 Problem(code="controller.line_too_long", where=self.link.address, value=line[:40])
             )
-        self.made += 1
+        self.requests_sent += 1
         self._exchange.send(line, data, timeout_s, check, summed=moves)
 
     def reply(self, line: str, timeout_s: float = REPLY_TIMEOUT_S, *, lines: int | None = None) -> tuple[str, ...]:
@@ -174,7 +174,7 @@ class PmacClient:
         if lines is None and not self._exchange.buffer_open:
             lines = expected_replies(line).lines
         reply = self._exchange.reply(line, timeout_s, lines)
-        self.answered += len(reply.lines)
+        self.reply_lines += len(reply.lines)
         if reply.error_number is None:
             return reply.lines
         number = reply.error_number

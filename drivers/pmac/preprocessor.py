@@ -29,6 +29,31 @@ _FILE = re.compile(r'"([^"]+)"|<([^>]+)>|(\S+)')
 _COMMAND = re.compile(r"(?:CMD|COMMAND)[SPRA]?\s*$", re.IGNORECASE)
 
 
+class Place(int):
+    """A line of a text, from 1; one of an included file is the line of its #include, and has a `source`.
+
+    It is used as the number. Two lines of included files are not the same, though one #include has brought both.
+    """
+
+    source: str
+
+    def __new__(cls, line: int, source: str = "") -> Place:
+        """Make it of a line of the main text, and a source such as `limits.h:5`."""
+        made = super().__new__(cls, line)
+        made.source = source
+        return made
+
+    def __eq__(self, other: object) -> bool:
+        """Compare the source, too, where the other is a place."""
+        return int(self) == other and (not isinstance(other, Place) or self.source == other.source)
+
+    def __ne__(self, other: object) -> bool:
+        """Return the contrary of equality."""
+        return not self == other
+
+    __hash__ = int.__hash__
+
+
 @dataclass(frozen=True, slots=True)
 class SourceLine:
     """A line to send, without its comment. `place` is its line in the main text, from 1, `source` names its own.

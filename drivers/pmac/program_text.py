@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
@@ -26,7 +26,7 @@ from drivers.pmac.language.listing import stored_plc_lines
 from drivers.pmac.language.parser import parse_line, parse_statement
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.language.syntax import Line, Program
-from drivers.pmac.preprocessor import Include, preprocess
+from drivers.pmac.preprocessor import Include, Place, preprocess
 
 _OPEN_KINEMATIC = {f"OPEN{word}": kind for word, kind in KINDS.items()}
 _BUFFER_WORDS = (*OPEN_PROGRAM, *OPEN_PLC, *_OPEN_KINEMATIC, "OPEN", *CLEAR, *CLOSE)
@@ -46,6 +46,9 @@ _BUFFERED = (
     | syntax.Read
     | syntax.Return
 )
+OnLine = Callable[[str], None]
+"""Reads a line of on-line commands. Raises PmacError: the controller does not understand it."""
+
 _UNDEFINE = re.compile(r"UNDEF(INE)?\s*(ALL)?", re.IGNORECASE)
 _ON_LINE_LETTERS = ("B", "I")
 """B1 and I100 are commands, too."""
@@ -60,9 +63,9 @@ class ProgramText:
     `subprograms`. `definitions` are axis definitions, `plcs` the lines between OPEN PLC and CLOSE, and `commands`
     the other on-line commands, both as they are in the text. `tables` are the compensation tables that the
     controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from
-    1) of each program's lines in the text, `setting_places` those of the settings. `sources` name the place of
-    each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines` is
-    whether it clears the axis definitions that there are before.
+    1) of each program's lines in the text, `setting_places` those of the settings; both are a `Place`. `sources`
+    name the place of each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines`
+    is whether it clears the axis definitions that there are before.
     """
 
     number: int
@@ -91,11 +94,16 @@ class ProgramText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefusedLine:
-    """A line of a text, from 1, that the controller refuses."""
+    """A line of a text, or of a file that it includes, that the controller refuses."""
 
-    place: int
+    place: Place
     text: str
     error: PmacError
+
+    @property
+    def where(self) -> str:
+        """Its line in the text, and in the included file."""
+        return _where(self.place)
 
 
 def read_program(
@@ -105,39 +113,51 @@ def read_program(
     include: Include | None = None,
     *,
     kinematic: bool = True,
+    on_line: OnLine = lambda line: None,
 ) -> ProgramText:
     """Parse a text as a controller with this many motors would, with its #define, #ifdef and #include carried out.
 
     `kinematic` is whether the controller has kinematic programs. `include` returns the text of another file;
     without it none can be included.
 
+    `on_line` reads each line outside of the buffers as the controller does; without it words of commands that are
+    no settings are not looked at.
+
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
     controller.
 
     Raises PmacError: its detail names the wrong line.
     """
-    taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic)
+    taken = _Taken(tables=TableReader(motor_count), kinematic=kinematic, on_line=on_line)
     for source in preprocess(text, include):
-        taken.place = source.place
+        taken.place = Place(source.place, source.source)
         try:
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
-            taken.sources.append(f"{source.place}, {source.source}" if source.source else str(source.place))
+            taken.sources.append(_where(taken.place))
             taken.take(source.text)
         except PmacError as error:
-            if refused is not None:
-                shown = f"{source.source}: {source.text}" if source.source else source.text
-                refused.append(RefusedLine(place=source.place, text=shown, error=error))
-                continue
-            place = f"{source.place}, {source.source}" if source.source else str(source.place)
-            raise PmacError(error.code, f"line {place}: {error.detail}") from error
-    if not taken.programs and refused:
-        first = refused[0]
-        raise PmacError(first.error.code, f"line {first.place}: {first.error.detail}; no OPEN PROG in the text")
+            line = RefusedLine(place=taken.place, text=source.text, error=error)
+            if refused is None:
+                raise PmacError(error.code, f"line {line.where}: {error.detail}") from error
+            refused.append(line)
     if not taken.programs:
-        raise PmacError(ErrorCode.NO_BUFFER_OPEN, "no OPEN PROG in the text")
+        raise _without_program(refused)
     return taken.finished()
+
+
+def _where(place: Place) -> str:
+    return f"{int(place)}, {place.source}" if place.source else str(int(place))
+
+
+def _without_program(refused: Sequence[RefusedLine] | None) -> PmacError:
+    """Return the error of a text without a program; the first refused line is usually why."""
+    missing = "no OPEN PROG in the text"
+    if not refused:
+        return PmacError(ErrorCode.NO_BUFFER_OPEN, missing)
+    first = refused[0]
+    return PmacError(first.error.code, f"line {first.where}: {first.error.detail}; {missing}")
 
 
 @dataclass(slots=True)
@@ -154,12 +174,13 @@ class _Taken:
     programs: dict[int, list[Line]] = field(default_factory=dict)
     plcs: dict[int, list[str]] = field(default_factory=dict)
     places: dict[int, list[int]] = field(default_factory=dict)
-    place: int = 0
+    place: Place = field(default_factory=lambda: Place(0))
     number: int = 0
     program: list[Line] | None = None
     plc: list[str] | None = None
     undefines: bool = False
     kinematic: bool = True
+    on_line: OnLine = lambda line: None
     kinematics: dict[str, list[Line]] = field(default_factory=dict)
     calculation: list[Line] | None = None
 
@@ -184,7 +205,7 @@ class _Taken:
 
     def take(self, line: str) -> None:
         scanner = Scanner(line)
-        while (word := scanner.take_word(_BUFFER_WORDS)) is not None:
+        while (word := scanner.take_word(_BUFFER_WORDS) or self._opening_after_system(scanner)) is not None:
             self._buffer_word(scanner, word)
         rest = line[scanner.position :]
         closing = TRAILING_CLOSE.search(rest)
@@ -194,11 +215,23 @@ class _Taken:
         if closing is not None:
             self._close()
 
+    def _opening_after_system(self, scanner: Scanner) -> str | None:
+        """Take `&1` and the word behind it, where that is one of a buffer, as in `&1OPEN INVERSE`."""
+        mark = scanner.mark()
+        if scanner.accept("&") and (system := scanner.take_integer()) is not None:
+            word = scanner.take_word(_BUFFER_WORDS)
+            if word is not None:
+                self.commands.append(f"&{system}")
+                return word
+        scanner.reset(mark)
+        return None
+
     def _close(self) -> None:
         self.program = self.plc = self.calculation = None
 
     def _buffer_word(self, scanner: Scanner, word: str) -> None:
         if word in CLOSE:
+            scanner.accept("ALL")
             self._close()
         elif word in CLEAR:
             for buffer in (self.program, self.plc, self.calculation):
@@ -243,6 +276,7 @@ class _Taken:
         scanner = Scanner(text)
         if self.tables.take_entries(scanner, self.place):
             return
+        self._refuse_unread(text)
         assigned: list[syntax.Statement] = []
         while not scanner.at_end:
             mark = scanner.mark()
@@ -267,6 +301,14 @@ class _Taken:
         if assigned:
             self.settings.append(tuple(assigned))
             self.setting_places.append(self.place)
+
+    def _refuse_unread(self, text: str) -> None:
+        """Refuse a line with a word that is none; what belongs into a buffer is told by the reading after it."""
+        try:
+            self.on_line(text)
+        except PmacError as error:
+            if error.code is not ErrorCode.NO_BUFFER_OPEN:
+                raise
 
     def _define(self, scanner: Scanner) -> bool:
         if not scanner.accept("#"):

@@ -203,3 +203,50 @@ REFUSED_PLCS = (
     "ADDRESS",
 )
 """Lines that no PLC holds."""
+
+ON_LINE = (
+    *(
+        "&1E",
+        "&1K",
+        "DELETE TEMPS",
+        "DEFINE UBUFFER 64",
+        "DEFINE LOOKAHEAD 500,20",
+        "DEL LOOK",
+        "DELETE GATHER",
+        "CLOSE ALL",
+    ),
+    *("P1=5 Q2=P1*2", "P(P1+1)=3", "M(P1)=1", "M1->X:$700,24,S", "M2..5->*", "I190..191=0", "10", "&1%100", "%50"),
+    *(
+        "#1->2000X+10",
+        "#4->0",
+        "UNDEFINE ALL",
+        "&2#4->100A",
+        "MOVETIME",
+        "PAUSE PLC 1",
+        "RESUME PLC 1,2..3",
+    ),
+    *(
+        "WX:$3000,1,2",
+        "WP:$10,5",
+        "RHX:$3000,2",
+        "DIS PLC 2..31",
+        "ENA PLC 2",
+        "#1J/#2J/",
+        "A",
+        "&1K",
+        "IDNUMBER SID",
+    ),
+)
+REFUSED_ON_LINE = (
+    *("FOO", "P1=5 FOO", "DEFINE BLAH 5", "SETPHASE", "ABR", "DELETE ALL TEMPS", "ENABLE PLC 77", "I100==5"),
+    *("M1->X:$0,30", "M5->Y:$10,99", "#1->5Q", "KILLX", "JOG", "P(P1=3", "X10", "DWELL 10", "IF(P1=1)"),
+)
+"""Lines outside of the buffers."""
+
+PREPROCESSED = (
+    "#define SPEED 20\n#define OUT M1\nOPEN PROG 1 CLEAR\nF(SPEED) X10\nOUT=1\nCLOSE",
+    "#define A 1\n#ifdef A\nOPEN PROG 1 CLEAR\nX(A)\n#else\nFOO\n#endif\nCLOSE",
+    "#ifndef A\n#define A\n#endif\n&1OPEN PROG 1 CLEAR\n#ifdef A\nX1 ; FOO\n#endif\nCLOSE ALL",
+    '#define GO J/\nOPEN PLC 1 CLEAR\nCMD"#1 GO"\nCLOSE\nOPEN PROG 1 CLEAR\nCLOSE',
+)
+"""Whole texts with directives of the maker's editor."""

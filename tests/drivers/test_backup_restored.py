@@ -35,6 +35,8 @@ def filled(machine: MachineProfile, random: Random) -> Commissioned:
         lines += [f"OPEN PROG {number} CLEAR", *random.choices(TEXTS, k=12), "CLOSE"]
     for number in range(1, PLCS + 1):
         lines += [f"OPEN PLC {number} CLEAR", *random.choices(PLC_TEXTS, k=9), "CLOSE"]
+    last = {"pmac": 0x9FFF, "turbo": 0x107FF}[dialect.name]
+    lines += ["DEFINE UBUFFER 300", f"WX:${last - 299:X},$ABCDEF,1", f"WY:${last:X},$FFFFFF"]
     if dialect.kinematics is not None:
         lines += ["&3", "OPEN INVERSE CLEAR", "P4=Q7*100", "IF(Q10=1)", "ENDIF", "CLOSE"]
         lines += ["&16OPEN FORWARD CLEAR", "Q7=P4/100", "CLOSE", "&1"]
@@ -84,6 +86,7 @@ def test_backup_restore_backup_is_identical(machine: MachineProfile) -> None:
     systems = first.dialect.system_count
     for line in ("P7=0.3333333333", "M7=5", f"&{systems}Q{systems}={systems}.5", "#4DEFINE COMP 40,#2,#4,40000"):
         assert f"\n{line}\n" in text
+    assert "\nDEFINE UBUFFER 300\nWX:$" in text
     assert ("\n&3OPEN INVERSE\n" in text) == (first.dialect.kinematics is not None)
     assert text_of(restored(machine, text), extent) == text
     backup = read_backup(text, "file")

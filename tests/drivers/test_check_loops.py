@@ -91,6 +91,13 @@ def test_a_wait_for_an_input_is_such_a_loop() -> None:
     assert moves_of(found) == [2]
 
 
+@pytest.mark.parametrize("body", ["", "P2=1\n", "P2=P2+1\n", "IF(P2=3)\nP4=1\nENDIF\n"])
+def test_a_wait_of_several_lines_is_the_same_wait(body: str) -> None:
+    found = walked(f"LINEAR\nP3=1\nWHILE(M1=0)\n{body}ENDWHILE\nX10")
+    assert flags(found) == [{"M1": 1.0}]
+    assert found.steps[-1].at[0] == pytest.approx(10)
+
+
 def test_without_a_flag_the_program_is_stopped_there() -> None:
     found = walked("WHILE(1=1)\nX10\nX-10\nENDW\nX500")
     assert found.ending is Ending.ENDLESS

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable
+from functools import partial
 
 import pytest
 
@@ -15,9 +16,20 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.parser import WORDS
 from drivers.pmac.language.plc_statements import PLC_WORDS
 from drivers.pmac.program_text import RefusedLine, read_program
+from drivers.simulator.commands.line import read_line
 from profiles.machine import MachineProfile
 from tests.drivers.families import of_family
-from tests.drivers.made_programs import KINEMATIC, MOTION, PLCS, REFUSED_KINEMATIC, REFUSED_MOTION, REFUSED_PLCS
+from tests.drivers.made_programs import (
+    KINEMATIC,
+    MOTION,
+    ON_LINE,
+    PLCS,
+    PREPROCESSED,
+    REFUSED_KINEMATIC,
+    REFUSED_MOTION,
+    REFUSED_ON_LINE,
+    REFUSED_PLCS,
+)
 from tests.drivers.wire_card import Wire, wire
 
 ENDING = "OPEN PROG 2 CLEAR\nCLOSE"
@@ -47,7 +59,7 @@ def downloaded(card: Wire, text: str) -> list[int]:
 
 def checked(text: str) -> list[RefusedLine]:
     refused: list[RefusedLine] = []
-    read_program(text, refused)
+    read_program(text, refused, on_line=partial(read_line, dialect=TURBO))
     return refused
 
 
@@ -121,6 +133,25 @@ def test_what_is_refused_is_refused_by_both_at_the_same_line_and_says_why(card: 
             wrong.append((body, said, here))
     assert wrong == []
     assert card.listed("PLC 1") == ["P9=1", "P9=2"]
+
+
+def test_lines_outside_of_the_buffers_are_taken_or_refused_by_both(card: Wire) -> None:
+    wrong = []
+    for line in (*ON_LINE, *REFUSED_ON_LINE):
+        text = f"{line}\nP9=2\n{ENDING}"
+        said, here = downloaded(card, text), checked(text)
+        expected = [1] if line in REFUSED_ON_LINE else []
+        if (said, [each.place for each in here]) != (expected, expected):
+            wrong.append((line, said, here))
+    assert wrong == []
+
+
+@pytest.mark.parametrize("text", PREPROCESSED)
+def test_what_is_sent_of_a_preprocessed_text_is_taken(card: Wire, text: str) -> None:
+    assert checked(text) == []
+    sent = read_program(text).lines
+    assert not any(line.startswith("#define") for line in sent)
+    assert downloaded(card, "\n".join(sent)) == []
 
 
 @pytest.mark.parametrize("body", MOTION[:40])

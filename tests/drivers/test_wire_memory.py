@@ -123,6 +123,18 @@ def test_floating_and_dual_ported_words(card: Wire) -> None:
     assert card.ask("RHX:$702 RHY:$702") == ["00BF40", "000000"]  # -0.75 is BF400000 in IEEE 754
 
 
+def test_a_floating_word_is_in_x_and_y(card: Wire) -> None:
+    """1 is a mantissa of 0.5 and an exponent of 1 above 2047 (Turbo User Manual, Computational Features)."""
+    card.tell("M1->L:$3000", "M1=1")
+    assert card.ask("RHX:$3000 RHY:$3000") == ["400000", "000800"]
+    card.tell("M1=1/3", "M2->L:$3001")
+    x, y = card.ask("RX:$3000 RY:$3000")
+    card.tell(f"WX:$3001,{x}", f"WY:$3001,{y}")
+    assert card.ask("M2 M1") == ["0.3333333333"] * 2
+    card.tell("WX:$3001,$7FFFFF", "WY:$3001,$FFFFFF")
+    assert float(card.ask("M2")[0]) > 1e300, "more than any number is the largest"
+
+
 def test_words_are_read_in_a_row_and_written_in_a_row(card: Wire) -> None:
     card.tell("WY:$720,$C000,$C004,5,-1")
     assert card.ask("RHY:$720,4") == ["00C000 00C004 000005 FFFFFF"]

@@ -150,3 +150,12 @@ def test_eight_positions_of_its_elder_are_told_in_tenths(elder: Wire) -> None:
     for number, bias in enumerate((0.04, 0.06, -5797.53, 1, 0, 0, 0, 1e6), 1):
         elder.card.motors[number].bias = bias
     assert elder.raw("\x10") == b"0 0.1 -5797.5 1 0 0 0 1000000\r"
+
+
+def test_the_time_between_phase_interrupts_is_told_to_who_divides_by_it(card: Wire) -> None:
+    """By factory settings the phase clock is 9.035 kHz (Turbo Software Reference, I7000)."""
+    card.tell("M70->X:$FFFF8C,0,24", "M70=1")
+    (told,) = card.ask("M70")
+    assert float(told) == pytest.approx(120_000 / 9.035, rel=0.001)
+    card.tell("I7002=0")
+    assert float(card.ask("M70")[0]) == pytest.approx(4 * float(told), abs=3)

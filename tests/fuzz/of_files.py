@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -17,7 +18,8 @@ from console.session.data.run_reader import RunFilters, runs, story
 from console.session.errors import SessionError
 from console.session.flight.recording import read_recording
 from console.session.training import lesson
-from drivers.commissioning.backup import backup_text, read_backup
+from drivers.commissioning.backup import END_OF_HEADER, backup_text, read_backup
+from drivers.commissioning.configuration import digest
 from drivers.simulator.plant.presets import plant_named
 from profiles.compensations.learned import as_table as learned_table
 from profiles.files import parse_toml
@@ -110,9 +112,18 @@ def _backups() -> list[bytes]:
     card = SimulatedLathe(load_machine("lee-2001-lathe").machine)
     client = PmacClient(MemoryLink(card.connect(), card), card)
     client.connect()
-    return [
-        backup_text(read_configuration(client, client.dialect, whole_card(client.dialect)), "2001-11-30").encode()
-    ]
+    plain = read_configuration(client, client.dialect, whole_card(client.dialect))
+    client.request("DEFINE UBUFFER 20", lines=0)
+    whole = read_configuration(client, client.dialect, whole_card(client.dialect, values=True))
+    return [backup_text(each, "2001-11-30").encode() for each in (plain, whole)]
+
+
+def _read_signed_backup(data: bytes) -> None:
+    """Read a backup whose hash is that of its lines, so that they are looked at."""
+    text = data.decode("utf-8", "replace")
+    head, mark, body = text.partition(f"{END_OF_HEADER}\n")
+    signed = re.sub(r"; sha256 \S*", f"; sha256 {digest(body.splitlines())}", head, count=1)
+    read_backup(f"{signed}{mark}{body}", "fuzz")
 
 
 def _flights() -> list[bytes]:
@@ -214,6 +225,13 @@ OF_FILES = (
         seeds=_backups,
         errors=(ProfileError,),
         opened=pure(lambda data: read_backup(data.decode("utf-8", "replace"), "fuzz")),
+    ),
+    Target(
+        name="signed-backups",
+        what="backups of a controller, with the right hash",
+        seeds=_backups,
+        errors=(ProfileError,),
+        opened=pure(_read_signed_backup),
     ),
     _file("flight", "flight recordings", "frozen.flight", read_recording, _flights),
     Target(

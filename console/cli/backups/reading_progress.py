@@ -12,7 +12,8 @@ from console.cli.machine.card_access import Card
 from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
 from console.text.escaping import encodable, escaped, spelled
-from drivers.commissioning.reading import expected_work, whole_card, work_done
+from drivers.commissioning.reading import expected_work, requests_of_words, whole_card, work_done, work_of_words
+from drivers.commissioning.user_buffer import Seen
 
 PERIOD_S = 0.5
 
@@ -48,10 +49,20 @@ def shown(key: str, text: Catalogue, fraction: Callable[[], float]) -> Iterator[
 @contextmanager
 def reading_shown(
     card: Card, text: Catalogue, *, values: bool = True, key: str = "configuration.reading"
-) -> Iterator[None]:
-    """Show how far the reading of a whole controller is."""
+) -> Iterator[Seen]:
+    """Show how far the reading of a whole controller is; yield what takes how far its user buffer is."""
     client, dialect = card.client, card.client.dialect
     whole = expected_work(dialect, whole_card(dialect, values=values))
-    made, answered = client.made, client.answered
-    with shown(key, text, lambda: fraction_done(work_done(client.made - made, client.answered - answered), whole)):
-        yield
+    requests, lines, words = client.requests_sent, client.reply_lines, (0, 0)
+
+    def seen(done: int, of: int) -> None:
+        nonlocal words
+        words = done, of
+
+    def fraction() -> float:
+        done, of = words
+        work = work_done(client.requests_sent - requests, client.reply_lines - lines) + work_of_words(done)
+        return fraction_done(work, whole + work_of_words(of) + requests_of_words(of))
+
+    with shown(key, text, fraction):
+        yield seen

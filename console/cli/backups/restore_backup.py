@@ -27,6 +27,7 @@ from drivers.commissioning.restoring import (
     refuse_busy,
     refuse_hidden,
     refuse_other_controller,
+    refuse_other_memory,
     restore,
     restore_lines,
 )
@@ -57,6 +58,7 @@ def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
     refuse_busy(client, dialect)
     now = _read(card, text, "configuration.reading")
     refuse_hidden(now, client.link.address)
+    refuse_other_memory(backup, now, client.link.address)
     before = in_order(left_differing(backup.configuration, now, card.machine))
     if not options.json:
         print("\n".join([card_line(card, text), _verdict(before, backup, text), *check_lines(before, text)]))
@@ -88,8 +90,8 @@ def _sent_and_read(card: Card, lines: tuple[str, ...], undo: str, text: Catalogu
 def _read(card: Card, text: Catalogue, key: str) -> Configuration:
     """Read the whole controller with all values: what there is before is also the way back."""
     dialect = card.client.dialect
-    with reading_shown(card, text, key=key):
-        return read_configuration(card.client, dialect, whole_card(dialect, values=True))
+    with reading_shown(card, text, key=key) as seen:
+        return read_configuration(card.client, dialect, whole_card(dialect, values=True), seen)
 
 
 def _undo(options: Namespace, kept: Path) -> str:

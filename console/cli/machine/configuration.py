@@ -24,8 +24,8 @@ from profiles.findings import Severity, worst
 
 
 def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
-    with reading_shown(card, text):
-        found = write_backup(card.client, card.client.dialect, Path(options.file), values=True)
+    with reading_shown(card, text) as seen:
+        found = write_backup(card.client, card.client.dialect, Path(options.file), values=True, seen_words=seen)
     counts = {name: len(getattr(found, name)) for name in ("settings", "axes", "plcs", "programs")}
     done = text("configuration.backup_done", **counts, count=counts["settings"], file=printable(options.file))
     show(

@@ -73,7 +73,9 @@ def _checked_file(options: Namespace, machine: MachineProfile) -> ProgramCheck:
             to check; `program.start_axis`, `program.start_too_far`.
     """
     from drivers.pmac.analysis.program import check_program
+    from drivers.pmac.dialect import DIALECTS
     from drivers.pmac.language.errors import PmacError
+    from drivers.simulator.commands.line import read_line
 
     content, where = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES), printable(options.file)
     if encoding := _wide_encoding(content):
@@ -82,7 +84,15 @@ def _checked_file(options: Namespace, machine: MachineProfile) -> ProgramCheck:
     program = content.decode("utf-8-sig", "replace")
     try:
         included = partial(_included, Path(options.file).parent)
-        return check_program(program, machine, options.ta_ms, options.ts_ms, options.start, included)
+        return check_program(
+            program,
+            machine,
+            options.ta_ms,
+            options.ts_ms,
+            options.start,
+            included,
+            partial(read_line, dialect=DIALECTS[machine.controller.family]),
+        )
     except PmacError as error:
         raise DriverError(Problem(code="program.refused", where=where, value=str(error))) from error
 

@@ -17,6 +17,7 @@ from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis
 from drivers.pmac.analysis.program import ProgramCheck
 from drivers.pmac.analysis.start import Source, Start
 from drivers.pmac.analysis.units import unit_of
+from drivers.pmac.preprocessor import Place
 from profiles.files import printable
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
@@ -47,6 +48,7 @@ def program_fields(
                 "level": _LEVELS[finding.severity],
                 "code": finding.code.value,
                 "lines": list(finding.lines),
+                "included": [_source(line) for line in finding.lines if _source(line)],
                 "values": dict(finding.values),
                 "text": _finding(finding, text),
             }
@@ -142,15 +144,25 @@ def _finding(finding: ProgramFinding, text: Catalogue) -> str:
 
 
 def _places(lines: Sequence[int]) -> str:
-    """Return line numbers, consecutive ones as a range, up to a limit."""
+    """Return line numbers, consecutive ones as a range, up to a limit; those of included files with their own."""
     ranges: list[tuple[int, int]] = []
     for line in lines:
-        if ranges and line == ranges[-1][1] + 1:
+        if ranges and line == ranges[-1][1] + 1 and not (_source(line) or _source(ranges[-1][1])):
             ranges[-1] = (ranges[-1][0], line)
         else:
             ranges.append((line, line))
-    shown = [f"{first}-{last}" if last > first else f"{first}" for first, last in ranges[:MOST_RANGES]]
+    shown = [f"{first}-{last}" if last > first else _named(first) for first, last in ranges[:MOST_RANGES]]
     return ", ".join([*shown, "..."] if len(ranges) > MOST_RANGES else shown)
+
+
+def _named(line: int) -> str:
+    source = printable(_source(line))
+    return f"{line:d} ({source})" if source else f"{line:d}"
+
+
+def _source(line: int) -> str:
+    """Return where a line of an included file is, "" for one of the text itself."""
+    return line.source if isinstance(line, Place) else ""
 
 
 def _explained(sentence: Sentence, text: Catalogue) -> str:

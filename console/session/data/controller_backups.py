@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from drivers.commissioning.backup import Backup
     from drivers.commissioning.check import Check
     from drivers.commissioning.configuration import Configuration
+    from drivers.commissioning.user_buffer import Seen
     from drivers.controller import Controller
     from drivers.pmac.dialect import Dialect
     from profiles.machine import MachineProfile
@@ -52,17 +53,24 @@ def backups_of(data: Path, machine: str) -> tuple[Path, ...]:
 
 
 def write_backup(
-    client: Controller, dialect: Dialect, path: Path, *, private: bool = False, values: bool = False
+    client: Controller,
+    dialect: Dialect,
+    path: Path,
+    *,
+    private: bool = False,
+    values: bool = False,
+    seen_words: Seen = lambda done, of: None,
 ) -> Configuration:
     """Back up the whole controller to a file, `private` for its owner alone; never overwrite.
 
-    With the `values` of P, Q and M, and the entries of tables, where they are asked for: they take longest.
+    With the `values` of P, Q and M, the entries of tables and the words of the user buffer, where they are asked
+    for: they take longest. `seen_words` takes how far the user buffer is.
 
     Raises ProfileError: `file.exists`, `file.not_writable`; DriverError: as `read_configuration`.
     """
     from drivers.commissioning.reading import read_configuration, whole_card
 
-    configuration = read_configuration(client, dialect, whole_card(dialect, values=values))
+    configuration = read_configuration(client, dialect, whole_card(dialect, values=values), seen_words)
     keep_backup(configuration, path, private=private)
     return configuration
 

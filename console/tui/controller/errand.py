@@ -37,12 +37,12 @@ class Errand(Generic[Found]):
     @property
     def requests(self) -> int:
         """The requests of the present or last work."""
-        return 0 if self._client is None else self._client.made
+        return 0 if self._client is None else self._client.requests_sent
 
     @property
     def answered(self) -> int:
         """The lines of data that were answered to them."""
-        return 0 if self._client is None else self._client.answered
+        return 0 if self._client is None else self._client.reply_lines
 
     @property
     def elapsed_s(self) -> float:

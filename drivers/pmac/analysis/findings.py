@@ -22,6 +22,7 @@ class Code(StrEnum):
     TABLE_THROWS = auto()
     TABLE_THROWS_OTHER = auto()
     RUN_TIME_ERROR = auto()
+    DIVIDED_BY_ZERO = auto()
     NO_RESULT = auto()
     BEYOND_LIMIT = auto()
     BEYOND_TRAVEL = auto()

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from drivers.pmac.absent_words import absent_word
-from drivers.pmac.analysis.explanation import explain, find_zigzag
+from drivers.pmac.analysis.explanation import ZigZag, explain, find_zigzag
 from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
 from drivers.pmac.analysis.limits import limit_findings
 from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
@@ -26,9 +26,10 @@ from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.language.arithmetic import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
-from drivers.pmac.program_text import ProgramText, RefusedLine, read_program
+from drivers.pmac.program_text import OnLine, ProgramText, RefusedLine, read_program
 from drivers.pmac.settings import settings_with
 from profiles.findings import Severity, worst
 from profiles.machine import MachineProfile
@@ -44,7 +45,7 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
         findings.append(finding(Code.RUN_TIME_ERROR, lines, error=error, number=number))
     for each in walk.substitutes:
         place = subject.place_of(each.program, each.line) if each.program else each.line
-        findings.append(finding(Code.NO_RESULT, (place,), error=each.detail))
+        findings.append(_without_result(place, each.detail))
     findings += [_endless(subject, left) for left in walk.left]
     if walk.ending is Ending.TOO_LONG:
         findings.append(finding(Code.TOO_LONG, steps=len(walk.steps)))
@@ -53,11 +54,18 @@ def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[Pro
     return findings
 
 
+def _without_result(place: int, detail: str) -> ProgramFinding:
+    if detail == BY_ZERO:
+        return finding(Code.DIVIDED_BY_ZERO, (place,), error=detail)
+    what = "x%0" if detail == REMAINDER_BY_ZERO else detail.removesuffix(NO_VALUE)
+    return finding(Code.NO_RESULT, (place,), error=detail, what=what)
+
+
 def _refused(line: RefusedLine) -> ProgramFinding:
     values: dict[str, Value] = {"error": str(line.error), "number": int(line.error.code), "text": line.text}
     if isinstance(line.error, TableOrderError):
         return finding(Code.TABLE_ORDER, (line.place,), **values, motor=line.error.motor, lower=line.error.lower)
-    word = absent_word(line.text.rpartition(": ")[2], line.error.detail)
+    word = absent_word(line.text, line.error.detail)
     if word:
         return finding(Code.WORD_ABSENT, (line.place,), **values, word=word)
     return finding(Code.LINE_REFUSED, (line.place,), **values)
@@ -107,18 +115,20 @@ def check_program(
     ts_ms: float | None = None,
     start: Mapping[str, float] | None = None,
     include: Include | None = None,
+    on_line: OnLine = lambda line: None,
 ) -> ProgramCheck:
     """Check a text on a machine; `ta_ms` and `ts_ms` replace those of the text.
 
     `start` are axis positions (user units); without them a comment of the text gives them, or all is at home.
-    `include` returns the text of a file that the text includes.
+    `include` returns the text of a file that the text includes, `on_line` reads a line outside of the buffers.
 
     Raises:
         PmacError: the controller refuses the program as a whole.
         DriverError: `program.start_axis`, `program.start_too_far`.
     """
     refused, dialect = list[RefusedLine](), DIALECTS[machine.controller.family]
-    as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=dialect.kinematics is not None)
+    kinematic = dialect.kinematics is not None
+    as_typed = read_program(text, refused, dialect.motor_count, include, kinematic=kinematic, on_line=on_line)
     read = _with_times(as_typed, ta_ms, ts_ms)
     # The axes of the machine, replaced by those of the text; each motor has one definition.
     own = () if read.undefines else read_definitions(machine.controller.axis_definitions)
@@ -136,9 +146,7 @@ def check_program(
     moves = analyse_moves(walked, timeline)
     subject = Subject(machine=machine, walk=walked, timeline=timeline, moves=moves, place_of=place_of)
     zigzag = find_zigzag(subject)
-    findings = _flow_findings(subject, refused) + rounding_findings(subject, read) + table_findings(subject, read)
-    findings += limit_findings(subject) + timing_findings(subject) + path_findings(subject, zigzag)
-    findings += synchronism_findings(subject)
+    findings = [*_flow_findings(subject, refused), *_all_findings(subject, read, zigzag)]
     return ProgramCheck(
         number=read.number,
         start=begins,
@@ -149,6 +157,13 @@ def check_program(
         findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
     )
+
+
+def _all_findings(subject: Subject, text: ProgramText, zigzag: ZigZag | None) -> list[ProgramFinding]:
+    """Return what the rules find in the moves and settings of a program."""
+    found = rounding_findings(subject, text) + table_findings(subject, text) + limit_findings(subject)
+    found += timing_findings(subject) + path_findings(subject, zigzag) + synchronism_findings(subject)
+    return found
 
 
 def _settings(machine: MachineProfile, ta_ms: float | None, ts_ms: float | None) -> dict[int, float]:

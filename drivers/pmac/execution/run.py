@@ -113,6 +113,8 @@ class ProgramRun:
     def first_line(self) -> int:
         """The line of the first program that is executed, or that has made the present call."""
         frame = self._frames[0]
+        if frame is self._frame:
+            return self.line  # the counter may be at the WHILE to which an ENDWHILE has just led back
         lines = frame.unit.code.line_of
         return lines[max(0, frame.counter - 1)] if lines else 0
 

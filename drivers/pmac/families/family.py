@@ -78,15 +78,24 @@ class ConversionTable:
 
 @dataclass(frozen=True, slots=True)
 class UserBuffer:
-    """Where the words of DEFINE UBUFFER are: the last ones before `end`, down to `start` at most.
+    """Where the words of DEFINE UBUFFER are: the last ones before the end of memory, down to `start` at most.
 
-    Where they begin is reported by the setting, or by the X word at the address, that the family has for it.
+    `ends` are those of the sizes of memory, the smallest first. Where the words begin is reported by the setting,
+    or by the X word at the address, that the family has for it.
     """
 
     start: int
-    end: int
+    ends: tuple[int, ...]
     setting: int | None = None
     x_address: int | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class PhaseClock:
+    """The phase interrupts: a servo cycle has I`divider` + 1 of them; what counts their period has this rate."""
+
+    divider: int
+    counts_per_ms: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -203,6 +212,7 @@ class Dialect:
     kinematics: int | None = None
     buffer_directory: BufferDirectory | None = None
     user_buffer: UserBuffer | None = None
+    phase_clock: PhaseClock | None = None
 
     def numbers(self, scope: Scope) -> range:
         """Return the numbers of the motors, or of the coordinate systems; a single instance is number 1."""

@@ -146,7 +146,7 @@ PMAC = Dialect(
     variable_addresses={"P": 0x1000, "Q": 0x1400},
     definitions_address=0xBC00,
     buffer_directory=BufferDirectory(range(0xE00, 0xF00), range(0xF00, 0xF20), 0x1800),
-    user_buffer=UserBuffer(0x1800, 0xA000, x_address=0xF42),
+    user_buffer=UserBuffer(0x1800, (0xA000,), x_address=0xF42),
     watchdog=Watchdog(count=511, of_interrupts=True),
     timer_words=(("X", 0x700), ("Y", 0x700), ("X", 0x701), ("Y", 0x701)),
     registers={

@@ -9,6 +9,7 @@ from drivers.pmac.families.family import (
     ConversionTable,
     Dialect,
     GatherSettings,
+    PhaseClock,
     Place,
     Register,
     Scope,
@@ -38,7 +39,7 @@ _MOTOR_BITS = bit_table(
 
 _TIMERS = (11, 12)
 
-_BUFFERS, _BUFFERS_END = 0x6000, 0x10800  # of the smaller memory
+_BUFFERS, _BUFFERS_ENDS = 0x6000, (0x10800, 0x40000)  # of the standard and of the extended memory
 _OPEN_MEMORY_END = 4908
 
 _CONVERSION_TABLE = ConversionTable(
@@ -90,7 +91,7 @@ TURBO = Dialect(
         68: 15,
         # The phase clock of the first MACRO and servo chips, 9 kHz, and the servo clock, a quarter of it.
         **{6800: 6527, 6802: 3, 7000: 6527, 7002: 3},
-        _OPEN_MEMORY_END: _BUFFERS_END,
+        _OPEN_MEMORY_END: _BUFFERS_ENDS[0],
         5049: 1,
         # The register of `%`, one for each coordinate system.
         **{5093 + 100 * system: 0x1F00 + 0x100 * system for system in range(1, 17)},
@@ -134,7 +135,8 @@ TURBO = Dialect(
     other_axes_speed=86,
     variable_addresses={"P": 0x6000, "Q": 0x8000},
     definitions_address=0x4000,
-    user_buffer=UserBuffer(_BUFFERS, _BUFFERS_END, setting=_OPEN_MEMORY_END),
+    user_buffer=UserBuffer(_BUFFERS, _BUFFERS_ENDS, setting=_OPEN_MEMORY_END),
+    phase_clock=PhaseClock(divider=7002, counts_per_ms=120_000.0),  # half the cycles of a CPU of 240 MHz
     watchdog=Watchdog(count=4095, number=40),
     system_activation=68,
     velocity_average=(60, 61),
@@ -194,5 +196,6 @@ TURBO = Dialect(
         "system_status_3": Register("Y", 0x2040, 0x100, Scope.SYSTEM),
         "global_status_1": Register("X", 0x6, scope=Scope.GLOBAL),
         "global_status_2": Register("Y", 0x6, scope=Scope.GLOBAL),
+        "phase_period": Register("X", 0xFFFF8C, scope=Scope.GLOBAL),
     },
 )

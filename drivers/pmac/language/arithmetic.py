@@ -10,6 +10,10 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 
+BY_ZERO = "a division by 0; the controller goes on with its largest number, 2^47"
+REMAINDER_BY_ZERO = "a remainder of a division by 0; the controller goes on with 0"
+NO_VALUE = " has no value; the controller goes on with 0"
+
 SATURATION = 2.0**47  # The magnitude of the controller's result of a division by zero
 
 _FRACTION_BITS = 2.0**32
@@ -21,7 +25,7 @@ UnaryFunction = Callable[[float], float]
 def divide(left: float, right: float) -> float:
     """Divide. Raises ZeroDivisionError, or OverflowError for a divisor that has overflowed."""
     if right == 0.0:
-        raise ZeroDivisionError("a division by 0; the controller goes on with its largest number, 2^47")
+        raise ZeroDivisionError(BY_ZERO)
     if not math.isfinite(right):
         raise OverflowError("divisor too large")
     return left / right
@@ -36,7 +40,7 @@ def modulo(left: float, right: float) -> float:
     if not (math.isfinite(left) and math.isfinite(right)):
         raise OverflowError("operand too large")
     if right == 0.0:
-        raise ZeroDivisionError("a remainder of a division by 0; the controller goes on with 0")
+        raise ZeroDivisionError(REMAINDER_BY_ZERO)
     if right >= 0.0:
         return left % right
     return (left - right) % (-2.0 * right) + right

@@ -139,8 +139,7 @@ class _Compiler:
             try:
                 return function(value, variables)
             except ValueError as fault:
-                without = f"{name}({format_number(value)}) has no value; the controller goes on with 0"
-                raise ValueError(without) from fault
+                raise ValueError(f"{name}({format_number(value)}){arithmetic.NO_VALUE}") from fault
             except OverflowError as fault:
                 raise OverflowError(f"{name}({format_number(value)}) is too large a number") from fault
 

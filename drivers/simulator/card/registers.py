@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import math
 import struct
+import sys
 from collections.abc import Callable, Mapping, Sequence
 
+from drivers.pmac.gathering.gather import decode_float, encode_float
 from drivers.pmac.memory import WORD_BITS, Pointer
 from drivers.pmac.variable_words import VariableWords
 from drivers.simulator.card import reports
@@ -37,6 +39,14 @@ def _position(counts: Callable[[Motor], float]) -> Value:
 _desired = _position(lambda motor: motor.desired)
 _velocity = _of_motor(lambda motor: motor.encoder_step * motor.variable(9) * PARTS)
 
+
+def _phase_period(controller: Controller, _: int) -> float:
+    clock = controller.dialect.phase_clock
+    if clock is None:
+        return 0.0
+    return controller.servo_period_ms * clock.counts_per_ms / (controller.variables.i(clock.divider) + 1.0)
+
+
 READERS: Mapping[str, Value] = {
     "commanded": _desired,
     "actual": _position(lambda motor: motor.encoder),
@@ -57,6 +67,7 @@ READERS: Mapping[str, Value] = {
     "system_status_3": lambda controller, number: reports.system_words(controller, number)[2],
     "global_status_1": lambda controller, _: reports.global_words(controller)[0],
     "global_status_2": lambda controller, _: reports.global_words(controller)[1],
+    "phase_period": _phase_period,
 }
 """All registers; which of them a family has, and where, is in its dialect."""
 
@@ -101,7 +112,7 @@ The values are those of `READERS` for the motor, shown as it was after each cycl
 
 
 class CardMemory:
-    """X and Y words of 24 bits, together a D word of 48; L words are separate numbers.
+    """X and Y words of 24 bits, together a D word of 48, or a floating-point L word with 36 bits of mantissa.
 
     A write to a register is lost, except for the variable jog position and the correction. Some words may be
     timers, and some set up the encoder conversion table.
@@ -139,13 +150,15 @@ class CardMemory:
             case "F":
                 value: float = struct.unpack(">f", self._halves(pointer.address).to_bytes(4, "big"))[0]
                 return value if math.isfinite(value) else 0.0
-            case _:
-                held = self._registers.get((pointer.space, pointer.address))
+            case "L":
+                held = self._registers.get(("L", pointer.address))
                 if held is not None:
                     return self._held(held)
-                variable = self._variables.variable_at(pointer.address) if pointer.space == "L" else None
+                variable = self._variables.variable_at(pointer.address)
                 if variable is not None:
                     return self._controller.variables.get(*variable)
+                return _floating(self.word("X", pointer.address) << WORD_BITS | self.word("Y", pointer.address))
+            case _:
                 return self._numbers.get((pointer.space, pointer.address, pointer.offset), 0.0)
 
     def write(self, pointer: Pointer, value: float) -> None:
@@ -163,15 +176,22 @@ class CardMemory:
                 self._set_halves(pointer.address, _whole(value))
             case "F":
                 self._set_halves(pointer.address, int.from_bytes(_single(value), "big"))
+            case "L":
+                self._write_floating(pointer.address, value)
             case _:
-                name, number = self._registers.get((pointer.space, pointer.address), ("", 0))
-                if name == "variable_jog":
-                    self._controller.motors[number].variable_jog = value
-                variable = self._variables.variable_at(pointer.address) if pointer.space == "L" else None
-                if variable is not None:
-                    self._controller.variables.set(*variable, value)
-                    return
                 self._numbers[pointer.space, pointer.address, pointer.offset] = value
+
+    def _write_floating(self, address: int, value: float) -> None:
+        name, number = self._registers.get(("L", address), ("", 0))
+        variable = self._variables.variable_at(address)
+        if name == "variable_jog":
+            self._controller.motors[number].variable_jog = value
+        elif variable is not None:
+            self._controller.variables.set(*variable, value)
+        else:
+            bits = encode_float(value) if math.isfinite(value) else 0
+            self.set_word("X", address, bits >> WORD_BITS)
+            self.set_word("Y", address, bits)
 
     def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
         """Return what reads the bits of a register in D, without finding it again each time."""
@@ -253,6 +273,14 @@ class CardMemory:
     def _set_halves(self, address: int, value: int) -> None:
         self.set_word("X", address, value >> 16 & _HALF)
         self.set_word("Y", address, value & _HALF)
+
+
+def _floating(bits: int) -> float:
+    """Return the number in an L word; one that is too large is the largest."""
+    try:
+        return decode_float(bits)
+    except OverflowError:
+        return -sys.float_info.max if bits >> (DOUBLE_BITS - 1) else sys.float_info.max
 
 
 def _mask(bits: int) -> int:

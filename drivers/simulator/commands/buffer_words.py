@@ -210,12 +210,13 @@ def _place_user_buffer(context: Context, size: int) -> None:
     place, variables = context.dialect.user_buffer, context.controller.variables
     if place is None:
         return
-    if size > place.end - place.start:
-        raise PmacError(ErrorCode.NO_ROOM, f"{size} words, room for {place.end - place.start}")
+    end = place.ends[0]
+    if size > end - place.start:
+        raise PmacError(ErrorCode.NO_ROOM, f"{size} words, room for {end - place.start}")
     if place.setting is not None:
-        variables.report(place.setting, float(place.end - size))
+        variables.report(place.setting, float(end - size))
     if place.x_address is not None and variables.memory is not None:
-        variables.memory.write(Pointer(space="X", address=place.x_address, width=24), float(place.end - size))
+        variables.memory.write(Pointer(space="X", address=place.x_address, width=24), float(end - size))
 
 
 def _gather(scanner: Scanner, reading: Reading) -> Step:

@@ -98,6 +98,11 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     return heard
 
 
+def read_line(text: str, dialect: Dialect) -> None:
+    """Read a line as a controller does while no buffer is open; nothing acts. Raises PmacError: not understood."""
+    _remembered(text, dialect)
+
+
 def _read(text: str, context: Context) -> tuple[Step, ...]:
     """Read a line. Raises PmacError: it was not understood; what follows a refused OPEN is still its body."""
     filling = context.filling

@@ -169,9 +169,9 @@ class EthernetSession(PlainStream):
             case RequestCode.SENDLINE:
                 self._port.type(_line_of(request))
             case RequestCode.GETBUFFER:
-                return (yield from self._fetch_more(buffer_length, request.reply_length))
+                return (yield from self._fetch_without_waiting_for_save(buffer_length, request.reply_length))
             case RequestCode.GETLINE:
-                return (yield from self._fetch_more(line_length, request.reply_length))
+                return (yield from self._fetch_without_waiting_for_save(line_length, request.reply_length))
             case RequestCode.READREADY:
                 self._listen()
                 return b"\1\0" if self._queue else b"\0\0"
@@ -228,7 +228,7 @@ class EthernetSession(PlainStream):
             self._listen()
         return self._take(end or most)
 
-    def _fetch_more(self, length: Callable[[bytearray, int], int], most: int) -> Steps:
+    def _fetch_without_waiting_for_save(self, length: Callable[[bytearray, int], int], most: int) -> Steps:
         """Take what there is, as `_fetch`; during a SAVE the board does not wait for the controller."""
         self._listen()
         if self._port.saving:

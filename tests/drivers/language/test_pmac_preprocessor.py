@@ -92,9 +92,14 @@ def test_a_program_is_read_with_its_directives_carried_out() -> None:
     read = read_program(text, refused, include=include)
     assert read.lines == ("P1=20", "OPEN PROG 5 CLEAR", "X(20)", "X10 bad", "F(20)", "CLOSE")
     assert read.places == {5: (4, 5)}
-    assert [(line.place, line.text) for line in refused] == [(4, "speeds.h:4: X10 bad")]
+    assert [(line.place, line.where, line.text) for line in refused] == [(4, "4, speeds.h:4", "X10 bad")]
     with pytest.raises(PmacError, match=r"line 4, speeds\.h:4"):
         read_program(text, include=include)
+
+
+def test_a_text_of_refused_lines_names_the_first_of_them_with_its_file() -> None:
+    with pytest.raises(PmacError, match=r"line 1, speeds\.h:3: .*; no OPEN PROG in the text"):
+        read_program('#include "speeds.h"', [], include=include)
 
 
 def test_without_a_folder_no_file_is_included() -> None:
