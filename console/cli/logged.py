@@ -37,11 +37,10 @@ def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[
         if is_logged:
             _note(options, "refused  " + "; ".join(each.facts for each in error.problems), is_warning=True)
         raise
-    except Exception as error:
-        _note(options, f"fault  {_version()}: {_said(options, words)}", error=error)
-        raise
-    except BaseException as ended:  # Ctrl-C, or wrong usage that the command has told
-        if is_logged:
+    except BaseException as ended:
+        if isinstance(ended, Exception) and not isinstance(ended, BrokenPipeError):
+            _note(options, f"fault  {_version()}: {_said(options, words)}", error=ended)
+        elif is_logged:  # Ctrl-C, wrong usage that the command has told, or nobody reads on, as behind `head`
             _note(options, f"ended  {type(ended).__name__}: {ended}")
         raise
     if is_logged:

@@ -25,8 +25,8 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-Seen = Callable[[int, int], None]
-"""Takes the number of lines that were sent, and of all."""
+Seen = Callable[[int], None]
+"""Takes the number of lines that were sent."""
 
 MOST_VALUES = 20  # differing values of P, Q and M that are named one by one
 
@@ -126,9 +126,7 @@ def _emptied(opening: str) -> tuple[str, str, str]:
     return (opening, "CLEAR", "CLOSE")
 
 
-def restore(
-    client: Controller, dialect: Dialect, lines: tuple[str, ...], seen: Seen = lambda sent, of: None
-) -> None:
+def restore(client: Controller, dialect: Dialect, lines: tuple[str, ...], seen: Seen = lambda sent: None) -> None:
     """Send the lines, each once; the caller has a backup of what there was before.
 
     Raises:
@@ -142,7 +140,7 @@ def restore(
     def counted() -> Iterator[str]:
         nonlocal sent
         for line in lines:
-            seen(sent, len(lines))
+            seen(sent)
             yield line
             sent += 1
 

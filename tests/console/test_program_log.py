@@ -6,12 +6,14 @@ import logging
 import os
 import re
 import stat
+from argparse import Namespace
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.cli.logged import carried_out
 from console.cli.measured import records
 from console.session import program_log
 from console.session.program_log import FILE, FOLDER, note
@@ -51,6 +53,18 @@ def test_a_fault_of_the_program_is_in_it_with_its_traceback_and_on_the_terminal_
     text = (tmp_path / FOLDER / FILE).read_text(encoding="utf-8")
     assert "Traceback (most recent call last)" in text and "RuntimeError: one" in text and "\x1b" not in text
     assert [line for line in text.splitlines() if not LINE.fullmatch(line) and not line.startswith("    ")] == []
+
+
+@pytest.mark.parametrize(("command", "logged"), [("watch", ""), ("ship", "ended  BrokenPipeError")])
+def test_a_reader_that_has_gone_as_behind_head_is_no_fault(command: str, logged: str, tmp_path: Path) -> None:
+    def unread() -> int:
+        raise BrokenPipeError
+
+    with pytest.raises(BrokenPipeError):
+        carried_out(unread, Namespace(command=command, data=tmp_path), [command])
+    log = tmp_path / FOLDER / FILE
+    text = log.read_text(encoding="utf-8") if log.exists() else ""
+    assert logged in text and "fault" not in text and "Traceback" not in text
 
 
 @pytest.mark.parametrize(

@@ -6,6 +6,7 @@ import os
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -81,6 +82,12 @@ def test_what_differs_is_listed_and_judged(console: Console, clone: Path) -> Non
     assert [bool(each["problems"]) for each in fields["changes"]] == [True, False, False, True]
     said = console("jobs", "status", "--data", str(clone))
     assert said.code == 0 and "from elsewhere.toml" in said.out and "cannot be used" in said.out
+    save_job(replace(load_job(EXPERIMENT).job, name="solid", wall_thickness_mm=99.0), jobs / "solid.toml")
+    said = console("jobs", "status", "--data", str(clone))
+    assert "thicker than the radius" in said.out and "lee-2001-lathe" in said.out
+    said = console("jobs", "status", "--data", str(clone), "--machine", str(clone / "machines" / "ours.toml"))
+    assert said.code == 0 and "solid.toml" in said.out and "not judged" in said.out
+    (jobs / "solid.toml").unlink()
     refused = console("preview", "from elsewhere", "--data", str(clone))
     assert refused.code == 1 and "from elsewhere.toml" in refused.err
     by_git(clone, "add", ".")

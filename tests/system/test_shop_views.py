@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,12 +15,13 @@ from console.session.data.records import RunRecord
 from console.session.shop.shipping import ship
 from profiles.metrology.process_statistics import capability_below, capability_within, run_chart
 from tests.console.test_run_reader import RUN, part
-from tests.shop_server import READER, SHIPPER, ShopServer, documented_sql, needs_postgresql, shop_server
+from tests.shop_server import READER, ROOT, SHIPPER, ShopServer, documented_sql, needs_postgresql, shop_server
 
 pytestmark = [pytest.mark.system, needs_postgresql]
 
 PARTS = 31
 ROUNDNESS_UM = 3.0 + 0.4 * np.random.default_rng(7).normal(size=PARTS)
+ROUNDNESS_UM[12] = 5.6  # one to look at: beyond the limits, and out of the tolerance of 5 um
 DIAMETER_MM = 51.8 + 0.002 * np.random.default_rng(8).normal(size=PARTS)
 LOBE_UM = [1.0 + 0.5 * (place // 10) for place in range(PARTS)]
 
@@ -41,6 +44,8 @@ def shop(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ShopServer]:
         run.add("measured", {}, part(float(ROUNDNESS_UM[place]), **measured))
         run.add("measured", {}, part(50.0, part="before", product=False))
         run.add("cut", {"turn": 9.0})
+        if place == PARTS - 1:
+            run.log.event("alarm_raised", {"code": "drive.fault", "priority": "high", "value": "tool"})
         run.close()
     simulated = RunRecord(folder, {**RUN, "simulated": 1})
     simulated.add("measured", {}, part(80.0))
@@ -97,7 +102,11 @@ def test_the_lobe_drifts_from_clamping_to_clamping(shop: ShopServer) -> None:
 
 def test_alarms_are_listed_and_one_that_is_no_json_stays(shop: ShopServer) -> None:
     rows = shop.sql("SELECT code, priority, value, simulated FROM shop.alarms ORDER BY number", READER)
-    assert rows == [("cut.out_of_phase", "high", "12 deg", True), (None, None, None, True)]
+    assert sorted(rows, key=str) == [
+        ("cut.out_of_phase", "high", "12 deg", True),
+        ("drive.fault", "high", "tool", False),
+        (None, None, None, True),
+    ]
 
 
 def test_every_query_of_the_document_is_one(shop: ShopServer) -> None:
@@ -107,3 +116,50 @@ def test_every_query_of_the_document_is_one(shop: ShopServer) -> None:
     assert views >= {"lathes", "run_chart", "roundness_capability", "diameter_capability", "alarms", "lobe_drift"}
     for query in queries:
         assert shop.sql(query, READER), query
+
+
+DASHBOARD = json.loads((ROOT / "docs/deploy/grafana/trilobe-shop.json").read_text(encoding="utf-8"))
+
+
+def asked(shop: ShopServer, query: str, chosen: dict[str, str]) -> list[dict[str, Any]]:
+    """Rows of a query of the dashboard, with what is chosen above it as Grafana writes it in: quoted for SQL."""
+    import psycopg
+    from psycopg.rows import dict_row
+
+    for name, value in chosen.items():
+        query = query.replace(f"${{{name}:sqlstring}}", "'" + value.replace("'", "''") + "'")
+    with psycopg.connect(shop.dsn(READER), row_factory=dict_row) as link:
+        return link.execute(query.encode()).fetchall()
+
+
+@pytest.fixture(scope="module")
+def chosen(shop: ShopServer) -> dict[str, str]:
+    """What the dashboard offers first: a lathe, a machine on it, a job on that."""
+    found: dict[str, str] = {}
+    for variable in DASHBOARD["templating"]["list"]:
+        if variable["type"] == "query":
+            first, *_ = asked(shop, variable["query"], found)
+            found[variable["name"]] = str(first.get("__value", first.get(variable["name"])))
+    return found
+
+
+@pytest.mark.parametrize("panel", DASHBOARD["panels"], ids=lambda panel: panel["title"])
+def test_every_panel_of_the_dashboard_shows_columns_of_the_views(
+    shop: ShopServer, chosen: dict[str, str], panel: dict[str, Any]
+) -> None:
+    (target,) = panel["targets"]
+    rows = asked(shop, target["rawSql"], chosen)
+    assert rows, "nothing is shown"
+    named = {each["matcher"]["options"] for each in panel["fieldConfig"]["overrides"]}
+    named |= {panel["options"][key] for key in ("xField",) if key in panel["options"]}
+    assert named <= rows[0].keys()
+    if panel["type"] == "trend":
+        places = [row[panel["options"]["xField"]] for row in rows]
+        assert places == sorted(set(places)), "Grafana draws a trend only over x that grows"
+    assert "$" not in re.sub(r"\$\{(lathe|machine|job):sqlstring\}", "", target["rawSql"])
+
+
+def test_the_dashboard_names_the_part_beyond_the_limits(shop: ShopServer, chosen: dict[str, str]) -> None:
+    (looked,) = [each for each in DASHBOARD["panels"] if each["title"].startswith("Parts to look at")]
+    (row,) = asked(shop, looked["targets"][0]["rawSql"], chosen)
+    assert (row["place"], row["ront_um"], row["beyond"], row["out_of_tolerance"]) == (13, 5.6, True, True)

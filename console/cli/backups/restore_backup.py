@@ -106,7 +106,7 @@ def _send(card: Card, lines: tuple[str, ...], undo: str, text: Catalogue) -> Non
     """Send the lines as the owner of the machine. A failure names the backup of what there was before."""
     sent = 0
 
-    def seen(number: int, of: int) -> None:
+    def seen(number: int) -> None:
         nonlocal sent
         sent = number
 

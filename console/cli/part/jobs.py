@@ -5,6 +5,7 @@ from __future__ import annotations
 from argparse import Namespace
 from typing import TypeAlias
 
+from console.cli.arguments import add_shared
 from console.cli.library import data_of
 from console.cli.output import fields_of, show
 from console.cli.parser import Parser
@@ -25,8 +26,9 @@ Listed: TypeAlias = tuple[LibraryEntry, LoadedJob | tuple[Problem, ...]]
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add what is to be shown."""
+    """Add what is to be shown, and the machine on which changed jobs are judged."""
     parser.add_argument("action", metavar="status", nargs="?", choices=(STATUS,), help=text("help.jobs.status"))
+    add_shared(parser, text, "machine")
 
 
 def main(options: Namespace, text: Catalogue) -> int:

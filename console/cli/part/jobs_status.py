@@ -1,32 +1,40 @@
-"""`console jobs status`: what differs from the commit of a data folder, and whether it can be used."""
+"""`console jobs status`: what differs from the commit of a data folder, and whether it can be used.
+
+A changed job is judged as on opening, by its file, and then as before a cut, by the rules on the machine.
+"""
 
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
-from console.cli.library import data_of
+from console.cli.library import data_of, judged_of
 from console.cli.output import fields_of, show
 from console.session.versioning.status import Change, CloneStatus, How, clone_status
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
+from profiles.findings import refusals
+from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
+from profiles.rules import check
 from profiles.store import load_job, load_machine
 
 COMMIT_DIGITS = 12
-LOADS = {"jobs": load_job, "machines": load_machine}
 
 
 def show_status(options: Namespace, text: Catalogue) -> None:
     """Print how the data folder differs from its commit; changed jobs and machines are judged as on opening."""
     data = data_of(options)
     status = clone_status(data)
-    judged = [(change, _problems(change, data)) for change in status.changes]
+    machine = _machine(options)
+    judged = [(change, _problems(change, data, machine)) for change in status.changes]
     show(
         options,
         lambda: {
             **fields_of(status, "commit", "branch", "upstream", "ahead", "behind"),
+            "judged_on": machine.name if isinstance(machine, MachineProfile) else None,
             "changes": [
                 {
                     "path": change.path,
@@ -36,18 +44,30 @@ def show_status(options: Namespace, text: Catalogue) -> None:
                 for change, problems in judged
             ],
         },
-        lambda: [*_head(status, text), *_lines(judged, text)],
+        lambda: [*_head(status, text), *_lines(judged, machine, text)],
     )
 
 
-def _problems(change: Change, data: Path) -> tuple[Problem, ...]:
-    """Return why a changed job or machine cannot be used; nothing of any other file."""
+def _machine(options: Namespace) -> MachineProfile | ProfileError:
+    """Return the machine with whose rules jobs are judged, or why there is none: it may itself be what differs."""
+    try:
+        return judged_of(options).machine
+    except ProfileError as error:
+        return error
+
+
+def _problems(change: Change, data: Path, machine: MachineProfile | ProfileError) -> tuple[Problem, ...]:
+    """Return why a changed machine cannot be used, or a changed job, on this machine; nothing of another file."""
     path = Path(change.path)
-    load = LOADS.get(path.parts[0]) if len(path.parts) == 2 and path.suffix == ".toml" else None
-    if load is None or change.how is How.DELETED:
+    if len(path.parts) != 2 or path.suffix != ".toml" or change.how is How.DELETED:
         return ()
     try:
-        load(str(data / path))
+        if path.parts[0] == "machines":
+            load_machine(str(data / path))
+        elif path.parts[0] == "jobs":
+            job = load_job(str(data / path)).job
+            found = () if isinstance(machine, ProfileError) else refusals(check(job, machine))
+            return tuple(replace(each.problem, where=printable(str(data / path))) for each in found)
     except ProfileError as error:
         return tuple(error.problems)
     return ()
@@ -62,11 +82,17 @@ def _head(status: CloneStatus, text: Catalogue) -> list[str]:
     return lines
 
 
-def _lines(judged: list[tuple[Change, tuple[Problem, ...]]], text: Catalogue) -> list[str]:
+def _lines(
+    judged: list[tuple[Change, tuple[Problem, ...]]], machine: MachineProfile | ProfileError, text: Catalogue
+) -> list[str]:
     if not judged:
         return [text("jobs.nothing_differs")]
     rows = [
         (text(f"jobs.how.{change.how}"), printable(change.path), text("jobs.unusable") if problems else "")
         for change, problems in judged
     ]
-    return [*table(rows), *(text.problem(each) for _, problems in judged for each in problems)]
+    if isinstance(machine, ProfileError):
+        on = [text("jobs.not_judged"), *(text.problem(each) for each in machine.problems)]
+    else:
+        on = [text("jobs.judged_on", machine=printable(machine.name))]
+    return [*table(rows), *(text.problem(each) for _, problems in judged for each in problems), *on]

@@ -11,6 +11,7 @@ from datetime import datetime
 
 from console.cli.library import data_of
 from console.cli.output import show
+from console.session.extras import require_extra
 from console.session.shop.following import follow
 from console.session.shop.schema import migrate
 from console.session.shop.shipping import Sent, ship
@@ -39,6 +40,7 @@ def ship_once(options: Namespace, text: Catalogue) -> None:
 
 def follow_on(options: Namespace, text: Catalogue) -> None:
     """Send until the user ends it; print a line for each pass that has sent anything, and of what is refused."""
+    require_extra("psycopg", "shop")
     if not options.json:
         print(text("ship.following", seconds=f"{options.every:g}"))
     try:
@@ -84,8 +86,8 @@ def _sent_line(sent: Sent, text: Catalogue) -> str:
         return text("ship.nothing_recorded", name=name)
     if not sent.total:
         return text("ship.nothing_new", name=name)
-    rows = {key: sent.rows.get(key, 0) for key in ("runs", "events", "measurements", "traces")}
-    return text("ship.sent", name=name, count=sent.total, **rows)
+    kinds = (f"{text(f'ship.kind.{kind}')} {count}" for kind, count in sent.rows.items() if count)
+    return text("ship.sent", name=name, count=sent.total, kinds=", ".join(kinds))
 
 
 def _clock() -> str:

@@ -11,6 +11,7 @@ from statistics import linear_regression
 from console.session.cut.engine import Step
 from console.session.cut.recording import PartName, Recorder
 from console.session.feed.observed import RUN, Observed, ShownCut
+from console.session.station.alarms import with_faults
 from console.session.station.state import Activity, StationState, StopState
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
@@ -97,7 +98,10 @@ class FollowedRun:
         self._recorder.measured(job, trace)
 
     def observed(self, now_s: Callable[[], float] = time.monotonic) -> Observed:
-        """Return this moment, in the thread of the feed. Simulated time that is not real has no age."""
+        """Return this moment, in the thread of the feed. Simulated time that is not real has no age.
+
+        Alarms are the axis faults of the newest poll; whatever else ends a run ends this process, and the feed.
+        """
         polls, state, cut, run = list(self._polls), self._state, self._cut, self._run
         newest = polls[-1] if polls else None
         at_s = newest.at_s if newest is not None and self.stop is None else now_s()
@@ -106,6 +110,8 @@ class FollowedRun:
             stopped = StopState(reason=stop.reason, killed=stop.killed, sent_s=at_s)
             activity = Activity.STOPPED if stop.proven else Activity.STOPPING
             state = replace(state, stop=stopped, activity=activity)
+        if newest is not None:
+            state = replace(state, alarms=with_faults((), newest.axis_faults, at_s))
         return Observed(
             state=replace(state, snapshot=newest, spindle_rpm=_rpm(polls, run.machine), at_s=at_s),
             machine=run.machine,

@@ -66,7 +66,9 @@ class FeedServer:
 
     async def _listen(self, made: Made, opened: ExitStack) -> tuple[asyncio.Server, str]:
         listening = claimed(self._data, opened)
-        server = await asyncio.get_running_loop().create_unix_server(made, sock=listening.dup())
+        # Not `create_unix_server`: from Python 3.13 on that looks its name up, to remove it, and the short one of
+        # a long path is gone by then. `opened` removes it.
+        server = await asyncio.get_running_loop().create_server(made, sock=listening.dup())
         return server, str(listening.getsockname())
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -25,6 +25,8 @@ LARGEST = 1e15  # no position, time or count of a lathe is larger
 MOST_NUMBERS = 200_000  # in an array: a trace of a part has some thousand
 MOST_ENTRIES = 10_000  # in a list or a table
 _INFINITE = ("nan", "inf", "-inf")
+_ARRAYS = ("ndarray", "NDArray")
+"""What a field of samples is annotated with, by its name: from 2.5 on that of numpy is an alias that stays one."""
 
 
 class Typed:
@@ -107,7 +109,7 @@ def _read(typed: Typed, hint: Any, value: Any) -> Any:
         if len(value) > MOST_ENTRIES:
             raise ValueError(f"{len(value)} entries")
         return MappingProxyType({_text(key): typed.read(inner[1], each) for key, each in value.items()})
-    if getattr(origin, "__name__", "") == "ndarray":
+    if getattr(origin, "__name__", "") in _ARRAYS:
         return _array(value)
     raise TypeError(f"{_shown(value)} is no {getattr(hint, '__name__', hint)}")
 

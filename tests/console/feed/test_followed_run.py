@@ -7,8 +7,10 @@ from dataclasses import replace
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import Unrecorded
 from console.session.cut.run import plan_run, run_once
+from console.session.exchange.conditions import conditions
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.observed import Observed
+from console.session.feed.report import report
 from console.session.station.state import Activity
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import Snapshot
@@ -51,5 +53,14 @@ def test_a_cut_is_followed_to_its_part() -> None:
     assert all(rpm is not None and abs(rpm - 1000.0) < 20.0 for rpm in speeds)
     assert {moment.state.activity for moment in watched.moments} == {Activity.CUTTING}
     assert {(moment.run_id, moment.job, moment.parts) for moment in watched.moments} == {("r1", job.name, 0)}
+    newest = watched.moments[-1].state.snapshot
+    assert newest is not None
+    followed.seen(replace(newest, tool=replace(newest.tool, flags=newest.tool.flags | {"amplifier_fault"})))
+    line = report(followed.observed(), process=1, operator="kim", at_utc="")
+    (alarm,) = line["alarms"]
+    assert (alarm["code"], alarm["priority"], alarm["state"]) == ("machine.fault", "high", "new")
+    assert "amplifier fault" in alarm["text"] and conditions(line["alarms"])["system"][0].level == "FAULT"
+    followed.seen(newest)
     after = followed.observed()
+    assert not after.state.alarms
     assert (after.parts, after.cut, after.state.activity) == (1, None, Activity.MEASURING)

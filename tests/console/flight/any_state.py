@@ -48,7 +48,7 @@ def values(hint: Any) -> st.SearchStrategy[Any]:
         return st.frozensets(values(inner[0]), max_size=3)
     if isinstance(origin, type) and issubclass(origin, Mapping):
         return st.dictionaries(WORDS, values(inner[1]), max_size=2).map(MappingProxyType)
-    if getattr(origin, "__name__", "") == "ndarray":
+    if getattr(origin, "__name__", "") in ("ndarray", "NDArray"):  # the alias of numpy 2.5 keeps its name
         return SAMPLES
     if isinstance(hint, type) and issubclass(hint, Enum):
         return st.sampled_from(hint)

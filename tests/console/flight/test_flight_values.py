@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from dataclasses import replace
+from types import GenericAlias
 from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 
-from console.session.flight.plain_values import changes, plain
+from console.session.flight.plain_values import ARRAY, changes, plain
 from console.session.flight.recorded_forms import Moment, recorded, work_of
 from console.session.flight.typed_values import Typed, machine_of, patched
 from console.session.station.progress import CutProgress
 from console.tui.keymap import PageName
+from profiles.arrays import Floats
 from profiles.store import list_machines, load_machine
 from tests.console.flight.any_state import same, values
 from tests.tui import scenes
@@ -97,3 +100,15 @@ def test_a_value_that_is_none_is_refused(path: str, value: object) -> None:
     Typed().read(kind, tree)
     with pytest.raises((TypeError, ValueError, OverflowError)):
         Typed().read(kind, patched(tree, {path: value}))
+
+
+def test_samples_are_read_as_an_array_however_numpy_writes_its_alias() -> None:
+    """From numpy 2.5 on, which Python 3.12 gets, `NDArray` is an alias that stays one."""
+
+    class NDArray:
+        pass
+
+    samples = np.array([1.0, 2.5])
+    for hint in (Floats, GenericAlias(NDArray, (np.float64,))):
+        found = Typed().read(hint, {ARRAY: b64encode(samples.tobytes()).decode()})
+        assert np.array_equal(found, samples)
