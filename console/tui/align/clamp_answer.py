@@ -52,7 +52,7 @@ def clamp_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
                 dim(
                     text(
                         "align_page.clamp_before",
-                        value=text.units.show(typing.values[typing.place], "um", 0, "+z"),
+                        value=text.units.show(typing.values[typing.place], "um", 1, "+z"),
                     )
                 )
             )
