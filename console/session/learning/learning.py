@@ -270,6 +270,7 @@ class _Learner:
             certificate=certificate,
             clamped=self._lobe.clamped,
             trim_short_um=watch.short_um,
+            left=self._lobe.left,
         )
 
     def _felt(self) -> ClampReadings | None:
