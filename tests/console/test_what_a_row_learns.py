@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import cast
 
 import pytest
 
@@ -20,7 +20,7 @@ RING = load_job("lee-2001-experiment-1").job
 
 
 def part_with(sd_um: float) -> PartHarmonics:
-    return cast(Any, SimpleNamespace(sd_um=dict.fromkeys(range(1, 13), sd_um), coefficients_um={}))
+    return cast(PartHarmonics, SimpleNamespace(sd_um=dict.fromkeys(range(1, 13), sd_um), coefficients_um={}))
 
 
 def orders_after(step_um: float, how: LearnHow | None = None) -> OrderLearning:
