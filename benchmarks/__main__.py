@@ -32,6 +32,7 @@ NAMES = (
     "records",
     "study",
     "force_null",
+    "notch",
     "ship",
     "records_page",
     "jobs_page",

@@ -7,8 +7,8 @@ cut is half as long as that of the jobs.
 
 Each row of parts is told on the error output as it ends.
 
-    python -m benchmarks.learning [--seeds 40] [--parts 10] [--plant realistic] [--clamping-sd 5] [--job JOB ...]
-        [--how all|lobe|fixed|before ...] [--fingerprint]
+    python -m benchmarks.learning [--seeds 40] [--first 1] [--parts 10] [--plant realistic] [--clamping-sd 5]
+        [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint]
 
 `--how`: `all` is as the console learns; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1
 and 0.7 in place of the optimal ones; `before` both of these. `--job square` has four jaws, `six` has
@@ -165,6 +165,7 @@ def main() -> None:
     """Run and print the table."""
     options = argparse.ArgumentParser()
     options.add_argument("--seeds", type=int, default=extent(40, 1))
+    options.add_argument("--first", type=int, default=1, help="the first of the seeds")
     options.add_argument("--parts", type=int, default=extent(10, 2))
     options.add_argument("--plant", default="realistic")
     options.add_argument("--clamping-sd", type=float)
@@ -184,7 +185,9 @@ def main() -> None:
                     parts=asked.parts,
                     fingerprint=asked.fingerprint,
                 )
-                rows.append(cells(row, list(pool.map(partial(run, row), range(1, asked.seeds + 1)))))
+                rows.append(
+                    cells(row, list(pool.map(partial(run, row), range(asked.first, asked.first + asked.seeds))))
+                )
     head = ("job", "how", "first", "third", "last", "floor", "worse", "in 3 um", "ended")
     print_table(f"{asked.plant}: um, median / worst", head, rows)
 

@@ -26,6 +26,7 @@ from profiles.machine_fields import SAFETY_DEVICES as SAFETY_DEVICES
 from profiles.problem import Problem, ProfileError
 
 _AXES = ("tool", "spindle", "carriage")
+DAC_BITS = 32_768  # of the full scale of an output of the controller, 16 bits with their sign
 
 MACHINE, SIMULATOR = SIGNED_FOR
 
@@ -81,6 +82,11 @@ class ToolAxis:
     wiper_land_mm: float
     bus_voltage_v: float | None = None
     name: str = ""
+
+    @property
+    def v_per_bit(self) -> float:
+        """Command voltage of one bit of the controller's output."""
+        return self.dac_full_scale_v / DAC_BITS
 
     @property
     def count_um(self) -> float:

@@ -32,7 +32,7 @@ def certificate_row(each: Certified, text: Catalogue) -> tuple[str, ...]:
     factors = (f"{value:.2f}" if learned else "" for value in (each.gain, each.factor))
     return (
         str(each.order),
-        f"{2.0 * each.left_um:.2f}",
+        text.units.figure(2.0 * each.left_um, "um", 2),
         *factors,
         f"{each.bound:.2f}" if learned or each.standing is Standing.NO_PROMISE else "",
         text(f"certificate.standing.{each.standing}"),

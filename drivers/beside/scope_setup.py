@@ -121,7 +121,7 @@ def motor_of(axis: Axis, machine: MachineProfile) -> int:
 def si_per_count(channel: Channel, machine: MachineProfile) -> float:
     """Return metres or radians per count of the encoder of an axis, or volts per bit of the output."""
     if channel.quantity is Quantity.OUTPUT:
-        return machine.tool.dac_full_scale_v / 32_768
+        return machine.tool.v_per_bit
     if channel.axis is Axis.SPINDLE:
         return 6.283185307179586 / machine.spindle.counts_per_rev
     axis = machine.tool if channel.axis is Axis.TOOL else machine.carriage

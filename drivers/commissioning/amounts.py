@@ -8,7 +8,6 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.machine import MachineProfile
 
-DAC_BITS = 32_768  # DAC bits at full output
 _PLAIN_DIGITS = 1e5
 
 
@@ -74,5 +73,5 @@ def _acceleration(counts_per_ms2: float, motor: int, machine: MachineProfile) ->
 
 def _current(bits: float, motor: int, machine: MachineProfile) -> str:
     tool = machine.tool
-    current_a = bits / DAC_BITS * tool.dac_full_scale_v * tool.amplifier_gain_a_per_v
+    current_a = bits * tool.v_per_bit * tool.amplifier_gain_a_per_v
     return f"{digits(current_a)} A" if motor == tool.motor else ""

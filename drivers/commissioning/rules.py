@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from drivers.commissioning.amounts import DAC_BITS, digits, length
+from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check, Group, severity
 from drivers.commissioning.judged import Judged, JudgedAxis, same
 from drivers.commissioning.setting_names import GAIN_NUMBERS
@@ -253,7 +253,7 @@ def _tool(judged: Judged) -> Iterator[Check]:
         if rate > thrust:
             wanted = f"<= {digits(thrust)} counts/ms2"
             yield judged.about("beyond_thrust", Severity.WARNING, _index(judged, axis, number), wanted=wanted)
-    most = tool.peak_current_a / tool.amplifier_gain_a_per_v / tool.dac_full_scale_v * DAC_BITS
+    most = tool.peak_current_a / tool.amplifier_gain_a_per_v / tool.v_per_bit
     if judged.of_motor(axis, 69) > most:
         wanted = f"<= {math.floor(most)} bits ({digits(tool.peak_current_a)} A)"
         yield judged.about("too_much_current", Severity.REFUSAL, _index(judged, axis, 69), wanted=wanted)

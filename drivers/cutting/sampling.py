@@ -43,7 +43,6 @@ LEAST_PIECE_LONG_WORDS = 4
 ANSWER_S = 0.17  # reply timeout under a watchdog, as for a poll
 MOST_LOST = 3  # consecutive batches that may be lost on the line
 MARGIN_S = 0.05  # how much longer than its samples a batch is waited for
-DAC_BITS = 32_768  # of the full scale of an output
 LEAST_SAMPLES_A_LOBE = 12  # minimum samples per lobe in a batch; the overtones get correspondingly fewer
 
 
@@ -231,7 +230,7 @@ class BatchGather:
     @property
     def _n_per_bit(self) -> float:
         tool = self._machine.tool
-        return tool.dac_full_scale_v / DAC_BITS * tool.loop_gain_n_per_v
+        return tool.v_per_bit * tool.loop_gain_n_per_v
 
     def _in_path(self, snapshot: Snapshot) -> bool:
         """Whether the tool is on its path: at depth, with the carriage feeding towards the end of the cut."""

@@ -109,7 +109,7 @@ class SampledLoop:
         and 1 without, it is N Fn / (z (z^2 c D + N Bn)).
         """
         gains, period_s = self.gains, self.period_s
-        plant_above, plant_below = self._plant_polynomials()
+        plant_above, plant_below = self.plant_polynomials()
         integrating = gains.ki_v_per_m_s != 0.0
         common = [1.0, -1.0] if integrating else [1.0]
         shared = np.polymul([gains.kp_v_per_m, 0.0], common)
@@ -131,7 +131,7 @@ class SampledLoop:
         padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
         return floats(padded), floats(denominator)
 
-    def _plant_polynomials(self) -> tuple[Floats, Floats]:
+    def plant_polynomials(self) -> tuple[Floats, Floats]:
         """Return numerator and denominator of the plant behind its hold, modes included."""
         n1, n0, decay = self._held()
         above, below = floats([n1, n0]), floats(np.polymul([1.0, -1.0], [1.0, -decay]))

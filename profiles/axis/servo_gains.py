@@ -18,7 +18,6 @@ from dataclasses import dataclass
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
-_DAC_BITS = 32768
 _NEEDED_SUFFIXES = ("08", "09", "30", "31", "32", "33")
 
 
@@ -110,4 +109,4 @@ def error_limit_um(machine: MachineProfile) -> float:
 
 def _volts_per_metre(machine: MachineProfile) -> float:
     """Return the output voltage of one DAC bit per count, per metre of error."""
-    return machine.tool.dac_full_scale_v / _DAC_BITS * machine.tool.counts_per_mm * 1000
+    return machine.tool.v_per_bit * machine.tool.counts_per_mm * 1000

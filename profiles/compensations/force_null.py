@@ -35,7 +35,7 @@ from enum import StrEnum
 
 import numpy as np
 
-from profiles.arrays import Floats, floats
+from profiles.arrays import Floats
 from profiles.least_squares import fit, harmonic_columns, harmonic_slice, student
 
 FULL_CHIP_TURNS = 2.0  # after the face, until the chip is full and the tool has yielded
@@ -113,12 +113,14 @@ class ExpectedForce:
 class ForceNull:
     """What the force of a cut says of its compensation.
 
-    `force_n` is the harmonic of the force at `lobes` per turn, `force_sd_n` the standard deviation of each of its
-    two components; `right_n` and `wrong_n` what it would be with sign and angle right, and with the sign wrong.
-    `mean_n` is the mean force, `ratio` the lobe that the tool met over the one of the path. `turned_deg` is by how
-    much the lobe is further on than the path has it, spindle degrees, within half a lobe; `turned_sd_deg` its
-    standard deviation. `air_turns` and `cut_turns` are what was compared. Nothing was found where `why` says so
-    and the numbers are 0.
+    `force_n` is the c of the force Re(c exp(j N angle)), N, with N the `lobes` a turn and the angle that of the
+    spindle from its index; positive where the force pushes the tool out. `force_sd_n` is the standard deviation of
+    each of its two components, N. `right_n` and `wrong_n` are what `force_n` would be with sign and angle right,
+    and with the sign wrong; `mean_n` is the mean force, N, positive outwards. `ratio` is the lobe that the tool
+    met over the one of the path, no unit: 1 is right, -1 the wrong sign, and its phase falls by N degrees with
+    each degree that the lobe is further on. `turned_deg` is by how much that is, degrees of spindle in its own
+    direction, within half a lobe; `turned_sd_deg` its standard deviation. All are single numbers of one section,
+    over `air_turns` before the part and `cut_turns` in it; 0 where `why` says that nothing was found.
     """
 
     sign: Sign
@@ -165,7 +167,10 @@ def force_null(record: ForceRecord, expected: ExpectedForce) -> ForceNull:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Harmonic:
-    """The harmonic of one channel in a window, its mean, and the standard deviation of each component."""
+    """The harmonic of one channel in a window, its mean, and the standard deviation of each component.
+
+    All in the unit of the channel: um of infeed, N of thrust.
+    """
 
     value: complex
     sd: float
@@ -185,18 +190,11 @@ class _Window:
 def _air(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
     """Return the last turns before the face in which the amplitude is steady, None where there are too few."""
     most = math.floor(-float(turns.min()) - BEFORE_FACE_TURNS)
-    if most < LEAST_TURNS:
-        return None
-    last = _window(record, turns, lobes, -1.0 - BEFORE_FACE_TURNS, 1)
-    count = 1
-    while count < most:
-        further = _window(record, turns, lobes, -count - 1.0 - BEFORE_FACE_TURNS, 1)
-        if abs(further.infeed.value) < STEADY * abs(last.infeed.value):
-            break
-        count += 1
-    if count < LEAST_TURNS:
-        return None
-    return _window(record, turns, lobes, -count - BEFORE_FACE_TURNS, count)
+    firsts = [-turn - BEFORE_FACE_TURNS for turn in range(1, most + 1)]
+    amplitudes_um = [abs(_window(record, turns, lobes, first, 1).infeed.value) for first in firsts]
+    rises = (turn for turn, each in enumerate(amplitudes_um) if each < STEADY * amplitudes_um[0])
+    count = next(rises, max(most, 0))
+    return _window(record, turns, lobes, firsts[count - 1], count) if count >= LEAST_TURNS else None
 
 
 def _cut(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
@@ -231,15 +229,16 @@ def _over_turns(found: Floats) -> _Harmonic:
     share the reading between them, so that their mean is surer than this. So few turns tell their scatter badly:
     it is widened as Student's t is.
     """
-    count = found.shape[0]
-    mean = fit(np.ones((count, 1)), found[:, 0])
-    pair = fit(floats(np.kron(np.eye(2), np.ones((count, 1)))), floats(found[:, 1:].T.ravel()))
-    cosine, sine = pair.coefficients
+    count, freedom = found.shape[0], found.shape[0] - 1
+    mean, cosine, sine = found.mean(axis=0)
+    if not freedom:
+        return _Harmonic(value=complex(cosine, -sine), sd=math.inf, mean=float(mean), mean_sd=math.inf)
+    squares, cosines, sines = ((found - found.mean(axis=0)) ** 2).sum(axis=0) / (freedom * count)
     return _Harmonic(
         value=complex(cosine, -sine),
-        sd=_widened(pair.freedom) * math.sqrt(float(pair.covariance[0, 0])) if pair.freedom else math.inf,
-        mean=float(mean.coefficients[0]),
-        mean_sd=_widened(mean.freedom) * math.sqrt(float(mean.covariance[0, 0])) if mean.freedom else math.inf,
+        sd=_widened(2 * freedom) * math.sqrt((cosines + sines) / 2.0),
+        mean=float(mean),
+        mean_sd=_widened(freedom) * math.sqrt(squares),
     )
 
 
@@ -247,39 +246,60 @@ def _widened(freedom: int) -> float:
     return student(freedom) / student(math.inf)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Force:
+    """The harmonic of the force with the standard deviation of each component, and what friction changes of it."""
+
+    value_n: complex
+    sd_n: float
+    friction_n: float
+    omega_rad_s: float
+
+
+def _force_at_lobe(air: _Window, cut: _Window, expected: ExpectedForce, onwards: float) -> _Force:
+    """Return what the motor gives in the part beyond what the same motion needs in air."""
+    omega_rad_s = onwards * 2.0 * math.pi * expected.lobes * expected.turns_hz
+    mass_n_per_um = -1e-6 * expected.mass_kg * omega_rad_s**2
+    moved_n_per_um = complex(mass_n_per_um, 1e-6 * expected.damping_n_s_per_m * omega_rad_s)
+    delayed = cmath.exp(-1.5j * omega_rad_s * expected.cycle_s)
+    ratio = cut.infeed.value / air.infeed.value
+    turned, more = ratio / abs(ratio), abs(ratio) - 1.0
+    moved_n = moved_n_per_um * air.infeed.value
+    return _Force(
+        value_n=delayed * (cut.thrust.value - air.thrust.value * turned) - more * moved_n * turned,
+        sd_n=math.hypot(cut.thrust.sd, air.thrust.sd, *(abs(moved_n_per_um) * x.infeed.sd for x in (air, cut))),
+        friction_n=abs(delayed * air.thrust.value - moved_n) * abs(more) * FRICTION_SD,
+        omega_rad_s=omega_rad_s,
+    )
+
+
 def _judged(
     air: _Window, cut: _Window, mean_n: float, mean_sd_n: float, expected: ExpectedForce, onwards: float
 ) -> ForceNull:
     lobes, whole_um = expected.lobes, expected.whole_um
-    omega = onwards * 2.0 * math.pi * lobes * expected.turns_hz
-    impedance = 1e-6 * complex(-expected.mass_kg * omega**2, expected.damping_n_s_per_m * omega)  # N/um
-    delay = cmath.exp(-1.5j * omega * expected.cycle_s)
-    ratio = cut.infeed.value / air.infeed.value
-    turn = ratio / abs(ratio)
-    force_n = delay * (cut.thrust.value - air.thrust.value * turn)
-    force_n -= (abs(ratio) - 1.0) * impedance * air.infeed.value * turn
-    force_sd_n = math.hypot(
-        cut.thrust.sd, air.thrust.sd, abs(impedance) * cut.infeed.sd, abs(impedance) * air.infeed.sd
+    force = _force_at_lobe(air, cut, expected, onwards)
+    stiffness_n_per_um = mean_n / cut.infeed.mean
+    lobe_n = stiffness_n_per_um * abs(whole_um)
+    by_force = force.value_n / stiffness_n_per_um / whole_um
+    met = cut.infeed.value / whole_um - by_force
+    noise = math.hypot(force.sd_n / lobe_n, cut.infeed.sd / abs(whole_um))
+    wrong = (
+        by_force * math.hypot(STIFFNESS_SD, mean_sd_n / mean_n),
+        1j * by_force * force.omega_rad_s * LAG_SD_S,
     )
-    stiffness = mean_n / cut.infeed.mean  # N/um
-    met = (cut.infeed.value - force_n / stiffness) / whole_um
-    noise = math.hypot(force_sd_n / stiffness, cut.infeed.sd) / abs(whole_um)
-    by_force = force_n / stiffness / whole_um
-    friction_n = abs(delay * air.thrust.value - impedance * air.infeed.value) * abs(abs(ratio) - 1.0) * FRICTION_SD
-    wrong = (by_force * math.hypot(STIFFNESS_SD, mean_sd_n / mean_n), 1j * by_force * omega * LAG_SD_S)
     across = 1j * met / abs(met)
-    friction = friction_n / stiffness / abs(whole_um)
-    sd_rad = math.hypot(noise, friction, *((each * across.conjugate()).real for each in wrong)) / abs(met)
+    off = ((each * across.conjugate()).real for each in wrong)
+    sd_rad = math.hypot(noise, force.friction_n / lobe_n, *off) / abs(met)
     lobe_deg, lobe_sd_deg = math.degrees(cmath.phase(met)), math.degrees(sd_rad)
     sign, why = _verdict(abs(met), noise, lobe_deg, lobe_sd_deg)
     return ForceNull(
         sign=sign,
         why=why,
         lobes=lobes,
-        force_n=force_n,
-        force_sd_n=force_sd_n,
-        right_n=stiffness * (cut.infeed.value - whole_um),
-        wrong_n=stiffness * (cut.infeed.value + whole_um),
+        force_n=force.value_n,
+        force_sd_n=force.sd_n,
+        right_n=stiffness_n_per_um * (cut.infeed.value - whole_um),
+        wrong_n=stiffness_n_per_um * (cut.infeed.value + whole_um),
         mean_n=mean_n,
         ratio=met,
         turned_deg=-lobe_deg / lobes,

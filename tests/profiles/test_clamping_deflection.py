@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from profiles.fingerprint.deflection import deflection_of
+from profiles.fingerprint.deflection import deflection_of, places_needed
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.problem import ProfileError
@@ -84,6 +84,34 @@ def test_six_places_half_way_show_nothing_and_are_refused() -> None:
     with pytest.raises(ProfileError) as refused:
         deflection_of(readings([JAWS_DEG + 30.0 + place for place in evenly(6)]), job())
     assert refused.value.problems[0].code == "clamping.dependent"
+
+
+@pytest.mark.parametrize(("jaws", "count"), [(4, 6), (6, 6), (6, 7), (6, 8)])
+def test_places_at_which_an_oval_looks_like_the_lobe_are_refused_with_the_number_that_would_do(
+    jaws: int, count: int
+) -> None:
+    """Order 2 and the lobe fall together where count - jaws or jaws - count is 2: Nyquist."""
+    for first in (JAWS_DEG, JAWS_DEG + 7.0):
+        with pytest.raises(ProfileError) as refused:
+            deflection_of(readings([first + place for place in evenly(count)], jaws=jaws), job(jaws))
+        (problem,) = refused.value.problems
+        assert (problem.code, problem.key, problem.limit) == ("clamping.dependent", str(count), f">= {2 * jaws}")
+
+
+@pytest.mark.parametrize("jaws", [3, 4, 6])
+@pytest.mark.parametrize("more", [0, 1, 4])
+def test_as_many_places_as_are_asked_for_show_the_lobe_beside_the_oval_of_a_jaw_that_presses_harder(
+    jaws: int, more: int
+) -> None:
+    """The oval is (N^2 - 1)^2 / (90 (N - 1)) of the lobe for 10 %: 10.7 um of 30 with three jaws, 82 with six."""
+    places = [JAWS_DEG + place for place in evenly(places_needed(jaws) + more)]
+    plain = readings(places, jaws=jaws)
+    oval_um = 30.0 * (jaws**2 - 1) ** 2 / (90.0 * (jaws - 1))
+    oval = oval_um * np.cos(2.0 * np.radians(np.array(places) - JAWS_DEG))
+    found = deflection_of(replace(plain, full_um=tuple(np.array(plain.full_um) - oval)), job(jaws))
+    lobe = 30.0 * cmath.exp(-1j * jaws * math.radians(JAWS_DEG))
+    assert found.coefficients_um[jaws] == pytest.approx(lobe, abs=1.7), "the second harmonic is 1.6 um"
+    assert found.upright == (more == 0)
 
 
 @pytest.mark.long

@@ -21,6 +21,10 @@ from console.session.station.commands import (
 )
 from console.session.station.state import StationState
 from console.session.work import edited
+from console.text.catalogue import load
+from console.text.units import Units
+from console.tui.align.asked import Asked, Question
+from console.tui.align.clamp_answer import clamp_answer, clamp_lines
 from console.tui.pages.align import AlignPage
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
@@ -42,11 +46,14 @@ class AlignScene(PageScene):
         await self.show()
 
 
-def typed(now: StationState, *keys: str, language: str = "en") -> tuple[str, Sequence[Command], list[str]]:
+def typed(
+    now: StationState, *keys: str, language: str = "en", units: str = "mm"
+) -> tuple[str, Sequence[Command], list[str]]:
     """Press keys of the page, type what is no key of it, and look."""
     found: list[tuple[str, Sequence[Command], list[str]]] = []
 
     async def scene(stage: AlignScene) -> None:
+        stage.ui.text._measure_in(Units(units))
         await stage.show()
         for key in keys:
             await (stage.act(key) if key.startswith("align.") else stage.type(key))
@@ -211,6 +218,33 @@ def test_n_asks_for_readings_in_both_states_and_enter_takes_them_for_this_part(l
     assert taken.readings.angle_deg[:3] == (0.0, 30.0, 60.0)
     assert taken.readings.finger_um == (4.0,) * 12
     assert taken.readings.full_um[:2] == (-32.0, -2.0)
+
+
+def test_readings_of_a_dial_in_inches_are_typed_and_shown_in_millionths_of_an_inch() -> None:
+    """300 uin are 7.62 um; twice 30 um a lobe are 2362 uin; such a dial has 0.0001 in, 2.54 um."""
+    text, _, codes = typed(CLAMPED, "align.clamping", "12", "align.take", "300", units="inch")
+    assert codes == [] and "uin" in text
+    full = [f"{300.0 - 1181.1 * math.cos(2.0 * math.pi * 3 * place / 12):.0f}" for place in range(12)]
+    keys = ["align.clamping", "12"] + [key for each in ["300"] * 12 + full for key in ("align.take", each)]
+    text, _, _ = typed(CLAMPED, *keys[: 2 + 2 * 13], units="inch")
+    assert "finger-tight +300 uin" in text
+    text, _, _ = typed(CLAMPED, *keys, "align.take", units="inch")
+    assert "3/rev 2362 ±" in text and "uin p-p" in text and "um" not in text
+    _, orders, _ = typed(CLAMPED, *keys, "align.take", "align.take", units="inch")
+    (taken,) = [each for each in orders if isinstance(each, TakeFingerprint)]
+    assert taken.readings is not None and taken.readings.graduation_um == 2.54
+    assert taken.readings.finger_um == pytest.approx((7.62,) * 12)
+
+
+@pytest.mark.parametrize(("jaws", "least", "both"), [(2, 6, 6), (3, 6, 7), (4, 8, 9), (6, 12, 13)])
+def test_as_many_places_are_asked_for_as_the_chuck_needs(jaws: int, least: int, both: int) -> None:
+    work = experiment()
+    job, machine = replace(work.job, jaws=jaws), work.machine.machine
+    few = Question(asked=Asked.PLACES, typed=str(least - 1), state=CLAMPED, job=job, machine=machine)
+    assert [each.code for each in clamp_answer(few).problems] == ["screen.number_out_of_range"]
+    assert clamp_answer(replace(few, typed=str(least))).problems == ()
+    said = "".join(words for row in clamp_lines(load("en"), few, 200)[1:] for words, _ in row)
+    assert f"{least} to 48, evenly round the part" in said and f"{both} or more show the angle" in said
 
 
 def test_a_reading_is_dropped_and_what_was_typed_is_kept_while_the_entry_is_closed() -> None:

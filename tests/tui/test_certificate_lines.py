@@ -8,7 +8,7 @@ from typing import Any, cast
 
 import pytest
 
-from console.text.catalogue import load
+from console.text.catalogue import LiveCatalogue, load
 from console.tui.lines import width_of
 from console.tui.pages.learn_lines import certified_lines
 from profiles.compensations.certificate import Certified, Standing
@@ -39,3 +39,13 @@ def test_every_standing_is_shown_with_its_promise(language: str) -> None:
     shown = ["".join(text for text, _ in row) for row in rows]
     assert "7.185" not in "".join(shown) and any("14.37" in row for row in shown), "peak to peak"
     compare(shown, FOLDER / f"{language}.txt", write=writing())
+
+
+def test_on_a_screen_in_inches_it_is_in_millionths_of_an_inch() -> None:
+    """14.37 um p-p are 565.7 uin."""
+    text = LiveCatalogue("en")
+    text.measure("inch")
+    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
+    rows = ["".join(words for words, _ in row) for row in certified_lines(learning, text, WIDTH)]
+    assert any("565.7" in row for row in rows) and "uin p-p" in "".join(rows)
+    assert "um p-p" not in "".join(rows)

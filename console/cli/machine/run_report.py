@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import asdict
 
 from console.cli.judgement import span_fields
 from console.cli.measured.roundness_report import roundness_fields
@@ -83,6 +84,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
             "certificate": certificate_fields(part.certificate),
+            "lobe_left": None if part.left is None else asdict(part.left),
             "fingerprint": None if part.clamped is None else clamped_fields(part.clamped, path.target.lobes),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
         },
@@ -98,8 +100,20 @@ def result_lines(result: RunResult | LearnResult, text: Catalogue) -> list[str]:
     if isinstance(result, RunResult):
         closing = "run.cut_air" if result.plan.stage is Stage.AIR else "run.measure_it"
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
-    certificate = certificate_lines(result.parts[-1].certificate, text)
+    last = result.parts[-1]
+    certificate = [*certificate_lines(last.certificate, text), *_left_lobe(result, text)]
     return [*_run_lines(result.last, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
+
+
+def _left_lobe(result: LearnResult, text: Catalogue) -> list[str]:
+    """Return what of the lobe that the last part has left repeats, and what was of its clamping alone."""
+    left = result.parts[-1].left
+    if left is None:
+        return []
+    figures = {"left": left.left_um_pp, "own": left.own_um_pp, "rest": left.repeats_um_pp}
+    words = {name: f"{um_pp:.2f}" for name, um_pp in figures.items()}
+    force = f"{100.0 * left.force_deviation:+.1f}"
+    return [text("learn.left", n=result.plan.job.jaws, part=len(result.parts), force=force, **words)]
 
 
 def _run_lines(result: RunResult, text: Catalogue) -> list[str]:

@@ -270,6 +270,7 @@ class _Learner:
             certificate=certificate,
             clamped=self._lobe.clamped,
             trim_short_um=watch.short_um,
+            left=self._lobe.left,
         )
 
     def _felt(self) -> ClampReadings | None:
@@ -290,7 +291,7 @@ class _Learner:
         path = self._folded(trim_um, tool_off)
         left = self._lobe.of_mean(orders.left(found, tool_off), path)
         self._watch = self._watch.judged(path, left, orders.sd_um(found, path))
-        high = self._watch.learned({n: c for n, c in left.items() if abs(c) > SIGNIFICANT * found.sd_um[n]})
+        high = self._watch.learned({n: c for n, c in left.items() if orders.teaches(n, c, found)})
         missed = self._watch.learned(orders.of_tool(tool_off))
         errors = {n: c - missed.get(n, 0j) for n, c in high.items()}
         gains = {n: orders.gain(n, e, found, path) for n, e in errors.items()}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 from profiles.compensations.learning import REPEATS_SD_UM
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
@@ -24,6 +25,20 @@ from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeftLobe:
+    """The lobe that a part has left, um p-p, as two of which it is the sum with their angles.
+
+    `own_um_pp` is of this clamping alone, whose force was off that of the mean by `force_deviation`, a fraction:
+    it does not repeat. `repeats_um_pp` is the rest. Both are what is most likely after the parts so far.
+    """
+
+    left_um_pp: float
+    own_um_pp: float
+    repeats_um_pp: float
+    force_deviation: float
+
+
 class LobeLearning:
     """The lobe of one row of parts. Where its job has none, or no grip at speed, nothing is known of it."""
 
@@ -31,6 +46,7 @@ class LobeLearning:
         self._job = job
         self._filter: LobeFilter | None = None
         self.clamped: Clamped | None = None
+        self.left: LeftLobe | None = None
         if job.lobe_amplitude_um:
             lobe_um = free_state_lobe(job).harmonics[0].coefficient
             try:
@@ -70,4 +86,11 @@ class LobeLearning:
         """Return the path of the mean lobe, after a part with `left_um` of it where the tool did `done_um`."""
         assert self._filter is not None
         self._filter = self._filter.measured(Seen(value=left_um + done_um, sd_um=sd_um), done_um)
+        own_um = self._filter.this_um - self._filter.lobe_um
+        self.left = LeftLobe(
+            left_um_pp=2.0 * abs(left_um),
+            own_um_pp=2.0 * abs(own_um),
+            repeats_um_pp=2.0 * abs(left_um - own_um),
+            force_deviation=self._filter.force_deviation,
+        )
         return self._filter.path_um

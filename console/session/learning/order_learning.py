@@ -28,6 +28,7 @@ from profiles.compensations.optimal_gain import (
     lobe_prior_um,
     optimal_gain,
 )
+from profiles.compensations.order_steps import STEP_UM
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath
 from profiles.job import Job
@@ -107,6 +108,14 @@ class OrderLearning:
     def _clamped_um(self, order: int, made_um: float) -> float:
         return self._scatter * (self._lobe_um if order == self._lobes else made_um)
 
+    def teaches(self, order: int, left_um: complex, part: PartHarmonics) -> bool:
+        """Whether what a part has left of an order teaches: the first time it has to stand out of the noise.
+
+        From then on its gain weighs it against that noise, so that a small rest of a large step is not left.
+        """
+        begun = self._how.optimal and any(step_um > STEP_UM for step_um in self._steps_um.get(order, ()))
+        return begun or abs(left_um) > SIGNIFICANT * part.sd_um[order]
+
     def gain(self, order: int, error_um: complex, part: PartHarmonics, path: CutPath) -> float:
         """Return the gain for the next step of an order."""
         steps = self._steps_um.get(order, [])
@@ -149,7 +158,7 @@ class OrderLearning:
             return Standing.NO_PROMISE
         if n in frozen:
             return Standing.GREW
-        return Standing.LEARNED if n in part.sd_um and abs(left) > SIGNIFICANT * part.sd_um[n] else Standing.NOISE
+        return Standing.LEARNED if n in part.sd_um and self.teaches(n, left, part) else Standing.NOISE
 
 
 def _highest(job: Job) -> int:

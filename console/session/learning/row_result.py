@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from console.session.cut.run import RunPlan, RunResult
 from console.session.cut.telemetry import CutFigures
 from console.session.learning.learning_beside import TRIM_LIMIT_UM
+from console.session.learning.lobe_learning import LeftLobe
 from profiles.compensations.certificate import Certified
 from profiles.compensations.learning import REPEATS_SD_UM, Deviation, Grown
 from profiles.compensations.path import CutPath
@@ -26,7 +27,8 @@ class LearnedPart:
 
     `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
     part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
-    longer learned. `clamped` is its fingerprint, `trim_short_um` how much more trim it needed than there is.
+    longer learned. `left` is what of its lobe repeats. `clamped` is its fingerprint, `trim_short_um` how much more
+    trim it needed than there is.
     """
 
     roundness: RoundnessResult
@@ -42,6 +44,7 @@ class LearnedPart:
     certificate: tuple[Certified, ...] = ()
     clamped: Clamped | None = None
     trim_short_um: float = 0.0
+    left: LeftLobe | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -126,7 +126,7 @@ class AskKeys:
         """Take a number of places, a reading, or all of them."""
         simulated = view.state.simulated
         if self.asked is Asked.INDICATED and view.job is not None:
-            readings = self._clamp.readings(simulated=simulated)
+            readings = self._clamp.readings(simulated=simulated, inch=self.ui.text.units.is_inch)
             self.close()
             self._clamp = ClampTyping(at=self._clamp.at)
             self.ui.control.post(TakeFingerprint(job=view.job, readings=readings))

@@ -6,8 +6,10 @@ from dataclasses import dataclass, replace
 
 from profiles.fingerprint.readings import ClampReadings
 
-LEAST_TYPED, MOST_TYPED = 6, 48
-GRADUATION_UM = 1.0  # of the dial that is taken for what somebody reads to a micrometre
+MOST_TYPED = 48
+GRADUATION_UM, INCH_GRADUATION_UM = 1.0, 2.54
+"""Of the dial that is taken for what somebody reads: 0.001 mm, or 0.0001 in where lengths are shown in inches."""
+
 STATES = 2
 
 
@@ -49,14 +51,14 @@ class ClampTyping:
         """Return it without the last thing typed."""
         return replace(self, values=self.values[:-1]) if self.values else replace(self, places=0)
 
-    def readings(self, *, simulated: bool) -> ClampReadings:
-        """Return the readings, of a complete one."""
+    def readings(self, *, simulated: bool, inch: bool = False) -> ClampReadings:
+        """Return the readings, of a complete one; `inch`: those of a dial in inches."""
         return ClampReadings(
             angle_deg=tuple(360.0 * place / self.places for place in range(self.places)),
             finger_um=self.values[: self.places],
             full_um=self.values[self.places :],
             from_jaw_1=True,
-            graduation_um=GRADUATION_UM,
+            graduation_um=INCH_GRADUATION_UM if inch else GRADUATION_UM,
             simulated=simulated,
         )
 

@@ -17,9 +17,8 @@ from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
-from profiles.machine import MachineProfile
+from profiles.machine import DAC_BITS, MachineProfile
 
-DAC_BITS = 32_768  # full scale of the 16-bit output
 GAINS = (8, 9, 30, 31, 32, 33, 34, 35, 63, 69)  # the numbers of the variables that are `ServoGains`
 MotorVariable = Callable[[int, int], float]
 
@@ -83,12 +82,11 @@ def _tool(
     machine: MachineProfile, true: TrueParameters, setting: MotorVariable, load: TipLoad | None
 ) -> ServoAxis:
     tool = machine.tool
-    volt_per_bit = tool.dac_full_scale_v / DAC_BITS
     slide = linear_motor(
         mass_kg=true.moving_mass_kg,
         damping_n_s_per_m=true.viscous_n_s_per_m,
-        force_n_per_bit=true.thrust_n_per_v * volt_per_bit,
-        peak_output_bits=math.floor(true.peak_command_v / volt_per_bit),
+        force_n_per_bit=true.thrust_n_per_v * tool.v_per_bit,
+        peak_output_bits=math.floor(true.peak_command_v / tool.v_per_bit),
         counts_per_m=tool.counts_per_mm * 1000.0,
         friction_n=0.0 if true.presliding_um else true.coulomb_friction_n,
     )

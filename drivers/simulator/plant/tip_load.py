@@ -104,7 +104,7 @@ class TipLoad:
         self._ring: int | None = None
         self._surface: list[float] = []
         self._fresh: list[float] = []
-        self._yields: tuple[float, ...] = ()
+        self._part_mm_per_n: tuple[float, ...] = ()
         self._n_per_mm = 0.0
         self._turns = self._turn_step = 0.0
         self._cell: int | None = None
@@ -135,7 +135,7 @@ class TipLoad:
         self._stock, self._ring, self._cell = stock, None, None
         if stock is not None:
             self._home_mm = self._geometry.home_radius_mm - stock.drifted_mm
-            self._yields = stock.yields_mm_per_n
+            self._part_mm_per_n = stock.yields_mm_per_n
         self._rings.clear()
 
     def begin(self) -> None:
@@ -180,8 +180,8 @@ class TipLoad:
             tip_mm -= self._wander.at_mm(turns)
         cell = int(turns * CELLS // 1.0)
         depth_mm = self._surface[cell % CELLS] - tip_mm
-        if self._yields and depth_mm > 0.0:
-            depth_mm /= 1.0 + self._yields[cell % CELLS] * self._n_per_mm
+        if self._part_mm_per_n and depth_mm > 0.0:
+            depth_mm /= 1.0 + self._part_mm_per_n[cell % CELLS] * self._n_per_mm
             tip_mm = self._surface[cell % CELLS] - depth_mm
         self._leave(cell, tip_mm)
         self.force_n = self._n_per_mm * depth_mm if depth_mm > 0.0 else 0.0
