@@ -25,6 +25,7 @@ COMMANDS = {
     "study": "console.cli.part.study",
     "check-program": "console.cli.part.check_program",
     "run": "console.cli.machine.run",
+    "retract": "console.cli.machine.retract",
     "simulator": "console.cli.machine.simulator",
     "fault": "console.cli.machine.fault",
     "instruct": "console.cli.machine.instruct",

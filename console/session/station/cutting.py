@@ -8,6 +8,11 @@ from console.session.cut.alignment import aligned_job, problems
 from console.session.cut.compensated import compensation_problems, inverted_path, path_of, stored_problems
 from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, load
 from console.session.cut.force_watch import ForceWatch
+from console.session.cut.retracting import (
+    CARRIAGE_ZERO_COUNTS,
+    retract_and_switch_tables_off,
+    retracted_by_distance,
+)
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
@@ -32,7 +37,7 @@ from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import CutPlan, first_spindle_counts
 from drivers.errors import RefusedError
 from drivers.identification.nominal import path_response
-from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.snapshot import Snapshot
 from profiles.axis.response import ServoResponse
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath
@@ -292,19 +297,12 @@ def retract(context: StationContext, _: Retract) -> None:
     refused = no_retract(snapshot, context.loaded_machine.machine, context.state.alignment)
     if refused is not None:
         raise SessionError(refused)
-    plan, tool = context.plan, context.machine.tool
-    if plan is not None:
-        target = plan.setup.retracted
+    plan = context.plan
+    if plan is None:
+        retract_and_switch_tables_off(context.lathe, retracted_by_distance(context.machine, snapshot))
     else:
-        short = snapshot.tool.position - tool.retract_mm * tool.counts_per_mm
-        target = max(short, tool.travel_min_mm * tool.counts_per_mm)
-    context.lathe.retract(target)
-    context.lathe.program.put_back()
-    if context.lathe.program.tables_left():
-        # Without a plan: the zero of the carriage lies ahead of every table.
-        zero_z = 0.0 if plan is None or plan.zero_row_z is None else plan.zero_row_z
-        context.lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
-        refuse(context.lathe.program.switch_tables_off())
+        zero_z = CARRIAGE_ZERO_COUNTS if plan.zero_row_z is None else plan.zero_row_z
+        retract_and_switch_tables_off(context.lathe, plan.setup.retracted, zero_z)
 
 
 def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: ForceNull | None) -> None:

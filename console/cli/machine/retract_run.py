@@ -1,0 +1,74 @@
+"""Retract of one machine without screens: the way out that F8 is on page Run."""
+
+from __future__ import annotations
+
+import sys
+from argparse import Namespace
+from pathlib import Path
+
+from console.cli.library import machine_of
+from console.cli.machine.identify_run import reached_machine
+from console.cli.output import agreed, show, tell
+from console.session.cut.retracting import retract_and_switch_tables_off, retracted_by_distance
+from console.session.errors import refuse
+from console.session.signals import Interruption
+from console.session.station.conditions import require
+from console.session.station.reaching import guard, leave
+from console.text.catalogue import Catalogue
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.safety import safety_problems
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.link.tracing import Tracing
+
+
+def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> int:
+    """Retract, and print where the axes stand; the machine is left at rest, drives off, released."""
+    loaded = machine_of(options)
+    options.sim = False
+    tracing = Tracing(None if options.trace is None else Path(options.trace), f"retract {loaded.machine.name}")
+    try:
+        with reached_machine(options, loaded, interruption, tracing, text) as (rig, owning, simulated):
+            lathe = rig.lathe
+            guard(interruption, lathe, rig.clock.now_s)
+            lathe.connect()
+            if lost := bool(lathe.snapshot().lost):
+                print(text("retract.lost"), file=sys.stderr)
+            # Nothing is sent and no control is taken before consent: the answer may take time.
+            if not agreed(options, loaded.machine.name, simulated, text):
+                return 1
+            if owning is not None:
+                owning.claim()
+            try:
+                switched, last = _retracted(lathe, lost=lost)
+            finally:
+                leave(lathe, owning)
+    finally:
+        tell(tracing.problems, text)
+    lengths = Lengths(loaded.machine)
+    places = {axis: lengths.at(axis, last.axis(axis).position) for axis in (AxisName.TOOL, AxisName.CARRIAGE)}
+    show(
+        options,
+        lambda: {"ended_by_controller": lost, "tables_switched_off": switched, "at": dict(places)},
+        lambda: [
+            text("retract.done", tool=places[AxisName.TOOL], carriage=places[AxisName.CARRIAGE]),
+            text("retract.tables_off" if switched else "retract.no_tables"),
+        ],
+    )
+    return 0
+
+
+def _retracted(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:
+    """Enable the drives where the axes stand and retract; return whether a table was on, and where all stand now.
+
+    Whoever agreed has read that the controller has `lost` its host: that acknowledges it.
+    """
+    before = lathe.snapshot()
+    refuse(safety_problems(lathe.machine, before.inputs), lathe.verify())
+    require(before.homed, "machine.not_homed")  # else nobody knows where travel ends, and a table adds nothing
+    lathe.confirm_nobody_inside()  # that is what was agreed to
+    if lost:
+        lathe.acknowledge_loss()
+    lathe.enable()
+    switched = retract_and_switch_tables_off(lathe, retracted_by_distance(lathe.machine, before))
+    return switched, lathe.snapshot()

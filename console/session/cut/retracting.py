@@ -1,0 +1,36 @@
+"""The way out after a stop or a lost host: the tool clear of the part, and no table that adds to it."""
+
+from __future__ import annotations
+
+from console.session.errors import refuse
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.snapshot import AxisName, Snapshot
+from profiles.machine import MachineProfile
+
+CARRIAGE_ZERO_COUNTS = 0.0
+"""Where the carriage stands ahead of every table, and each adds nothing."""
+
+
+def retracted_by_distance(machine: MachineProfile, snapshot: Snapshot) -> float:
+    """Return where the tool is clear by the retract distance, counts, where no part is known."""
+    tool = machine.tool
+    short = snapshot.tool.position - tool.retract_mm * tool.counts_per_mm
+    return max(short, tool.travel_min_mm * tool.counts_per_mm)
+
+
+def retract_and_switch_tables_off(lathe: Lathe, target: float, zero_z: float = CARRIAGE_ZERO_COUNTS) -> bool:
+    """Retract the tool to `target`, counts; return whether a table was on, and is off now.
+
+    A stop leaves the compensation table of a cut on. Then the carriage moves to `zero_z`, counts, too, where the
+    table adds nothing, and the table is switched off there.
+
+    Raises DriverError: as `Jogs.retract` and `CutProgram.switch_tables_off`. SessionError: what still adds to the
+    tool.
+    """
+    lathe.retract(target)
+    lathe.program.put_back()
+    if not lathe.program.tables_left():
+        return False
+    lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
+    refuse(lathe.program.switch_tables_off())
+    return True

@@ -1,0 +1,100 @@
+"""`console retract` on a lathe at a socket: the tool out, tables that were left off, nothing without consent."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+
+from drivers.clock import RealClock
+from drivers.link.address import TcpAddress
+from drivers.link.tcp import TcpLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.reserved import LOST, OWNER
+from tests.system.run_over_link import Order, order
+
+if TYPE_CHECKING:
+    from tests.system.conftest import Serve
+
+pytestmark = pytest.mark.system
+
+A_CUT = 2
+"""What the controller has ended when the host of a cut fell silent."""
+
+IN_COUNTS = 20000
+"""4 mm from where the tool was switched on, towards the work."""
+
+SETTLES_COUNTS = 50.0
+"""What a tool still creeps after a jog: its servo is soft."""
+
+
+@pytest.fixture
+def lathe(serve: Serve, tmp_path: Path) -> Iterator[tuple[Order, str, PmacClient]]:
+    """A lathe whose host was lost in a cut on a cam, as another host leaves and sees it."""
+    made = order(tmp_path, 1.0)
+    with serve("--tcp", "127.0.0.1:0", "--machine", str(made.machine_file), "--plant", "ideal") as served:
+        host, port = served.tcp
+        with closing(TcpLink(TcpAddress(host=host, port=port))) as link:
+            client = PmacClient(link, RealClock())
+            client.connect()
+            for line in ("#1J/#2J/#3J/", "#1HMZ#2HMZ#3HMZ", f"#1J={IN_COUNTS}"):
+                client.request(line)
+            while client.numbers("#1P", again=True)[0] < IN_COUNTS - 10.0:
+                time.sleep(0.05)  # the lathe of this test runs in real time
+            for line in ("I51=1", f"P{LOST}={A_CUT}"):
+                client.request(line)
+            yield made, f"tcp:{host}:{port}", client
+
+
+def retract(made: Order, address: str, *more: str) -> subprocess.CompletedProcess[str]:
+    words = ("retract", "--machine", str(made.machine_file), "--data", str(made.data), "--link", address, *more)
+    command = [sys.executable, "-m", "console", *words]
+    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60.0)
+
+
+def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, str, PmacClient]) -> None:
+    made, address, client = lathe
+    (before,) = client.numbers("#1P")
+    done = retract(made, address, "--yes", "--json")
+    assert done.returncode == 0, done.stderr
+    assert "host fell silent: check tool and part" in done.stderr
+    found = json.loads(done.stdout)
+    assert found["ended_by_controller"] and found["tables_switched_off"]
+    tool, *others = client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}")
+    machine = made.machine.tool
+    out = max(before - machine.retract_mm * machine.counts_per_mm, machine.travel_min_mm * machine.counts_per_mm)
+    assert (tool, others) == (pytest.approx(out, abs=SETTLES_COUNTS), [0.0, 0.0, 0.0])
+
+
+def test_without_consent_nothing_is_written(lathe: tuple[Order, str, PmacClient]) -> None:
+    made, address, client = lathe
+    before = client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}")
+    done = retract(made, address)
+    assert done.returncode == 1 and "--yes" in done.stderr
+    assert client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}") == pytest.approx(before, abs=SETTLES_COUNTS)
+
+
+def test_axes_without_zeros_are_not_moved(lathe: tuple[Order, str, PmacClient]) -> None:
+    """Nobody knows where a table would be at its zero, or how far the tool is from the end of its travel."""
+    made, address, client = lathe
+    client.request("#3HM")
+    client.request("#3K")
+    before = client.numbers("#1P", "I51")
+    done = retract(made, address, "--yes")
+    assert done.returncode == 1 and "home first" in done.stderr
+    assert client.numbers("#1P", "I51") == pytest.approx(before, abs=SETTLES_COUNTS)
+
+
+def test_a_lathe_that_another_console_controls_is_left_alone(lathe: tuple[Order, str, PmacClient]) -> None:
+    made, address, client = lathe
+    client.request(f"P{OWNER}=77")
+    done = retract(made, address, "--yes")
+    assert done.returncode == 1 and "77" in done.stderr
+    assert client.numbers("I51", f"P{LOST}", f"P{OWNER}") == (1.0, float(A_CUT), 77.0)
