@@ -51,7 +51,7 @@ COMMANDS = {
     "learn": "console.cli.measured.learn",
     "records": "console.cli.measured.records",
     "reproduce": "console.cli.measured.reproduce",
-    "replay": "console.cli.machine.replay",
+    "replay": "console.cli.flight.replay",
 }
 
 COMMON = ("json", "data", "lang")

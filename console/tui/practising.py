@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from console.cli.flight.replay import path_named
 from console.cli.library import simulated_address
-from console.cli.machine.replay import path_named
 from console.session.cut.compensated import with_accepted
 from console.session.data.kept_files import jobs_folder
 from console.session.errors import SessionError

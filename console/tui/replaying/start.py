@@ -8,7 +8,7 @@ import tempfile
 from argparse import Namespace
 from pathlib import Path
 
-from console.cli.machine import replay
+from console.cli.flight import replay
 from console.text.catalogue import Catalogue
 
 

@@ -21,14 +21,14 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Print the recordings that there are, or what happened in one."""
+    from console.cli.flight.replay_report import listed, listed_lines, replay_fields, replay_lines
     from console.cli.library import data_of
-    from console.cli.machine.replay_report import listed, listed_lines, replay_fields, replay_lines
     from console.cli.output import show, tell
     from console.session.flight.frozen import frozen_in
     from console.session.flight.recording import read_recording
 
     if options.lesson_file is not None:
-        from console.cli.machine.replay_lesson import write_lesson
+        from console.cli.flight.replay_lesson import write_lesson
 
         return write_lesson(options, None if options.file is None else path_of(options), text)
     if options.file is None or options.list:
