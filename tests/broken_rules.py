@@ -63,10 +63,10 @@ _STOPPING: tuple[Mutation, ...] = (
         test="tests/drivers/test_live_trim.py::test_what_is_beyond_the_bounds_is_put_back_whole",
     ),
     Mutation(
-        rule="Rest is four looks in a row, by which nothing drifts.",
+        rule="Rest is proven by polls in which nothing drifts or swings.",
         file="drivers/lathe/drift.py",
-        old="<= REST_COUNTS_PER_S for",
-        new="<= math.inf for",
+        old="return drift <= limit and scatter",
+        new="return drift <= math.inf and scatter",
         test="tests/drivers/test_rest_proof.py::test_an_axis_that_moves_is_not_at_rest",
     ),
     Mutation(

@@ -9,7 +9,7 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 
-from drivers.lathe.drift import FEWEST_POLLS, none_drifts
+from drivers.lathe.drift import FEWEST_POLLS, all_rest, rest_limits
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
 from profiles.problem import Problem
@@ -20,6 +20,7 @@ STALLED_S = 1.0
 """A running program that moves nothing for this long is being held: the longest DWELL of a cut is half of it,
 and a program that waits for its spindle sees the spindle turn."""
 
+STALLED_NOISY_S = 4.0  # where a second is too short to tell rest from drift, in the noise of a scale
 OVERRIDE_BAND_PERCENT = 0.5
 
 OTHERS_COUNTS = 50.0  # of an axis at rest: position and following error are not sampled simultaneously
@@ -105,7 +106,8 @@ class ProgramGuard:
     def __init__(self, lengths: Lengths, ranges: Iterable[AxisRange] = (), *, real_time: bool = True) -> None:
         """`real_time` is False for a program whose time base is not the feed override."""
         self._lengths, self._ranges, self._real_time = lengths, tuple(ranges), real_time
-        self._looks: deque[Snapshot] = deque()  # of the last second of the running program
+        self._polls: deque[Snapshot] = deque()  # the last of the running program
+        self._limits = rest_limits(lengths.machine)
         self.expected_percent: Callable[[Snapshot], tuple[float, float]] = _real_time
         self.further: Mapping[AxisName, float] = {}  # counts by which a feed hold lets an axis go beyond its range
 
@@ -125,17 +127,22 @@ class ProgramGuard:
         return Problem(code="cut.override", value=f"{percent:g} %", limit=limit)
 
     def _stalled(self, snapshot: Snapshot) -> Problem | None:
-        looks = self._looks
+        polls = self._polls
         if not snapshot.program_running:
-            looks.clear()
+            polls.clear()
             return None
-        looks.append(snapshot)
-        while len(looks) > FEWEST_POLLS and snapshot.at_s - looks[1].at_s >= STALLED_S:
-            looks.popleft()
-        still_s = snapshot.at_s - looks[0].at_s
-        if still_s < STALLED_S or len(looks) < FEWEST_POLLS or not none_drifts(looks, AxisName):
+        polls.append(snapshot)
+        while snapshot.at_s - polls[0].at_s > STALLED_NOISY_S:
+            polls.popleft()
+        before = sum(snapshot.at_s - poll.at_s >= STALLED_S for poll in polls)
+        if not before:
             return None
-        return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
+        kept = tuple(polls)
+        for window in (kept[before - 1 :], kept):
+            if len(window) >= FEWEST_POLLS and all_rest(window, self._limits):
+                still_s = snapshot.at_s - window[0].at_s
+                return Problem(code="cut.stalled", value=f"{still_s:.1f} s", limit=f"{STALLED_S:g} s")
+        return None
 
 
 def _real_time(_: Snapshot) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
 from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.commands import Sending
+from drivers.lathe.drift import rest_limits
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
@@ -248,7 +249,8 @@ class Lathe:
 
     def wait_for_rest(self) -> Snapshot:
         """Repeat a stop until nothing moves, see `prove_rest`. Raises DriverError: `machine.not_at_rest`."""
-        return prove_rest(self._poller, self.stop, self._clock, self._sending.end_watchdog)
+        limits = rest_limits(self.machine)
+        return prove_rest(self._poller, self.stop, self._clock, limits, self._sending.end_watchdog)
 
     def acknowledge_loss(self) -> None:
         """Record that the operator has acknowledged what the controller ended without a host."""

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.lathe.drift import MOST_POLLS, rest_is_proven
+from drivers.lathe.drift import MOST_POLLS, RestLimits, rest_is_proven
 from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
@@ -22,7 +22,9 @@ SETTLE_S = 15.0  # for an axis at rest near its target to come in position: thre
 REST_S = 2.0  # the same where nothing depends on it
 
 
-def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Callable[[], None]) -> Snapshot:
+def prove_rest(
+    poller: Poller, stop: StopPath, clock: Clock, limits: RestLimits, end_watchdog: Callable[[], None]
+) -> Snapshot:
     """Poll the machine until it is proven at rest, and repeat the stop while it is not.
 
     Rest is several polls in a row that report it, and by which no axis drifts, see `rest_is_proven`. After
@@ -32,12 +34,12 @@ def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Calla
     Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
-    looks: deque[Snapshot] = deque(maxlen=MOST_POLLS)  # in a row, at rest as far as they say
+    polls: deque[Snapshot] = deque(maxlen=MOST_POLLS)  # in a row, at rest as far as they say
     mark = stop.mark
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         if stop.mark != mark:
             mark = stop.mark
-            looks.clear()
+            polls.clear()
         snapshot = None
         try:
             snapshot = poller.poll_once(poller.quick_timeout_s)
@@ -48,11 +50,11 @@ def prove_rest(poller: Poller, stop: StopPath, clock: Clock, end_watchdog: Calla
         if snapshot is not None:
             end_watchdog()
         if snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed):
-            looks.append(snapshot)
+            polls.append(snapshot)
         else:
             stop.repeat()
-            looks.clear()
-        if snapshot is not None and mark is not None and rest_is_proven(list(looks)):
+            polls.clear()
+        if snapshot is not None and mark is not None and rest_is_proven(tuple(polls), limits):
             stop.rest_proven(mark)
             if stop.proven:
                 return snapshot
