@@ -10,7 +10,7 @@ from profiles.problem import ProfileError
 from profiles.profile_names import unfit_name
 from profiles.store import LoadedMachine, load_machine
 
-UNSIGNED = "simulated lathe only: sign anew for iron"
+UNSIGNED = "simulator only: sign again for a real machine"
 
 
 def copy_machine(loaded: LoadedMachine, name: str, folder: Path) -> LoadedMachine:

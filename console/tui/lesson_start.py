@@ -44,7 +44,7 @@ def _continued(data: Path, trainee: str, lesson: Lesson, text: Catalogue) -> Att
     """Return the try that was left, where there is one that can be continued and is to be."""
     from dataclasses import replace
 
-    from console.session.training.left import continued, read_left
+    from console.session.training.left import continued, is_the_same, read_left
 
     left = read_left(data, trainee, lesson.name)
     if left is None:
@@ -53,7 +53,8 @@ def _continued(data: Path, trainee: str, lesson: Lesson, text: Catalogue) -> Att
     minutes, seconds = divmod(int(left.took_s), 60)
     facts = {"made": len(left.reached), "steps": len(lesson.steps), "kept": attempt.continued if attempt else 0}
     if attempt is None:
-        print(text("lesson_start.lost", time=f"{minutes}:{seconds:02d}", **facts))
+        why = "lost" if is_the_same(left, lesson) else "changed"
+        print(text(f"lesson_start.{why}", time=f"{minutes}:{seconds:02d}", **facts))
         _answer(text("lesson_start.anew"))
         return None
     print(text("lesson_start.left", time=f"{minutes}:{seconds:02d}", **facts))

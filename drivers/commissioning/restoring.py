@@ -7,6 +7,7 @@ and it is one of the differences. Nothing is saved.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 
 from drivers.commissioning.backup import DELETE_GATHER, NO_LIMIT, Backup, is_no_limit, typed_lines
 from drivers.commissioning.card_state import read_state
@@ -154,6 +155,8 @@ def restore(client: Controller, dialect: Dialect, lines: tuple[str, ...], seen: 
 
 def left_differing(wanted: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
     """Return what differs from the backup: all that `differences` compares, kinematic programs and values."""
+    if wanted.user_buffer and wanted.user_words is None:
+        wanted = replace(wanted, user_buffer=None)  # a backup without values does not define it
     found = differences(wanted, now, machine)
     if wanted.values is None or now.values is None:
         return found

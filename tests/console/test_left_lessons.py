@@ -146,7 +146,7 @@ def json_back(left: Left, data: Path) -> Left:
 
 
 @pytest.mark.parametrize(
-    ("made", "asked", "word"), [(5, "lesson_start.ask", "5"), (3, "lesson_start.anew", "None")]
+    ("made", "asked", "word"), [(5, "lesson_start.ask", "5"), (3, "lesson_start.anew", "none of them counts")]
 )
 def test_it_is_said_before_the_screens_when_a_lesson_continues_and_when_it_cannot(
     tmp_path: Path,
@@ -169,3 +169,13 @@ def test_it_is_said_before_the_screens_when_a_lesson_continues_and_when_it_canno
     said = capsys.readouterr().out
     assert "after 5:00" in said and word in said
     assert attempt.continued == (5 if made == 5 else 0)
+
+
+def test_a_lesson_that_was_changed_meanwhile_starts_over_and_says_that(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    attempt = after("first-look", 2)
+    keep_left(tmp_path, replace(attempt, reached=(("skimmed", 60.0), ("homed", 120.0))), 300.0)
+    monkeypatch.setattr("builtins.input", lambda _: "")
+    assert begun(Namespace(trainee="", lesson="first-look"), tmp_path, load("en")).continued == 0
+    assert "It has changed since" in capsys.readouterr().out

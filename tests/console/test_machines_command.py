@@ -41,7 +41,7 @@ def test_a_copy_keeps_everything_but_what_belongs_to_one_machine(console: Consol
     assert rows(console("machines"))["lathe-4"] == ["-", "simulator", "38", "own"]
 
 
-@pytest.mark.parametrize("name", ["lathe-3", "../lathe", "", "x" * 61, ".hidden"])
+@pytest.mark.parametrize("name", ["lathe-3", "lee-2001-lathe", "../lathe", "", "x" * 61, ".hidden"])
 def test_nothing_is_overwritten_or_written_elsewhere(console: Console, data_folder: Path, name: str) -> None:
     console("machines", "copy", "lee-2001-lathe", "lathe-3")
     before = {path: path.read_bytes() for path in data_folder.rglob("*.toml")}

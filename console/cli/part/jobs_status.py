@@ -49,10 +49,15 @@ def show_status(options: Namespace, text: Catalogue) -> None:
 
 
 def _machine(options: Namespace) -> MachineProfile | ProfileError:
-    """Return the machine with whose rules jobs are judged, or why there is none: it may itself be what differs."""
+    """Return the machine whose rules jobs are judged by, or why it cannot be used: it may be what differs.
+
+    Raises ProfileError: there is no machine of this name.
+    """
     try:
         return judged_of(options).machine
     except ProfileError as error:
+        if error.problems[0].code == "machine.unknown":
+            raise
         return error
 
 

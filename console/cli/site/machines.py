@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from argparse import Namespace
 from typing import TypeAlias
 
@@ -47,10 +48,12 @@ def _copy(options: Namespace, text: Catalogue) -> None:
     source = load_machine(options.source, folder)
     from profiles.machine_copy import copy_machine
 
+    if options.name in {each.name for each in list_machines(folder)}:
+        raise ProfileError(Problem(code="machine.name_taken", value=printable(options.name)))
     make_folder(folder)
     made = copy_machine(source, options.name, folder)
     assumed = list(made.machine.assumed)
-    facts = {"path": printable(str(made.path)), "name": printable(options.name)}
+    facts = {"path": printable(str(made.path)), "name": shlex.quote(printable(options.name))}
     show(
         options,
         lambda: {"name": options.name, "path": str(made.path), "assumed": assumed},

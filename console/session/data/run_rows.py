@@ -107,6 +107,10 @@ def rows_where(database: sqlite3.Connection, where: str, keys: Sequence[object],
     query = f"SELECT {_COLUMNS} FROM runs WHERE {where} ORDER BY runs.rowid DESC LIMIT ?"
     found = database.execute(query, (*keys, limit)).fetchall()
     run_ids = [run[0] for run in found]
+    if not all(isinstance(run_id, str) for run_id in run_ids):
+        error = sqlite3.DatabaseError("a run without an id")  # no console writes one: its page is damaged
+        error.sqlite_errorcode = sqlite3.SQLITE_CORRUPT
+        raise error
     try:
         ends, parts = _ends(database, run_ids), _parts(database, run_ids)
     except sqlite3.DatabaseError:

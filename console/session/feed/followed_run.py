@@ -11,7 +11,7 @@ from statistics import linear_regression
 from console.session.cut.engine import Step
 from console.session.cut.recording import PartName, Recorder
 from console.session.feed.observed import RUN, Observed, ShownCut
-from console.session.station.alarms import with_faults
+from console.session.station.alarms import AT_REST, IN_PROGRAM, with_faults
 from console.session.station.state import Activity, StationState, StopState
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
@@ -111,7 +111,8 @@ class FollowedRun:
             activity = Activity.STOPPED if stop.proven else Activity.STOPPING
             state = replace(state, stop=stopped, activity=activity)
         if newest is not None:
-            state = replace(state, alarms=with_faults((), newest.axis_faults, at_s))
+            during = AT_REST if cut is None else IN_PROGRAM
+            state = replace(state, alarms=with_faults((), newest.axis_faults, at_s, during))
         return Observed(
             state=replace(state, snapshot=newest, spindle_rpm=_rpm(polls, run.machine), at_s=at_s),
             machine=run.machine,

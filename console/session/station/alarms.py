@@ -29,6 +29,7 @@ COLLISION_CODES = tuple(_CODES.values())
 
 FAULT = "machine.fault"  # axis faults reported by the controller; `value` names them, separated by commas
 AT_REST = "rest"  # the `key` of faults that stopped nothing, because nothing was under control
+IN_PROGRAM = "program"  # that of faults in a cut
 HOME_LOST = ("controller.was_reset", "controller.home_lost")
 """Lost positions: active until every axis is homed again."""
 
@@ -124,11 +125,11 @@ def recovered(alarms: Alarms) -> Alarms:
     return _ended(alarms, lambda alarm: alarm.problem.code not in CONDITIONS)
 
 
-def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float) -> Alarms:
+def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float, during: str = AT_REST) -> Alarms:
     """Return the alarms with the faults that the controller reports now.
 
-    Each is reported by one alarm: that of the motion it has stopped, else a common one for all faults found at
-    rest. A new fault raises the alarm again; after the last of its faults an alarm ends.
+    Each is reported by one alarm: that of the motion it has stopped, else a common one for all faults found
+    `during` rest or a program. A new fault raises the alarm again; after the last of its faults an alarm ends.
     """
     now = tuple(faults)
     known = {fault for alarm in alarms if alarm.active for fault in alarm.faults}
@@ -136,9 +137,9 @@ def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float) -> Alarms:
     after = _ended(alarms, lambda alarm: bool(alarm.faults) and not set(alarm.faults) & set(now))
     if not fresh:
         return after
-    before = (f for alarm in after if alarm.active and alarm.problem.key == AT_REST for f in alarm.faults)
+    before = (f for alarm in after if alarm.active and alarm.problem.key == during for f in alarm.faults)
     standing = (*(fault for fault in before if fault in now), *fresh)
-    problem = Problem(code=FAULT, key=AT_REST, value=", ".join(standing))
+    problem = Problem(code=FAULT, key=during, value=", ".join(standing))
     return raised(after, problem, Priority.HIGH, at_s)
 
 

@@ -100,10 +100,9 @@ def _rests(steps: Sequence[str], at: int) -> bool:
 
 def continued(left: Left, lesson: Lesson, now_s: float) -> Attempt | None:
     """Return the try that continues now; None where nothing can be continued, or the lesson is another one now."""
-    made = tuple(name for name, _ in left.reached)
-    if made != lesson.steps[: len(made)]:
+    if not is_the_same(left, lesson):
         return None
-    number = steps_kept(lesson.steps, len(made), lesson.events)
+    number = steps_kept(lesson.steps, len(left.reached), lesson.events)
     if number == 0:
         return None
     made_again = set(lesson.steps[number:])
@@ -119,6 +118,12 @@ def continued(left: Left, lesson: Lesson, now_s: float) -> Attempt | None:
         answer=left.answer,
         continued=number,
     )
+
+
+def is_the_same(left: Left, lesson: Lesson) -> bool:
+    """Whether the steps that were made are still those of the lesson."""
+    made = tuple(name for name, _ in left.reached)
+    return made == lesson.steps[: len(made)]
 
 
 def left_file(data: Path, trainee: str, lesson: str) -> Path:

@@ -59,7 +59,8 @@ def test_a_cut_is_followed_to_its_part() -> None:
     line = report(followed.observed(), process=1, operator="kim", at_utc="")
     (alarm,) = line["alarms"]
     assert (alarm["code"], alarm["priority"], alarm["state"]) == ("machine.fault", "high", "new")
-    assert "amplifier fault" in alarm["text"] and conditions(line["alarms"])["system"][0].level == "FAULT"
+    assert "amplifier fault" in alarm["text"]
+    assert conditions(line["alarms"])["system"][0].level == "FAULT"
     followed.seen(newest)
     after = followed.observed()
     assert not after.state.alarms
