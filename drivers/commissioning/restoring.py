@@ -139,19 +139,29 @@ def restore(
     refuse_busy(client, dialect)
     sent = 0
 
-    def counted() -> Iterator[str]:
+    def counted(number: int, of: int) -> None:
         nonlocal sent
-        for line in lines:
-            seen(sent, len(lines))
-            yield line
-            sent += 1
+        sent = number
+        seen(number, of)
 
     try:
-        client.download(counted())
+        send_counted(client, lines, counted)
     except DriverError as error:
         value, limit = str(sent), str(len(lines))
         partly = Problem(code="controller.restored_in_part", where=client.link.address, value=value, limit=limit)
         raise DriverError(*error.problems, partly) from error
+
+
+def send_counted(client: Controller, lines: tuple[str, ...], seen: Seen) -> None:
+    """Send lines, each once; `seen` takes how many the controller has acknowledged. Raises as `download` does."""
+
+    def counted() -> Iterator[str]:
+        for number, line in enumerate(lines):
+            seen(number, len(lines))
+            yield line
+        seen(len(lines), len(lines))
+
+    client.download(counted())
 
 
 def left_differing(wanted: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
