@@ -107,10 +107,12 @@ def tell(problems: Iterable[Problem], text: Catalogue) -> list[str]:
     return warnings
 
 
-def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalogue) -> bool:
+def agreed(
+    options: Namespace, machine_name: str, simulated: bool, text: Catalogue, about: str | None = None
+) -> bool:
     """Return whether the machine may be moved: with --yes, simulated, or when its name was typed.
 
-    `agreement.ask.COMMAND` is the text of what the command is about to move.
+    `agreement.ask.ABOUT` is the text of what is about to be done; `about` is the command where none is given.
     """
     if options.yes or simulated:
         return True
@@ -118,7 +120,7 @@ def agreed(options: Namespace, machine_name: str, simulated: bool, text: Catalog
     if not sys.stdin.isatty():
         print(f"console {command}: {text('agreement.nobody_to_ask')}", file=sys.stderr)
         return False
-    print(text(f"agreement.ask.{command}", machine=machine_name), end="", file=sys.stderr, flush=True)
+    print(text(f"agreement.ask.{about or command}", machine=machine_name), end="", file=sys.stderr, flush=True)
     try:
         typed = sys.stdin.readline().strip()
     except UnicodeDecodeError:  # not decodable in the terminal's declared encoding

@@ -17,11 +17,10 @@ from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.expressions import HIGHEST_PLC
-from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC
+from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, STRATEGY_PROGRAMS
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-OWN_PROGRAMS = frozenset((1, 2, 3, 4))  # what the strategies load (`drivers.pmac.programs`)
 SHOWN = 12  # digits of a hash that are shown
 
 
@@ -66,7 +65,7 @@ def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
         places = [f"Y:${table.first_address + line:X}" for line in lines]
     else:
         places = [f"I{table.first_setting + line}" for line in lines]
-    programs = (f"PROG {number}" for number in OWN_PROGRAMS)
+    programs = (f"PROG {number}" for number in STRATEGY_PROGRAMS)
     return frozenset((*programs, f"PLC {HEARTBEAT_PLC}", f"#{machine.tool.motor} COMP", *places))
 
 
@@ -88,7 +87,7 @@ def read_fingerprint(
     extent = replace(
         of_motors(dialect, motors, (END_FLAG,)),
         plcs=tuple(number for number in range(HIGHEST_PLC + 1) if number != HEARTBEAT_PLC),
-        programs=() if known else tuple(number for number in PROGRAM_NUMBERS if number not in OWN_PROGRAMS),
+        programs=() if known else tuple(number for number in PROGRAM_NUMBERS if number not in STRATEGY_PROGRAMS),
         tables=tuple(since.configuration.tables) if since is not None and known else None,
         unlisted_table=machine.tool.motor,
     )

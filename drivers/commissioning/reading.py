@@ -65,11 +65,17 @@ class Extent:
         return self.motors if self.tables is None else self.tables
 
 
-def whole_card(dialect: Dialect, *, values: bool = False) -> Extent:
-    """Return the full extent of the family, with the values of P, Q and M if asked for."""
+def whole_card(dialect: Dialect, *, values: bool = False, programs: Iterable[int] = ()) -> Extent:
+    """Return the full extent of the family, with the values of P, Q and M if asked for.
+
+    `programs` are looked for beside those under the usual numbers.
+    """
     numbers = (range(dialect.highest_index + 1),)
     motors = tuple(dialect.numbers(Scope.MOTOR))
-    return Extent(settings=numbers, pointers=numbers, motors=motors, values=values, user_buffer=True)
+    looked_for = tuple(sorted({*PROGRAM_NUMBERS, *programs}))
+    return Extent(
+        settings=numbers, pointers=numbers, motors=motors, programs=looked_for, values=values, user_buffer=True
+    )
 
 
 def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] = ()) -> Extent:
@@ -125,7 +131,7 @@ def read_configuration(
     Raises RefusedError: `controller.entering`, somebody is entering a program: queries would become lines of it;
         `controller.user_buffer`, where its words are asked for.
     """
-    _refuse_open_buffer(client, dialect)
+    refuse_open_buffer(client, dialect)
     place = _user_buffer(client, dialect, extent)
     user_words = read_words(client, place, seen_words) if place and extent.values else None
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
@@ -161,7 +167,8 @@ def _user_buffer(client: Controller, dialect: Dialect, extent: Extent) -> range 
         return None
 
 
-def _refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
+def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
+    """Make sure that no program is being entered. Raises RefusedError: `controller.entering`."""
     try:
         status = decode(client.query("???", again=True)[0], dialect.global_bits)
     except ValueError as error:
@@ -268,20 +275,26 @@ def _listings(
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Yield the text of each buffer that has one; what is behind a password is named in `locked`."""
     for number in numbers:
-        kept = _listed(client, f"LIST {kind}{number}", f"{kind} {number}", timeout_s, locked)
+        kept = listed_lines(client, f"LIST {kind}{number}", f"{kind} {number}", timeout_s, locked)
         if kept:
             yield number, kept
 
 
-def _listed(client: Controller, line: str, name: str, timeout_s: float, locked: list[str]) -> tuple[str, ...]:
+def listed_lines(
+    client: Controller, line: str, name: str, timeout_s: float, locked: list[str]
+) -> tuple[str, ...] | None:
+    """Return a listing without its end, None where there is no such buffer.
+
+    What is behind a password is named in `locked`.
+    """
     try:
         lines = ask_or_none(client, line, timeout_s)
     except ControllerError as error:
         if error.error_number != ErrorCode.PASSWORD:
             raise
         locked.append(name)
-        return ()
-    return without_end(each.strip() for each in lines or ())
+        return None
+    return None if lines is None else without_end(each.strip() for each in lines)
 
 
 def _kinematics(
@@ -290,7 +303,7 @@ def _kinematics(
     """Yield the kinematic programs of each coordinate system that have text, in a family that has any."""
     for system in dialect.numbers(Scope.SYSTEM) if dialect.kinematics is not None else ():
         for kind in (INVERSE, FORWARD):
-            lines = _listed(client, f"&{system}LIST {kind}", f"&{system} {kind}", LISTING_TIMEOUT_S, locked)
+            lines = listed_lines(client, f"&{system}LIST {kind}", f"&{system} {kind}", LISTING_TIMEOUT_S, locked)
             if lines:
                 yield (system, kind), lines
     client.request("&1", lines=0)

@@ -26,8 +26,8 @@ from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-Seen = Callable[[int], None]
-"""Takes the number of lines that were sent."""
+Seen = Callable[[int, int], None]
+"""Takes how many lines were sent, and of how many."""
 
 MOST_VALUES = 20  # differing values of P, Q and M that are named one by one
 
@@ -127,7 +127,9 @@ def _emptied(opening: str) -> tuple[str, str, str]:
     return (opening, "CLEAR", "CLOSE")
 
 
-def restore(client: Controller, dialect: Dialect, lines: tuple[str, ...], seen: Seen = lambda sent: None) -> None:
+def restore(
+    client: Controller, dialect: Dialect, lines: tuple[str, ...], seen: Seen = lambda sent, of: None
+) -> None:
     """Send the lines, each once; the caller has a backup of what there was before.
 
     Raises:
@@ -138,19 +140,29 @@ def restore(client: Controller, dialect: Dialect, lines: tuple[str, ...], seen: 
     refuse_busy(client, dialect)
     sent = 0
 
-    def counted() -> Iterator[str]:
+    def counted(number: int, of: int) -> None:
         nonlocal sent
-        for line in lines:
-            seen(sent)
-            yield line
-            sent += 1
+        sent = number
+        seen(number, of)
 
     try:
-        client.download(counted())
+        send_counted(client, lines, counted)
     except DriverError as error:
         value, limit = str(sent), str(len(lines))
         partly = Problem(code="controller.restored_in_part", where=client.link.address, value=value, limit=limit)
         raise DriverError(*error.problems, partly) from error
+
+
+def send_counted(client: Controller, lines: tuple[str, ...], seen: Seen) -> None:
+    """Send lines, each once; `seen` takes how many the controller has acknowledged. Raises as `download` does."""
+
+    def counted() -> Iterator[str]:
+        for number, line in enumerate(lines):
+            seen(number, len(lines))
+            yield line
+        seen(len(lines), len(lines))
+
+    client.download(counted())
 
 
 def left_differing(wanted: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:

@@ -43,6 +43,11 @@ class Place(int):
         made.source = source
         return made
 
+    @property
+    def named(self) -> str:
+        """The line in the text, and in the included file: `12`, or `12, limits.h:5`."""
+        return f"{int(self)}, {self.source}" if self.source else str(int(self))
+
     def __eq__(self, other: object) -> bool:
         """Compare the source, too, where the other is a place."""
         return int(self) == other and (not isinstance(other, Place) or self.source == other.source)

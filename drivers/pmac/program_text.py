@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from drivers.pmac.axes import AxisDefinition, scan_definition
+from drivers.pmac.buffer_text import BufferKind, BufferLines, SourceText
 from drivers.pmac.compensation.table_text import MOST_MOTORS, TableReader, TextTable
 from drivers.pmac.execution.calls import FIRST_CODE_PROGRAM
 from drivers.pmac.execution.kinematics import KINDS, stored_kinematic_line
@@ -65,7 +66,8 @@ class ProgramText:
     controller then holds. `kinematics` are the programs INVERSE and FORWARD. `places` are the line numbers (from
     1) of each program's lines in the text, `setting_places` those of the settings; both are a `Place`. `sources`
     name the place of each of `lines`, such as `12`, or `12, limits.h:5` for one of an included file. `undefines`
-    is whether it clears the axis definitions that there are before.
+    is whether it clears the axis definitions that there are before. `source` is what the text fills buffers with,
+    line by line, and what it has outside of them.
     """
 
     number: int
@@ -82,6 +84,7 @@ class ProgramText:
     kinematics: Mapping[str, tuple[Line, ...]] = field(default_factory=dict)
     sources: tuple[str, ...] = ()
     undefines: bool = False
+    source: SourceText = field(default_factory=SourceText)
 
     def code(self, number: int) -> Code | None:
         """Return a program of this text ready to run: the library of its calls.
@@ -103,7 +106,7 @@ class RefusedLine:
     @property
     def where(self) -> str:
         """Its line in the text, and in the included file."""
-        return _where(self.place)
+        return self.place.named
 
 
 def read_program(
@@ -114,6 +117,7 @@ def read_program(
     *,
     kinematic: bool = True,
     on_line: OnLine = lambda line: None,
+    needs_program: bool = True,
 ) -> ProgramText:
     """Parse a text as a controller with this many motors would, with its #define, #ifdef and #include carried out.
 
@@ -124,7 +128,7 @@ def read_program(
     no settings are not looked at.
 
     With `refused`, the lines that the controller refuses are collected there and reading continues, as on the
-    controller.
+    controller. A text that `needs_program` has an OPEN PROG; else it may have PLCs or kinematic programs alone.
 
     Raises PmacError: its detail names the wrong line.
     """
@@ -135,20 +139,16 @@ def read_program(
             if source.error is not None:
                 raise source.error
             taken.lines.append(source.text)
-            taken.sources.append(_where(taken.place))
+            taken.sources.append(taken.place.named)
             taken.take(source.text)
         except PmacError as error:
             line = RefusedLine(place=taken.place, text=source.text, error=error)
             if refused is None:
                 raise PmacError(error.code, f"line {line.where}: {error.detail}") from error
             refused.append(line)
-    if not taken.programs:
+    if needs_program and not taken.programs:
         raise _without_program(refused)
     return taken.finished()
-
-
-def _where(place: Place) -> str:
-    return f"{int(place)}, {place.source}" if place.source else str(int(place))
 
 
 def _without_program(refused: Sequence[RefusedLine] | None) -> PmacError:
@@ -183,13 +183,14 @@ class _Taken:
     on_line: OnLine = lambda line: None
     kinematics: dict[str, list[Line]] = field(default_factory=dict)
     calculation: list[Line] | None = None
+    buffers: BufferLines = field(default_factory=BufferLines)
 
     def finished(self) -> ProgramText:
-        number = next((n for n in self.programs if n < FIRST_CODE_PROGRAM), next(iter(self.programs)))
+        number = next((n for n in self.programs if n < FIRST_CODE_PROGRAM), next(iter(self.programs), 0))
         return ProgramText(
             number=number,
             settings=tuple(self.settings),
-            program=tuple(self.programs[number]),
+            program=tuple(self.programs.get(number, ())),
             lines=tuple(self.lines),
             sources=tuple(self.sources),
             undefines=self.undefines,
@@ -201,6 +202,7 @@ class _Taken:
             tables=self.tables.tables,
             setting_places=tuple(self.setting_places),
             kinematics={kind: tuple(lines) for kind, lines in self.kinematics.items()},
+            source=self.buffers.finished(),
         )
 
     def take(self, line: str) -> None:
@@ -222,18 +224,21 @@ class _Taken:
             word = scanner.take_word(_BUFFER_WORDS)
             if word is not None:
                 self.commands.append(f"&{system}")
+                self.buffers.system = system
                 return word
         scanner.reset(mark)
         return None
 
     def _close(self) -> None:
         self.program = self.plc = self.calculation = None
+        self.buffers.close()
 
     def _buffer_word(self, scanner: Scanner, word: str) -> None:
         if word in CLOSE:
             scanner.accept("ALL")
             self._close()
         elif word in CLEAR:
+            self.buffers.clear(self.place)
             for buffer in (self.program, self.plc, self.calculation):
                 if buffer is not None:
                     buffer.clear()
@@ -242,14 +247,18 @@ class _Taken:
         elif self.program is not None or self.plc is not None or self.calculation is not None:
             raise PmacError(ErrorCode.BUFFER_IN_USE, "CLOSE is missing before the next OPEN")
         elif word in OPEN_PLC:
-            self.plc = self.plcs.setdefault(_number(scanner, 0, HIGHEST_PLC), [])
+            number = _number(scanner, 0, HIGHEST_PLC)
+            self.plc = self.plcs.setdefault(number, [])
+            self.buffers.open(BufferKind.PLC, number, self.place)
         elif word in _OPEN_KINEMATIC:
             self._refuse_without(word)
             self.calculation = self.kinematics.setdefault(_OPEN_KINEMATIC[word], [])
+            self.buffers.open(BufferKind(_OPEN_KINEMATIC[word]), self.buffers.system, self.place)
         elif word in OPEN_PROGRAM:
             self.number = _number(scanner, 1, HIGHEST_PROGRAM)
             self.program = self.programs.setdefault(self.number, [])
             self.places.setdefault(self.number, [])
+            self.buffers.open(BufferKind.PROGRAM, self.number, self.place)
         else:
             raise scanner.refusal("OPEN PROG or OPEN PLC")
 
@@ -260,6 +269,7 @@ class _Taken:
     def _line(self, text: str) -> None:
         if not text:
             return
+        self.buffers.take(text, self.place)
         if self.program is not None:
             self.program.append(parse_line(text))
             self.places[self.number].append(self.place)

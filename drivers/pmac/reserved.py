@@ -9,6 +9,10 @@ from __future__ import annotations
 
 HEARTBEAT_PLC = 20  # The PLC that ends jogs and cuts on a watchdog timeout
 
+STRATEGY_PROGRAMS = frozenset((1, 2, 3, 4))  # what the strategies load (`drivers.pmac.programs`)
+PROGRAMS = STRATEGY_PROGRAMS | {998, 999}
+"""Those and what identification and the commissioning tests write and erase."""
+
 WATCHDOG_TIMER = 70
 """M-variable that points at a timer of the controller, where the family has none among its I-variables."""
 

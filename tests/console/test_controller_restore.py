@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from console.cli.backups import reading_progress, restore_backup
+from console.cli.backups import reading_progress, way_back
 from console.text.catalogue import load
 from drivers.commissioning.reading import read_configuration
 from drivers.errors import LinkError
@@ -197,7 +197,7 @@ def test_ctrl_c_while_it_reads_again_names_the_way_back_to_the_same_machine(
             signal.raise_signal(signal.SIGINT)
         return read_configuration(*words)
 
-    monkeypatch.setattr(restore_backup, "read_configuration", interrupted)
+    monkeypatch.setattr(way_back, "read_configuration", interrupted)
     said = console("controller", "restore", str(backed_up), "--machine", "lee-2001-lathe")
     (before,) = (data_folder / "trilobe" / "backups").iterdir()
     assert said.code != 0 and len(readings) == 2

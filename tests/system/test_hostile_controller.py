@@ -42,6 +42,7 @@ COMMANDS = {
     "controller diff": ("controller", "diff", "{file}"),
     "controller apply": ("controller", "apply", "--yes"),
     "controller restore": ("controller", "restore", "{file}", "--yes"),
+    "controller download": ("controller", "download", "{file}", "--yes"),
     "tune show": ("tune", "show"),
     "tune apply": ("tune", "apply", "--yes"),
     "tune revert": ("tune", "revert", "--yes"),
@@ -110,6 +111,8 @@ def ended(site: Order, command: str, kind: Kind, depth: int, transport: str, lan
             (folder / "card.pmac").write_text("; trilobe controller backup\n", encoding="utf-8")
         if command == "controller restore":
             (folder / "card.pmac").write_text(backup_text(BACKED_UP, "2026-03-01"), encoding="utf-8")
+        if command == "controller download":
+            (folder / "card.pmac").write_text("OPEN PROG 101 CLEAR\nX1\nCLOSE\n", encoding="utf-8")
         words = [word.format(**names) for word in COMMANDS[command]]
         options = ("--machine", str(site.machine_file), "--data", str(site.data), "--link", card.address)
         with Preloaded(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
@@ -43,17 +43,7 @@ def program_fields(
         "ts_ms": options.ts_ms,
         "duration_ms": checked.duration_ms,
         "moves": [_move(machine, move, place) for move, place in zip(checked.moves, checked.places, strict=True)],
-        "findings": [
-            {
-                "level": _LEVELS[finding.severity],
-                "code": finding.code.value,
-                "lines": list(finding.lines),
-                "included": [_source(line) for line in finding.lines if _source(line)],
-                "values": dict(finding.values),
-                "text": _finding(finding, text),
-            }
-            for finding in checked.findings
-        ],
+        "findings": finding_fields(checked.findings, text),
         "explanation": [
             {"code": s.code.value, "values": dict(s.values), "text": _explained(s, text)}
             for s in checked.explanation
@@ -123,18 +113,38 @@ def _start(start: Start, text: Catalogue) -> str:
 
 
 def _judged(checked: ProgramCheck, text: Catalogue) -> list[str]:
-    marked = [(MARKS[finding.severity], _finding(finding, text)) for finding in checked.findings]
-    lines: list[str] = []
-    for mark, sentence in marked or [("✓", text("check.clean"))]:
-        first, *others = broken(sentence, WIDTH - 2)
-        lines += [f"{mark} {first}", *(f"  {line}" for line in others)]
+    lines = finding_lines(checked.findings, text) or [f"✓ {text('check.clean')}"]
     if checked.explanation:
         explained = " ".join(_explained(sentence, text) for sentence in checked.explanation)
         lines += ["", *broken(explained, WIDTH)]
     return lines
 
 
-def _finding(finding: ProgramFinding, text: Catalogue) -> str:
+def finding_lines(findings: Iterable[ProgramFinding], text: Catalogue) -> list[str]:
+    """Return findings as sentences, each with its mark; long ones continue below."""
+    lines: list[str] = []
+    for finding in findings:
+        first, *others = broken(finding_sentence(finding, text), WIDTH - 2)
+        lines += [f"{MARKS[finding.severity]} {first}", *(f"  {line}" for line in others)]
+    return lines
+
+
+def finding_fields(findings: Iterable[ProgramFinding], text: Catalogue) -> list[dict[str, object]]:
+    """Return findings for JSON."""
+    return [
+        {
+            "level": _LEVELS[finding.severity],
+            "code": finding.code.value,
+            "lines": list(finding.lines),
+            "included": [_source(line) for line in finding.lines if _source(line)],
+            "values": dict(finding.values),
+            "text": finding_sentence(finding, text),
+        }
+        for finding in findings
+    ]
+
+
+def finding_sentence(finding: ProgramFinding, text: Catalogue) -> str:
     """Return a finding as a sentence, with the lines of the program that it is about."""
     sentence = text(f"check.finding.{finding.code}", **_shown(finding.values))
     if not finding.lines:

@@ -38,7 +38,7 @@ from profiles.machine import MachineProfile
 def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
     """Return hidden behaviour of a program, and the lines that the controller refuses."""
     walk = subject.walk
-    findings = [_refused(line) for line in refused]
+    findings = refused_findings(refused)
     if walk.error is not None:
         lines = (subject.place_of(walk.steps[-1].program, walk.steps[-1].line),)
         error, number = str(walk.error), int(walk.error.code)
@@ -59,6 +59,11 @@ def _without_result(place: int, detail: str) -> ProgramFinding:
         return finding(Code.DIVIDED_BY_ZERO, (place,), error=detail)
     what = "x%0" if detail == REMAINDER_BY_ZERO else detail.removesuffix(NO_VALUE)
     return finding(Code.NO_RESULT, (place,), error=detail, what=what)
+
+
+def refused_findings(refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
+    """Return the lines of a text that the controller refuses, as findings."""
+    return [_refused(line) for line in refused]
 
 
 def _refused(line: RefusedLine) -> ProgramFinding:

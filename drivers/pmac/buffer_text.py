@@ -1,0 +1,146 @@
+"""What a text fills the buffers of a controller with, line by line, and what stands outside of them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, field
+from enum import StrEnum
+
+from drivers.pmac.execution.kinematics import FORWARD, INVERSE, stored_kinematic_line
+from drivers.pmac.language.listing import END, stored_line, stored_plc_lines
+from drivers.pmac.language.syntax import Line, PlcLine
+from drivers.pmac.preprocessor import Place
+
+_ADDRESS = re.compile(r"&\s*(\d+)")
+"""A coordinate system is addressed: the next OPEN INVERSE belongs to it."""
+
+
+class BufferKind(StrEnum):
+    """What a buffer holds, as it is called in OPEN and LIST."""
+
+    PROGRAM = "PROG"
+    PLC = "PLC"
+    INVERSE = INVERSE
+    FORWARD = FORWARD
+
+
+@dataclass(frozen=True, slots=True)
+class TextLine:
+    """A line without its comment and with its names replaced, and its place in the text."""
+
+    place: Place
+    text: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TextBuffer:
+    """A buffer that a text opens at `place`; `number` is that of the program, PLC or coordinate system.
+
+    `cleared` is whether it is emptied before its first line, `closed` whether it has its CLOSE.
+    """
+
+    kind: BufferKind
+    number: int
+    place: Place
+    lines: tuple[TextLine, ...]
+    cleared: bool
+    closed: bool
+
+    @property
+    def name(self) -> str:
+        """Its name: `PROG 5`, `PLC 3`, `&1 INVERSE`."""
+        return f"&{self.number} {self.kind}" if self._of_system else f"{self.kind} {self.number}"
+
+    @property
+    def opening(self) -> str:
+        """The line that opens it."""
+        return self._with("OPEN")
+
+    @property
+    def question(self) -> str:
+        """The line that lists it."""
+        return self._with("LIST")
+
+    @property
+    def _of_system(self) -> bool:
+        return self.kind in (BufferKind.INVERSE, BufferKind.FORWARD)
+
+    def _with(self, word: str) -> str:
+        return f"&{self.number}{word} {self.kind}" if self._of_system else f"{word} {self.kind}{self.number}"
+
+    def listing(self) -> tuple[TextLine, ...]:
+        """Return the lines as the controller lists them, each with its place in the text; without the end."""
+        found = [TextLine(line.place, text) for line in self.lines for text, _ in stored(self.kind, line.text)]
+        return tuple(found[:-1] if found and found[-1].text == END else found)
+
+
+def stored(kind: BufferKind, text: str) -> tuple[tuple[str, Line | PlcLine], ...]:
+    """Return the lines that a buffer keeps for a typed one: how each is listed, and what it does.
+
+    Raises PmacError: no buffer of this kind can hold it.
+    """
+    if kind is BufferKind.PLC:
+        return tuple((line.text, line.statements) for line in stored_plc_lines(text))
+    line = stored_line(text) if kind is BufferKind.PROGRAM else stored_kinematic_line(text)
+    return ((line.text, line.statements),)
+
+
+@dataclass(frozen=True, slots=True)
+class SourceText:
+    """The buffers of a text in its order, and the lines `outside` of them that are no addressing as in `&1`."""
+
+    buffers: tuple[TextBuffer, ...] = ()
+    outside: tuple[TextLine, ...] = ()
+
+
+@dataclass(slots=True)
+class BufferLines:
+    """Collects them while the text is read. `system` is the addressed coordinate system."""
+
+    system: int = 1
+    _buffers: list[TextBuffer] = field(default_factory=list)
+    _outside: list[TextLine] = field(default_factory=list)
+    _opened: tuple[BufferKind, int, Place] | None = None
+    _lines: list[TextLine] = field(default_factory=list)
+    _cleared: bool = False
+
+    def open(self, kind: BufferKind, number: int, place: Place) -> None:
+        """Begin a buffer."""
+        self._opened, self._lines, self._cleared = (kind, number, place), [], False
+
+    def clear(self, place: Place) -> None:
+        """Empty the open buffer; without one it is a line outside."""
+        if self._opened is None:
+            self._outside.append(TextLine(place, "CLEAR"))
+            return
+        self._lines, self._cleared = [], True
+
+    def close(self, *, closed: bool = True) -> None:
+        """End the open buffer, if there is one."""
+        if self._opened is None:
+            return
+        kind, number, place = self._opened
+        buffer = TextBuffer(
+            kind=kind,
+            number=number,
+            place=place,
+            lines=tuple(self._lines),
+            cleared=self._cleared,
+            closed=closed,
+        )
+        self._buffers.append(buffer)
+        self._opened = None
+
+    def take(self, text: str, place: Place) -> None:
+        """Take a line of the open buffer, or one outside."""
+        if self._opened is not None:
+            self._lines.append(TextLine(place, text))
+        elif found := _ADDRESS.fullmatch(text):
+            self.system = int(found[1])
+        else:
+            self._outside.append(TextLine(place, text))
+
+    def finished(self) -> SourceText:
+        """Return all of it; a buffer that is still open has no CLOSE."""
+        self.close(closed=False)
+        return SourceText(tuple(self._buffers), tuple(self._outside))
