@@ -19,6 +19,9 @@ _ABSENT = (
     ("DEFINE of TBUF, TCOMP, BLCOMP, TRACE", r"DEF(INE)?(TBUF|TCOMP|BLCOMP|TRACE)"),
     ("LOCK, UNLOCK", r"(UN)?LOCK[\dP]"),
     ("SETPHASE", "SETPHASE"),
+    ("further words of the MACRO ring", r"STN|MACRO(SLV|STASCII|MST|AUX|ASCII)|MS(\$\$\$|SAV)|MFLUSH"),
+    ("TIME, TODAY, UPDATE", r"TIME=?|TODAY|UPDATE"),
+    ("LIST LINK", "LISTLINK"),
 )
 _FOUND = re.compile(r", found (.+)$")
 
