@@ -48,6 +48,7 @@ COMMANDS = {
     "tune revert": ("tune", "revert", "--yes"),
     "identify": ("identify", "--yes"),
     "health": ("health", "--yes"),
+    "retract": ("retract", "--yes"),
     "run": ("run", "{job}", "--yes"),
 }
 """All that opens a link; `calibrate` and `learn` read files, `fault` and `instruct` speak to a simulator only."""
