@@ -2,8 +2,9 @@
 
 A scale with 0.3 um of noise differs by more than a count of 0.2 um from poll to poll, at rest. So it is not two
 polls that are compared: a line is fitted to the last ones. An axis rests where even the fastest drift that their
-scatter allows is slow, and the scatter about the line is small: a loop that hunts has no drift. All polls since
-rest was first reported count, up to twelve: of several windows one would sooner or later look quiet by chance.
+scatter allows is slow, and the scatter about the line is small: a loop that hunts has no drift. One whose polls
+are within a count of each other rests, too: no less can be seen. Polls count from where rest was first reported,
+up to twelve of them: of windows that begin anywhere, one would sooner or later look quiet by chance.
 """
 
 from __future__ import annotations
@@ -18,7 +19,8 @@ FEWEST_POLLS, MOST_POLLS = 4, 12
 REST_COUNTS_PER_S, REST_UM_PER_S = 5.0, 1.0
 """Drift that counts as rest: the larger of the two. A fine scale has as much noise in more counts."""
 
-SCATTER_S = 2.0  # the scatter about the line may be what that drift is in this time, rms
+SCATTER_S = 1.0  # the scatter about the line may be what that drift is in this time, rms
+LEAST_SEEN_COUNTS = 1.0
 STUDENT_T = (4.303, 3.182, 2.776, 2.571, 2.447, 2.365, 2.306, 2.262, 2.228)
 """Quantile 0.975 of Student's t with 2 to 10 degrees of freedom: a line through 4 to 12 polls, or more."""
 
@@ -36,9 +38,13 @@ def rest_limits(machine: MachineProfile) -> RestLimits:
 
 
 def rest_is_proven(looks: Sequence[Snapshot], limits: RestLimits) -> bool:
-    """Whether no driven axis drifts or swings, by the last 4 to 12 polls."""
-    last = looks[-MOST_POLLS:]
-    return len(last) >= FEWEST_POLLS and all_rest(last, {axis: limits[axis] for axis in last[-1].driven})
+    """Whether no driven axis drifts or swings, by the last poll before rest was reported, and all since.
+
+    An axis whose loop was opened may settle during the first ones: all count, or all but the first one or two.
+    """
+    windows = (looks[head:][-MOST_POLLS:] for head in (0, 1, 2))
+    driven = {axis: limits[axis] for axis in looks[-1].driven} if looks else {}
+    return any(len(window) >= FEWEST_POLLS and all_rest(window, driven) for window in windows)
 
 
 def all_rest(looks: Sequence[Snapshot], limits: RestLimits) -> bool:
@@ -48,6 +54,8 @@ def all_rest(looks: Sequence[Snapshot], limits: RestLimits) -> bool:
 
 
 def _rests(times_s: Sequence[float], positions: Sequence[float], limit: float) -> bool:
+    if times_s[0] < times_s[-1] and max(positions) - min(positions) <= LEAST_SEEN_COUNTS:
+        return True
     drift, scatter = drift_and_scatter(times_s, positions)
     return drift <= limit and scatter <= SCATTER_S * limit
 

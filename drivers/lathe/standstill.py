@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable, Iterable
 
 from drivers.clock import Clock
 from drivers.errors import DriverError
-from drivers.lathe.drift import MOST_POLLS, RestLimits, rest_is_proven
+from drivers.lathe.drift import RestLimits, rest_is_proven
 from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.stop import StopPath
@@ -17,6 +16,7 @@ from profiles.problem import Problem
 REST_TIMEOUT_S = 15.0
 COAST_TIMEOUT_S = 60.0
 STOP_REPEAT_S = 0.2
+POLLS_REPORTING_REST = 3  # in a row, after the last stop
 ARRIVED_COUNTS = 2.0  # commanded rest of a jog beside its target; positions are reported in tenths of a count
 SETTLE_S = 15.0  # for an axis at rest near its target to come in position: three servo time constants
 REST_S = 2.0  # the same where nothing depends on it
@@ -34,12 +34,12 @@ def prove_rest(
     Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
-    polls: deque[Snapshot] = deque(maxlen=MOST_POLLS)  # in a row, at rest as far as they say
-    mark = stop.mark
+    polls: list[Snapshot] = []  # those in a row that report rest, behind the one before them
+    mark, reporting_rest = stop.mark, 0
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         if stop.mark != mark:
-            mark = stop.mark
-            polls.clear()
+            mark, reporting_rest = stop.mark, 0
+            del polls[:-1]
         snapshot = None
         try:
             snapshot = poller.poll_once(poller.quick_timeout_s)
@@ -51,10 +51,12 @@ def prove_rest(
             end_watchdog()
         if snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed):
             polls.append(snapshot)
+            reporting_rest += 1
         else:
             stop.repeat()
-            polls.clear()
-        if snapshot is not None and mark is not None and rest_is_proven(tuple(polls), limits):
+            polls, reporting_rest = [] if snapshot is None else [snapshot], 0
+        proven = reporting_rest >= POLLS_REPORTING_REST and rest_is_proven(polls, limits)
+        if snapshot is not None and mark is not None and proven:
             stop.rest_proven(mark)
             if stop.proven:
                 return snapshot

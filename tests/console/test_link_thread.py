@@ -132,7 +132,7 @@ def test_signals_that_keep_coming_do_not_keep_the_machine_from_being_proven_at_r
     floor.looks.append(again)
     ordered(link, Home())
     assert link.join(SOON_S) and link.rested
-    assert begun[-1] - begun[0] < 4.0, "ramp, drives off, and both proven"
+    assert begun[-1] - begun[0] < 3.0, "ramp, drives off, and both proven"
 
 
 def test_an_end_between_an_order_and_its_beginning_lets_nothing_move(floor: Floor) -> None:
