@@ -174,6 +174,12 @@ def test_in_a_field_of_numbers_space_stops_and_in_free_text_f12_does(trainee: Tr
     trainee.press("5")
     trainee.press("space")
     trainee.terminal.wait_for("nothing moved: no reset", 5.0)
+    trainee.press("enter")
+    trainee.sees("setup.next.entry", 2.0)
+    trainee.terminal.wait_for(r"no alarms", 5.0)  # in place of the answer
+    assert "nothing moved" not in trainee.terminal.text
+    trainee.terminal.type("5 ")  # at once, as a busy line or computer brings them
+    trainee.terminal.wait_for("nothing moved: no reset", 5.0)
     trainee.press("u")
     trainee.press("s")
     trainee.sees("setup.next.naming", 2.0)

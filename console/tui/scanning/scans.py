@@ -25,7 +25,12 @@ class Scans:
             self._ui.stop(PASTED)
 
     def too_fast(self, *, written: bool, stopped: bool) -> None:
-        """Say that keys were not taken, while it is not known yet what they are."""
+        """Say that keys were not taken, while it is not known yet what they are.
+
+        A stop among keys that wrote into an entry has closed it: what the stop did is the answer to all of them.
+        """
+        if written and stopped:
+            return
         code = "screen.too_fast_stopped" if stopped else "screen.too_fast"
         self._ui.say_until_key(Problem(code="screen.too_fast_entry" if written else code))
 
@@ -33,7 +38,7 @@ class Scans:
         """Open the job of a code; say what any other code is, and that nothing was done."""
         name = job_named(scan.text)
         if scan.written:  # it stands in the entry, and is nobody's business elsewhere
-            self.too_fast(written=True, stopped=False)
+            self.too_fast(written=True, stopped=scan.stopped)
         elif scan.stopped or small or name is None:
             code = "screen.scanned_stopped" if scan.stopped else "screen.scanned"
             self._ui.say_until_key(Problem(code=code, value=shown(scan.text)))
