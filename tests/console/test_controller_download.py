@@ -12,8 +12,8 @@ from typing import Any
 import pytest
 
 from drivers.errors import LinkError
-from drivers.lathe.ownership import Ownership
 from profiles.problem import Problem
+from tests.console.not_free import occupied
 from tests.console.test_controller_command import LANGUAGES, on_one, real
 from tests.console.test_controller_command import card as card
 from tests.drivers.commissioned import Commissioned
@@ -200,18 +200,9 @@ def test_a_machine_that_is_not_free_keeps_its_programs(
         "name": "machine name",
     }
     yes = ["--yes"]
-    if why == "drives":
-        card.tell("#1J/")
-    elif why == "owner":
-        Ownership(card.client).claim()
-    elif why == "gathering":
-        card.tell("I20=1", "I21=$800028", "I19=1000", "DEFINE GATHER 10000", "GATHER")
-    elif why == "password":
-        card.tell("OPEN PROG 1001 CLEAR", "X1", "CLOSE", "PASSWORD=Turn")
-        card.sim.controller.password.locked = True
-    elif why == "signature":
+    if why == "signature":
         real(card, monkeypatch, signed_for="simulator")
-    else:
+    elif not occupied(card, why, 1001):
         real(card, monkeypatch)
         yes, terminal = [], io.StringIO("lathe\n")
         monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)

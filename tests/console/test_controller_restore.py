@@ -16,8 +16,8 @@ from console.cli.backups import reading_progress, way_back
 from console.text.catalogue import load
 from drivers.commissioning.reading import read_configuration
 from drivers.errors import LinkError
-from drivers.lathe.ownership import Ownership
 from profiles.problem import Problem
+from tests.console.not_free import occupied
 from tests.console.test_controller_command import LANGUAGES, on_one, real
 from tests.console.test_controller_command import card as card
 from tests.drivers.commissioned import Commissioned
@@ -122,19 +122,10 @@ def test_a_machine_that_is_not_free_is_refused(
         "type": "type PMAC1, X1, this one is PMAC1, X2",
         "signature": "safety.signed_for",
     }
-    if why == "drives":
-        card.tell("#1J/")
-    elif why == "owner":
-        Ownership(card.client).claim()
-    elif why == "gathering":
-        card.tell("I20=1", "I21=$800028", "I19=1000", "DEFINE GATHER 10000", "GATHER")
-    elif why == "password":
-        card.tell("OPEN PROG 1000 CLEAR", "X1", "CLOSE", "PASSWORD=Turn")
-        card.sim.controller.password.locked = True
-    elif why == "type":
+    if why == "type":
         connect = card.client.connect
         monkeypatch.setattr(card.client, "connect", lambda: (connect()[0], "PMAC1, X2"))
-    else:
+    elif not occupied(card, why, 1000):
         real(card, monkeypatch, signed_for="simulator")
     card.line.heard = b""
     said = console("controller", "restore", str(backed_up), "--yes")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from typing import TypeAlias
 
 from console.cli.arguments import add_shared
 from console.cli.library import data_of
 from console.cli.output import fields_of, show
 from console.cli.parser import Parser
+from console.cli.part.listed import Listed, fields_of_entry, listed, sentences
 from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
@@ -16,13 +16,9 @@ from console.text.lobe import lobe_number
 from profiles.files import printable
 from profiles.job import NO_LOBE
 from profiles.lobe.lobe_conditions import lobe_source
-from profiles.problem import Problem, ProfileError
-from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
+from profiles.store import LoadedJob, list_jobs, load_job
 
 STATUS = "status"
-
-Listed: TypeAlias = tuple[LibraryEntry, LoadedJob | tuple[Problem, ...]]
-"""An entry with its job, or why it is unreadable."""
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -38,23 +34,16 @@ def main(options: Namespace, text: Catalogue) -> int:
 
         show_status(options, text)
         return 0
-    listed = [_loaded(entry) for entry in list_jobs(jobs_folder(data_of(options)))]
-    show(options, lambda: {"jobs": [_fields(each, text) for each in listed]}, lambda: _lines(listed, text))
+    found = listed(list_jobs(jobs_folder(data_of(options))), load_job)
+    show(options, lambda: {"jobs": [_fields(each, text) for each in found]}, lambda: _lines(found, text))
     return 0
 
 
-def _loaded(entry: LibraryEntry) -> Listed:
-    try:
-        return entry, load_job(str(entry.path))
-    except ProfileError as error:
-        return entry, tuple(error.problems)
-
-
-def _fields(listed: Listed, text: Catalogue) -> dict[str, object]:
-    entry, loaded = listed
-    fields: dict[str, object] = {"name": entry.name, "path": str(entry.path), "bundled": entry.bundled}
+def _fields(each: Listed[LoadedJob], text: Catalogue) -> dict[str, object]:
+    _, loaded = each
+    fields = fields_of_entry(each, text)
     if not isinstance(loaded, LoadedJob):
-        return {**fields, "problems": [text.problem(problem) for problem in loaded]}
+        return fields
     job = loaded.job
     return {
         **fields,
@@ -72,16 +61,15 @@ def _fields(listed: Listed, text: Catalogue) -> dict[str, object]:
     }
 
 
-def _lines(listed: list[Listed], text: Catalogue) -> list[str]:
+def _lines(found: list[Listed[LoadedJob]], text: Catalogue) -> list[str]:
     """Return a row for each job, then why some cannot be read."""
     rows = [tuple(text(f"jobs.{name}") for name in ("name", "material", "size", "lobe", "speed", "source"))]
-    rows += [_row(each, text) for each in listed]
-    problems = [text.problem(problem) for _, loaded in listed if isinstance(loaded, tuple) for problem in loaded]
-    return [*table(rows), *problems]
+    rows += [_row(each, text) for each in found]
+    return [*table(rows), *sentences(found, text)]
 
 
-def _row(listed: Listed, text: Catalogue) -> tuple[str, ...]:
-    entry, loaded = listed
+def _row(each: Listed[LoadedJob], text: Catalogue) -> tuple[str, ...]:
+    entry, loaded = each
     if not isinstance(loaded, LoadedJob):
         return (printable(entry.name), text("jobs.unreadable"), "", "", "", "")
     job = loaded.job

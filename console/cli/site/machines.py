@@ -4,24 +4,21 @@ from __future__ import annotations
 
 import shlex
 from argparse import Namespace
-from typing import TypeAlias
 
 from console.cli.commands import add_actions
 from console.cli.library import data_of
 from console.cli.output import show
 from console.cli.parser import Parser
+from console.cli.part.listed import Listed, fields_of_entry, listed, sentences
 from console.session.data.kept_files import machines_folder, make_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
-from profiles.store import LibraryEntry, LoadedMachine, list_machines, load_machine
+from profiles.store import LoadedMachine, list_machines, load_machine
 
 ACTIONS = ("list", "copy")
 NOTHING = "-"
-
-Listed: TypeAlias = tuple[LibraryEntry, LoadedMachine | tuple[Problem, ...]]
-"""An entry with its machine, or why it is unreadable."""
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -39,8 +36,8 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 
 def _list(options: Namespace, text: Catalogue) -> None:
-    listed = [_loaded(entry) for entry in list_machines(machines_folder(data_of(options)))]
-    show(options, lambda: {"machines": [_fields(each, text) for each in listed]}, lambda: _lines(listed, text))
+    found = listed(list_machines(machines_folder(data_of(options))), load_machine)
+    show(options, lambda: {"machines": [_fields(each, text) for each in found]}, lambda: _lines(found, text))
 
 
 def _copy(options: Namespace, text: Catalogue) -> None:
@@ -65,18 +62,11 @@ def _copy(options: Namespace, text: Catalogue) -> None:
     )
 
 
-def _loaded(entry: LibraryEntry) -> Listed:
-    try:
-        return entry, load_machine(str(entry.path))
-    except ProfileError as error:
-        return entry, tuple(error.problems)
-
-
-def _fields(listed: Listed, text: Catalogue) -> dict[str, object]:
-    entry, loaded = listed
-    fields: dict[str, object] = {"name": entry.name, "path": str(entry.path), "bundled": entry.bundled}
+def _fields(each: Listed[LoadedMachine], text: Catalogue) -> dict[str, object]:
+    _, loaded = each
+    fields = fields_of_entry(each, text)
     if not isinstance(loaded, LoadedMachine):
-        return {**fields, "problems": [text.problem(problem) for problem in loaded]}
+        return fields
     machine = loaded.machine
     return {
         **fields,
@@ -88,16 +78,15 @@ def _fields(listed: Listed, text: Catalogue) -> dict[str, object]:
     }
 
 
-def _lines(listed: list[Listed], text: Catalogue) -> list[str]:
+def _lines(found: list[Listed[LoadedMachine]], text: Catalogue) -> list[str]:
     """Return a row for each machine, then why some cannot be read."""
     rows = [tuple(text(f"machines.{name}") for name in ("name", "link", "signed", "assumed", "source"))]
-    rows += [_row(each, text) for each in listed]
-    problems = [text.problem(problem) for _, loaded in listed if isinstance(loaded, tuple) for problem in loaded]
-    return [*table(rows), *problems]
+    rows += [_row(each, text) for each in found]
+    return [*table(rows), *sentences(found, text)]
 
 
-def _row(listed: Listed, text: Catalogue) -> tuple[str, ...]:
-    entry, loaded = listed
+def _row(each: Listed[LoadedMachine], text: Catalogue) -> tuple[str, ...]:
+    entry, loaded = each
     name, origin = printable(entry.name), text("jobs.bundled" if entry.bundled else "jobs.own")
     if not isinstance(loaded, LoadedMachine):
         return (name, text("jobs.unreadable"), "", "", origin)
