@@ -69,7 +69,7 @@ def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, st
     assert found["ended_by_controller"] and found["tables_switched_off"]
     tool, *others = client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}")
     machine = made.machine.tool
-    out = max(before - machine.retract_mm * machine.counts_per_mm, machine.travel_min_mm * machine.counts_per_mm)
+    out = max(before - machine.retract_mm * machine.counts_per_mm, 0.0)
     assert tool == pytest.approx(out, abs=SETTLES_COUNTS)
     assert others == [0.0, 0.0, 0.0], "tables, loss and owner"
 
@@ -80,6 +80,17 @@ def test_without_consent_nothing_is_written(lathe: tuple[Order, str, PmacClient]
     done = retract(made, address)
     assert done.returncode == 1 and "--yes" in done.stderr
     assert client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}") == pytest.approx(before, abs=SETTLES_COUNTS)
+
+
+def test_a_tool_that_is_out_stays_where_it_is(lathe: tuple[Order, str, PmacClient]) -> None:
+    """Beyond its home there is only the end of its travel."""
+    made, address, client = lathe
+    client.request("#1J=0")
+    while abs(client.numbers("#1P", again=True)[0]) > 10.0:
+        time.sleep(0.05)
+    done = retract(made, address, "--yes", "--json")
+    assert done.returncode == 0, done.stderr
+    assert client.numbers("#1P", "I51") == pytest.approx((0.0, 0.0), abs=SETTLES_COUNTS)
 
 
 def test_axes_without_zeros_are_not_moved(lathe: tuple[Order, str, PmacClient]) -> None:

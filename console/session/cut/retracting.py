@@ -7,15 +7,20 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 
+HOME_COUNTS = 0.0
 CARRIAGE_ZERO_COUNTS = 0.0
 """Where the carriage stands ahead of every table, and each adds nothing."""
 
 
 def retracted_by_distance(machine: MachineProfile, snapshot: Snapshot) -> float:
-    """Return where the tool is clear by the retract distance, counts, where no part is known."""
-    tool = machine.tool
-    short = snapshot.tool.position - tool.retract_mm * tool.counts_per_mm
-    return max(short, tool.travel_min_mm * tool.counts_per_mm)
+    """Return where the tool is clear by the retract distance, counts, where no part is known.
+
+    No further out than its home, where it is clear of every part; without a home, than its travel allows.
+    """
+    tool, here = machine.tool, snapshot.tool.position
+    homed = "home_complete" in snapshot.tool.flags
+    out = min(HOME_COUNTS, here) if homed else tool.travel_min_mm * tool.counts_per_mm
+    return max(here - tool.retract_mm * tool.counts_per_mm, out)
 
 
 def retract_and_switch_tables_off(lathe: Lathe, target: float, zero_z: float = CARRIAGE_ZERO_COUNTS) -> bool:
