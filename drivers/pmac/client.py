@@ -29,6 +29,7 @@ LINE_LIMIT = 250  # Maximum length of one command line; the controller's own lim
 
 HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
+LATE_S = 1.0  # how late a controller may answer to the first lines
 _MARK_MESSAGES = 64
 """The I-variable that marks unsolicited program messages, where the family has it."""
 
@@ -94,7 +95,7 @@ class PmacClient:
         if endless := exchange.drain():
             value = f"{endless} bytes in {DRAIN_LIMIT_S:g} s, without a pause"
             raise LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=value))
-        version, kind = self._identify()
+        version, kind = self._identified()
         self._dialect = dialect = dialect_of(kind)
         if dialect is None:
             limit = " | ".join(f"{each.type_prefix}..." for each in DIALECTS.values())
@@ -241,6 +242,24 @@ class PmacClient:
             with suppress(LinkError):
                 self._close_after(DriverError())
             raise
+
+    def _identified(self) -> tuple[str, str]:
+        """Ask for version and type; once more where the first answer may be a late one to what was sent before.
+
+        A computer that is busy may let a controller answer later than the line is drained. Nothing of this moves.
+        """
+        try:
+            return self._identify()
+        except LinkError as error:
+            if error.problems[0].code != "link.not_a_pmac":
+                raise
+            first = error
+        self._exchange.drain(quiet_s=LATE_S)
+        self._exchange.forget()
+        try:
+            return self._identify()
+        except LinkTimeoutError:
+            raise first from None
 
     def _identify(self) -> tuple[str, str]:
         try:

@@ -103,13 +103,13 @@ class Exchange:
         self.in_step = False
         self.resynchronise()
 
-    def drain(self, limit_s: float = DRAIN_LIMIT_S) -> int:
-        """Read until the line has been quiet, and discard the input; no longer than the caller can wait.
+    def drain(self, limit_s: float = DRAIN_LIMIT_S, quiet_s: float = QUIET_S) -> int:
+        """Read until the line was quiet for `quiet_s`, and discard the input; no longer than the caller can wait.
 
         Return how many bytes came from a source that still sends then; 0 where the line has become quiet.
         """
         deadline, count = self._clock.now_s() + min(limit_s, DRAIN_LIMIT_S), 0
-        while came := self.link.receive(QUIET_S):
+        while came := self.link.receive(quiet_s):
             count += len(came)
             if self._clock.now_s() >= deadline:
                 break

@@ -286,6 +286,30 @@ def test_a_wrong_device_is_told(machine: MachineProfile, answers: list[bytes], c
     assert (codes(told.value), told.value.problems[0].value) == ([code], value)
 
 
+@pytest.mark.parametrize("late_s", [0.1, 0.4, 0.9])
+def test_a_controller_that_answers_late_is_one(machine: MachineProfile, late_s: float) -> None:
+    """The computer that serves it is busy: nothing comes while the line is drained, and then all at once."""
+    sim = SimulatedLathe(machine)
+
+    class Late:
+        """Holds back what the card says until `late_s` after the first byte."""
+
+        port = sim.connect()
+        begun_s: float | None = None
+
+        def receive(self, data: bytes) -> None:
+            self.begun_s = sim.now_s() if self.begun_s is None else self.begun_s
+            self.port.receive(data)
+
+        def take_output(self) -> bytes:
+            held = self.begun_s is None or sim.now_s() < self.begun_s + late_s
+            return b"" if held else self.port.take_output()
+
+    client = PmacClient(MemoryLink(Late(), sim), sim)
+    assert client.connect()[1].startswith("PMAC1")
+    assert client.numbers("I3", "I6") == (2.0, 1.0)
+
+
 SPOILERS = ("dropped-ack", "extra-line", "nul", "bare-bel")
 
 
