@@ -37,6 +37,7 @@ PROGRAM_NUMBERS = (*range(1, 100), *range(1000, 1004))  # a controller does not 
 BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")  # a program is being entered
 _SYSTEM_SHIFT = 20
 _FORM = re.compile(r"M\d+->")
+_ENTRY = re.compile(r"-?[0-9]{1,9}")  # of a compensation table, as LIST COMP has it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -319,10 +320,10 @@ def _tables(
             continue
         listed = () if motor == unlisted else client.question(f"#{motor}LIST COMP", LISTING_TIMEOUT_S)
         entries = " ".join(listed).split()
-        try:
-            kept[motor] = tuple(map(int, entries))
-        except ValueError as error:
-            raise out_of_step(client.link.address, "LIST COMP", str(error)) from error
+        wrong = [text for text in entries if _ENTRY.fullmatch(text) is None]
+        if wrong:
+            raise out_of_step(client.link.address, "LIST COMP", wrong[0][:40])
+        kept[motor] = tuple(map(int, entries))
         yield motor, TableEntry(definition[0].strip(), len(entries), digest(entries))
 
 
