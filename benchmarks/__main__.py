@@ -1,10 +1,11 @@
 """Every benchmark, one after the other, and one table of the goals: which are met, and which are missed.
 
-    python -m benchmarks [NAME ...] [--rounds N] [--keep FILE] [--compare FILE] [--page]
+    python -m benchmarks [NAME ...] [--rounds N] [--add FILE] [--keep FILE] [--compare FILE] [--page]
     python -m benchmarks --short
 
-With several rounds a figure is the middle of them, and its noise is known. `--keep` writes all tables to a file,
-`--compare` says what got worse against such a file, `--page` writes docs/performance.md.
+With several rounds a figure is the middle of them, and its noise is known; what is the same in every round is run
+once. `--keep` writes all tables to a file, `--add` takes the tables of such a file as well, `--compare`
+says what got worse against one, `--page` writes docs/performance.md.
 
 In the short form only whether each of them works: as many run at once as there are processors, and only what a
 failed one has printed is shown. The exit code is 1 where one of them fails.
@@ -18,6 +19,7 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
+from itertools import zip_longest
 from pathlib import Path
 
 from benchmarks import comparison, goals, performance
@@ -50,6 +52,9 @@ NAMES = (
     "shift",
 )
 """The longest come first."""
+
+SEEDED = ("learning", "force_null", "notch", "confidence")
+"""Their goals are of what is computed from seeds, and no time: another round would show the same."""
 
 
 def in_full(name: str) -> tuple[bool, list[Table]]:
@@ -88,11 +93,14 @@ def all_in_full(options: argparse.Namespace) -> int:
     earlier = None if options.compare is None else read(options.compare)
     failed, rounds = set[str](), list[list[Table]]()
     for _ in range(options.rounds):
+        names = [name for name in options.names or NAMES if not (rounds and name in SEEDED)]
         rounds.append([])
-        for name in options.names or NAMES:
+        for name in names:
             works, tables = in_full(name)
             rounds[-1] += tables
             failed |= set() if works else {name}
+    if options.add is not None:
+        rounds = [[*a, *b] for a, b in zip_longest(rounds, read(options.add), fillvalue=[])]
     figures = goals.figures(rounds)
     print()
     print_table(f"Goals, {performance.machine()}", goals.HEAD, [goals.cells(figure) for figure in figures])
@@ -114,6 +122,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", choices=[*NAMES, []], metavar="NAME")
     parser.add_argument("--short", action="store_true", help="only whether each of them works")
     parser.add_argument("--rounds", type=int, default=1, help="how often all of them are run")
+    parser.add_argument("--add", type=Path, metavar="FILE", help="take the tables of an earlier run as well")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="write the tables to a file")
     parser.add_argument("--compare", type=Path, metavar="FILE", help="compare with the tables of an earlier run")
     parser.add_argument("--page", action="store_true", help="write docs/performance.md")

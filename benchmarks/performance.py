@@ -23,8 +23,9 @@ python -m benchmarks --rounds {rounds} --page
 ```
 
 writes this page. A figure with `x` is a ratio to a baseline of the same run, and can be compared between machines;
-the others belong to this one: {machine}, {day}. Of several rows the worst counts. What each benchmark measures,
-against what, and what its figures mean is in [benchmarks/README.md](../benchmarks/README.md).
+the others belong to this one: {machine}, {day}. What is computed from seeds is the same in each round: run once. Of
+several rows the worst counts. What each benchmark measures, against what, and what its figures mean is in
+[benchmarks/README.md](../benchmarks/README.md).
 """
 
 
