@@ -23,7 +23,7 @@ python -m benchmarks --rounds {rounds} --page
 ```
 
 writes this page. A figure with `x` is a ratio to a baseline of the same run, and can be compared between machines;
-the others belong to this one: {machine}, {day}. What is computed from seeds is the same in each round: run once. Of
+the others belong to this one: {machine}, {day}. What is computed from seeds is the same in each round. Of
 several rows the worst counts. What each benchmark measures, against what, and what its figures mean is in
 [benchmarks/README.md](../benchmarks/README.md).
 """
