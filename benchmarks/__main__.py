@@ -19,12 +19,11 @@ import subprocess
 import sys
 import tempfile
 from concurrent.futures import ThreadPoolExecutor
-from itertools import zip_longest
 from pathlib import Path
 
 from benchmarks import comparison, goals, performance
 from benchmarks.measure import SHORT, TABLES, print_table
-from benchmarks.tables import Table, printed, read, write
+from benchmarks.tables import Table, printed, read, side_by_side, write
 
 NAMES = (
     "learning",
@@ -100,7 +99,7 @@ def all_in_full(options: argparse.Namespace) -> int:
             rounds[-1] += tables
             failed |= set() if works else {name}
     if options.add is not None:
-        rounds = [[*a, *b] for a, b in zip_longest(rounds, read(options.add), fillvalue=[])]
+        rounds = side_by_side(rounds, read(options.add))
     figures = goals.figures(rounds)
     print()
     print_table(f"Goals, {performance.machine()}", goals.HEAD, [goals.cells(figure) for figure in figures])

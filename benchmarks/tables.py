@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -49,6 +50,12 @@ def write(path: Path, rounds: Sequence[Sequence[Table]]) -> None:
 def read(path: Path) -> list[list[Table]]:
     """Return the rounds of a file that `write` has made. OSError, ValueError, KeyError where it is none."""
     return [[_table(table) for table in tables] for tables in json.loads(path.read_text(encoding="utf-8"))]
+
+
+def side_by_side(rounds: Sequence[Sequence[Table]], others: Sequence[Sequence[Table]]) -> list[list[Table]]:
+    """Return each round with the tables of the other's round of the same number."""
+    both = zip_longest(rounds, others, fillvalue=())
+    return [[*mine, *theirs] for mine, theirs in both]
 
 
 def _table(found: dict[str, Any]) -> Table:

@@ -9,7 +9,7 @@ import pytest
 from benchmarks import comparison, measure, performance
 from benchmarks.__main__ import NAMES
 from benchmarks.goals import GOALS, Figure, Goal, cells, figures
-from benchmarks.tables import Table, number, printed, read, write
+from benchmarks.tables import Table, number, printed, read, side_by_side, write
 
 ROOT = Path(__file__).parents[2]
 PAINT = Goal(what="first paint", benchmark="first_paint", column="x baseline", unit="x", at_most=1.6)
@@ -93,3 +93,8 @@ def test_every_goal_is_of_a_column_that_its_benchmark_prints(goal: Goal) -> None
     assert (goal.at_most is None) is not (goal.at_least is None)
     source = (ROOT / "benchmarks" / f"{goal.benchmark}.py").read_text(encoding="utf-8")
     assert f'"{goal.column}"' in source and (goal.above is None or f'"{goal.above}"' in source)
+
+
+def test_tables_of_an_earlier_run_stand_beside_those_of_this_one() -> None:
+    one, two, three = ([paint(each)] for each in ("1.1", "1.2", "1.3"))
+    assert side_by_side([one], [two, three]) == [[*one, *two], three] == side_by_side([one, three], [two])
