@@ -71,5 +71,5 @@ class ToolGains:
 
 
 def matches(found: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
-    """Whether every wanted gain was found."""
-    return all(name in found and same(found[name], value) for name, value in wanted.items())
+    """Whether every wanted gain was found; a filter that nobody wrote down is none."""
+    return all(same(found.get(name, 0.0), value) for name, value in wanted.items())
