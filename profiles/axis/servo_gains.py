@@ -142,8 +142,9 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
 
 
 def present_settings(machine: MachineProfile, names: Iterable[str]) -> dict[str, float]:
-    """Return variables of a machine by these names."""
-    return {name: machine.controller.variables[name] for name in names}
+    """Return variables of a machine by these names; a notch filter that it does not state is none."""
+    stated = {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
+    return {name: stated[name] for name in names}
 
 
 def program_speed_mm_per_s(machine: MachineProfile) -> float:
