@@ -37,10 +37,6 @@ from profiles.axis.margins import (
     loop_margins,
     sensitivity_peak,
 )
-    LEAST_PHASE_MARGIN_DEG,
-    MOST_SENSITIVITY,
-    loop_margins,
-)
 from profiles.axis.notch import OTHER_READINGS, Notch, Reading, placed_notch
 from profiles.axis.plant_fit import PlantFit
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop

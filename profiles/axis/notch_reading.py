@@ -1,7 +1,7 @@
 """How a controller reads the coefficients of a notch filter, told from a health test with one in the loop.
 
-The step of the test is computed with each reading, and so is the response at its sine. The reading fits that leaves
-least, if it leaves clearly less than each other one: what friction or the load does to a test it does under every
+The step of the test is computed with each reading, and so is the response at its sine. The reading fits that
+leaves least, if it leaves clearly less than each other one: what friction does to a test it does under every
 reading.
 """
 
