@@ -77,6 +77,9 @@ def _designed(
     if proposal is None:
         return GainFacts(proposal=None, known=known, reasons=(Problem(code="trial.no_design"),))
     reasons = hidden_problems(known, replace(known.loop, gains=proposal.gains))
+    if reasons and alone is not None and proposal.gains.notch:
+        proposal, notes = alone, reasons
+        reasons = hidden_problems(known, replace(known.loop, gains=alone.gains))
     return GainFacts(proposal=None if reasons else proposal, known=known, reasons=reasons, notes=notes)
 
 
