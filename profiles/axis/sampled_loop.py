@@ -137,6 +137,23 @@ class SampledLoop:
         padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
         return floats(padded), floats(denominator)
 
+    def force_polynomials(self) -> tuple[Floats, Floats]:
+        """Return numerator and denominator from a force on the rigid axis, in volts of output, to the position.
+
+        With the closed loop's denominator z (z^2 c D + N Bn) and the rigid part Nr / Dr of the plant it is
+        Nr z^3 c (D / Dr) over that; the force is held for a period, and acts without the delay of the output.
+        """
+        n1, n0, _ = self._held()
+        above = np.polymul([n1, n0], [1.0, 0.0, 0.0, 0.0])
+        if self.gains.ki_v_per_m_s != 0.0:
+            above = np.polymul(above, [1.0, -1.0])
+        for mode in self.plant.modes:
+            above = np.polymul(above, self._held_mode(mode)[1])
+        if self.gains.notch:
+            above = np.polymul(above, self.gains.notch.below)
+        _, below = self.closed_polynomials()
+        return floats(np.concatenate([np.zeros(len(below) - len(above)), above])), below
+
     def plant_polynomials(self) -> tuple[Floats, Floats]:
         """Return numerator and denominator of the plant behind its hold, modes included."""
         n1, n0, decay = self._held()

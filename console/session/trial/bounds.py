@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
 from console.session.trial.known_loop import KnownLoop, with_settings
-from console.session.trial.notch_evidence import read_otherwise
+from console.session.trial.notch_evidence import misread
 from console.session.trial.standing import is_filter
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import MOST_SETTINGS
@@ -65,7 +65,8 @@ def filter_problems(
     if not gains.notch or gains.notch == known.loop.gains.notch or known.reading is Reading.STATED:
         return ()
     if known.reading is not None:
-        return (read_otherwise(known.reading, str(machine.tool.motor)),)
+        names = misread(known.reading, str(machine.tool.motor))
+        return (Problem(code="trial.other_reading", value=names),)
     if known.fit is None:
         return (unmeasured(known),)
     if fails_otherwise(known.loop, gains, (known.fit.plant, *known.fit.others)) is None:

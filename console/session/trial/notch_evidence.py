@@ -5,8 +5,6 @@ A wrong reading is told from the numbers of a test; with a first filter the loop
 
 from __future__ import annotations
 
-import cmath
-import math
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -51,37 +49,30 @@ def filter_doubts(test: HealthResult, loop: SampledLoop) -> Iterator[Problem]:
     if not loop.gains.notch:
         return
     left = left_by(loop, gathered(test))
-    reading, most = reading_of(left), f"<= {100.0 * MOST_LEFT:.0f} %"
-    value = f"{100.0 * left[Reading.STATED]:.0f} %"
+    reading, value = reading_of(left), _percent(left[Reading.STATED])
     if reading is not None and reading is not Reading.STATED:
-        yield read_otherwise(reading, loop_motor(test))
+        names = misread(reading, next(iter(test.origin.gains))[1:-2])
+        yield Problem(code="trial.read_otherwise", key=names, value=value, limit=_percent(left[reading]))
     elif reading is None:
         yield Problem(code="trial.notch_undecided", value=value)
     elif left[Reading.STATED] > MOST_LEFT:
-        yield Problem(code="trial.disagrees", value=value, limit=most)
+        yield Problem(code="trial.disagrees", value=value, limit=f"<= {_percent(MOST_LEFT)}")
 
 
-def read_otherwise(reading: Reading, motor: str) -> Problem:
-    """Return that a controller reads the signs of coefficients otherwise, with their names."""
+def misread(reading: Reading, motor: str) -> str:
+    """Return the names of the coefficients whose signs a controller reads otherwise."""
     numbers = {Reading.NUMERATOR: NOTCH_NUMBERS[:2], Reading.DENOMINATOR: NOTCH_NUMBERS[2:]}
-    names = ", ".join(f"I{motor}{number}" for number in numbers.get(reading, NOTCH_NUMBERS))
-    return Problem(code="trial.read_otherwise", value=names)
+    return ", ".join(f"I{motor}{number}" for number in numbers.get(reading, NOTCH_NUMBERS))
 
 
-def loop_motor(test: HealthResult) -> str:
-    """Return the number of the tool's motor, by the names of its gains."""
-    return next(iter(test.origin.gains), "I0")[1:-2]
+def _percent(left: float) -> str:
+    return f"{100.0 * left:.2g} %"
 
 
 def gathered(test: HealthResult) -> GatheredStep:
-    """Return the step and the sine of a test as they are judged."""
-    sine = test.sine
+    """Return the step of a test as it is judged."""
     return GatheredStep(
-        reference_um=floats(test.reference_um),
-        position_um=floats(test.position_um),
-        step_um=test.step_um,
-        sine_hz=sine.frequency_hz,
-        sine=cmath.rect(sine.gain, math.radians(sine.phase_deg)),
+        reference_um=floats(test.reference_um), position_um=floats(test.position_um), step_um=test.step_um
     )
 
 

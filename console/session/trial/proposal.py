@@ -11,7 +11,7 @@ from pathlib import Path
 
 from console.session.trial.bounds import hidden_problems, unmeasured
 from console.session.trial.known_loop import KnownLoop, known_loop
-from console.session.trial.notch_evidence import read_otherwise
+from console.session.trial.notch_evidence import misread
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import GainProposal
 from profiles.axis.loop_design import designed_gains
@@ -91,7 +91,7 @@ def _with_filter(
     if fit is None or not fit.plant.modes:
         return alone, ()
     if reading not in (None, Reading.STATED):
-        return alone, (read_otherwise(reading, str(here.tool.motor)),)
+        return alone, (Problem(code="trial.other_reading", value=misread(reading, str(here.tool.motor))),)
     proven = reading is Reading.STATED
     found = design_with_notch(here, known.loop, fit, lobe_hz, alone, proven=proven)
     if found is None:
