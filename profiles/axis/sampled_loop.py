@@ -105,17 +105,24 @@ class SampledLoop:
         """Return the poles of the closed loop without the extra delay; stable with all inside the unit circle."""
         return complexes(np.roots(self.closed_polynomials()[1]))
 
-    def closed_polynomials(self) -> tuple[Floats, Floats]:
+    def closed_polynomials(self, *, delayed: bool = False) -> tuple[Floats, Floats]:
         """Return numerator and denominator of the closed loop in falling powers of z, as long as each other.
 
-        The extra delay is left out. With B = Bn / (z c) and F = Fn / (z^2 c), where c = z - 1 with an integrator
-        and 1 without, it is N Fn / (z (z^2 c D + N Bn)). A notch filter counts as a part of the plant.
+        The extra delay is left out, unless `delayed`, where it is linear between two periods. With B = Bn / (z c)
+        and F = Fn / (z^2 c), where c = z - 1 with an integrator and 1 without, it is N Fn / (z (z^2 c D + N Bn)). A
+        notch filter counts as a part of the plant.
         """
         gains, period_s = self.gains, self.period_s
         plant_above, plant_below = self.plant_polynomials()
         if gains.notch:
             plant_above = floats(np.polymul(plant_above, gains.notch.above))
             plant_below = floats(np.polymul(plant_below, gains.notch.below))
+        if delayed and self.plant.delay_s:
+            late, spread = self._late()
+            plant_above, plant_below = (
+                floats(np.polymul(plant_above, spread)),
+                floats(np.polymul(plant_below, late)),
+            )
         integrating = gains.ki_v_per_m_s != 0.0
         common = [1.0, -1.0] if integrating else [1.0]
         shared = np.polymul([gains.kp_v_per_m, 0.0], common)
@@ -137,6 +144,11 @@ class SampledLoop:
         padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
         return floats(padded), floats(denominator)
 
+    def _late(self) -> tuple[list[float], list[float]]:
+        """Return the extra delay as a denominator, powers of z, and a numerator of two samples."""
+        whole, part = divmod(self.plant.delay_s / self.period_s, 1.0)
+        return [1.0, *[0.0] * (int(whole) + 1)], [1.0 - part, part]
+
     def force_polynomials(self) -> tuple[Floats, Floats]:
         """Return numerator and denominator from a force on the rigid axis, in volts of output, to the position.
 
@@ -151,7 +163,9 @@ class SampledLoop:
             above = np.polymul(above, self._held_mode(mode)[1])
         if self.gains.notch:
             above = np.polymul(above, self.gains.notch.below)
-        _, below = self.closed_polynomials()
+        if self.plant.delay_s:
+            above = np.polymul(above, self._late()[0])
+        _, below = self.closed_polynomials(delayed=True)
         return floats(np.concatenate([np.zeros(len(below) - len(above)), above])), below
 
     def plant_polynomials(self) -> tuple[Floats, Floats]:

@@ -74,7 +74,7 @@ def modelled(loop: SampledLoop, reference: Floats) -> Floats:
     """Return the positions that a loop at rest at the first value makes of a reference, sample by sample."""
     from scipy.signal import lfilter
 
-    numerator, denominator = loop.closed_polynomials()
+    numerator, denominator = loop.closed_polynomials(delayed=True)
     start = float(reference[0])
     return floats(start + lfilter(numerator, denominator, reference - start))
 

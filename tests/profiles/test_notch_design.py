@@ -84,6 +84,20 @@ def test_the_opened_loop_with_a_filter_is_that_of_python_control() -> None:
     )
 
 
+@pytest.mark.parametrize("delay_s", [0.0001, 0.0006])
+def test_a_delay_of_the_axis_is_in_what_a_step_is_compared_with(delay_s: float) -> None:
+    hz = np.array([5.0, 20.0, 40.0, 80.0])
+    loop = replace(NOTCHED, plant=replace(NOMINAL, delay_s=delay_s))
+    z = np.exp(2j * np.pi * hz * loop.period_s)
+    above, below = loop.closed_polynomials(delayed=True)
+    assert np.abs(np.polyval(above, z) / np.polyval(below, z) / loop.closed(hz) - 1.0).max() < 0.01
+    above, below = loop.force_polynomials()
+    s = 2j * np.pi * hz
+    pushed = NOMINAL.acceleration_per_v / (s * (s + NOMINAL.damping_per_s)) / (1.0 + loop.opened(hz))
+    held = pushed * np.exp(-0.5 * s * loop.period_s)  # a force that is held is half a period late
+    assert np.abs(np.polyval(above, z) / np.polyval(below, z) / held - 1.0).max() < 0.02
+
+
 def test_what_a_cut_inverts_has_the_filter_of_the_profile() -> None:
     settings = {**variables_from_gains(MACHINE, NOTCHED.gains), **notch_settings(MACHINE, NOTCH)}
     controller = replace(MACHINE.controller, variables={**MACHINE.controller.variables, **settings})
