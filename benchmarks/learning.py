@@ -12,7 +12,8 @@ Each row of parts is told on the error output as it ends.
 
 `--how`: `all` is as the console learns; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1
 and 0.7 in place of the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that
-`console tune show` proposes for the first of these lathes. `--job square` has four jaws, `six` has six. With `--fingerprint` an indicator shows the clamping of each part before it is cut.
+`console tune show` proposes for the first of these lathes. `--job square` has four jaws, `six` has six. With
+`--fingerprint` an indicator shows the clamping of each part before it is cut.
 """
 
 from __future__ import annotations
