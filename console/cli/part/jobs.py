@@ -1,4 +1,4 @@
-"""`console jobs`: the saved jobs, which of them a machine can cut, and what differs from the commit of a folder."""
+"""`console jobs`: the saved jobs, which of them a machine can cut, and what differs from the commit."""
 
 from __future__ import annotations
 
