@@ -183,7 +183,11 @@ def test_a_wrong_line_of_an_included_file_is_named_there(
     card.line.heard = b""
     said = console("controller", "download", own(text, "TM500\nX1000 YY\n"), "--lang", language)
     assert said.code == 1 and card.line.heard == b""
-    assert "2 (limits.h:2)" in said.err and "4, limits.h:1" in said.err
+    finding, refused = {
+        "en": ("line 2 (limits.h:2):", "line 4, limits.h:1"),
+        "ko": ("2행 (limits.h:2):", "행 4, limits.h:1:"),
+    }[language]
+    assert finding in said.err and refused in said.err
 
 
 @on_one
@@ -241,7 +245,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
     parts = {"en": "as in the file: PROG 101; in part: PROG 102; as before: PLC 5"}
     parts["ko"] = "파일과 같음: PROG 101; 일부만: PROG 102; 이전과 같음: PLC 5"
     assert parts[language] in said.err, said.err
-    assert ("line 11 of" if language == "en" else "11행") in said.err
+    assert ("line 11 of" if language == "en" else "행 11 입니다") in said.err
     assert f"console controller restore {kept}" in said.err
     assert listing(card, "LIST PROG102") == ["RETURN"]
     assert card.client.numbers("P1000") == (0.0,)
