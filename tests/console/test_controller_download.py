@@ -104,10 +104,14 @@ def test_what_was_replaced_comes_back_from_the_backup_that_it_names(
     said = console("controller", "download", own(TWO))
     (kept,) = (data_folder / "trilobe" / "backups").iterdir()
     assert f"To undo: console controller restore {kept}" in said.out
-    assert "restore does not look for PROG 102" in flat(said.out)
+    card.tell("OPEN PROG 103 CLEAR", "X9", "CLOSE")  # somebody else's, after the download
+    diff = console("controller", "diff", str(kept))
+    assert diff.code == 1 and "PROG 102:1" in diff.out and "PROG 103" not in diff.out
     assert console("controller", "restore", str(kept)).code == 0
     assert listing(card, "LIST PROG101") == ["X7", "X8", "RETURN"]
     assert listing(card, "LIST PLC5") == ["P9=P9+1", "RETURN"]
+    assert listing(card, "LIST PROG103") == ["X9", "RETURN"]
+    assert listing(card, "LIST PROG102") == ["RETURN"], "new in the file: erased as well"
 
 
 @on_one
@@ -148,6 +152,9 @@ REFUSED = {
     "korean": ('OPEN PROG 101 CLEAR\nX1\nSEND"가"\nCLOSE\n', "line 3: the controller refuses"),
     "plc 20": (GOOD + "OPEN PLC 20 CLEAR\nP1=1\nCLOSE\n", "line 4: PLC 20 belongs to the console"),
     "program 1": ("OPEN PROG 1 CLEAR\nX1\nCLOSE\n", "line 1: PROG 1 belongs to the console"),
+    "owner": ("OPEN PROG 101 CLEAR\nX1 P1000=0\nCLOSE\n", "line 2: P1000 would be written"),
+    "guard": (GOOD + "OPEN PLC 5 CLEAR\nP(1000+3)=0\nCLOSE\n", "line 5: P1003 would be written"),
+    "by command": ('OPEN PLC 5 CLEAR\nCMD"P998..1001=0"\nCLOSE\n', "line 2: P1000, P1001 would be written"),
     "no clear": ("OPEN PROG 101\nX1\nCLOSE\n", "line 1: PROG 101 is opened without CLEAR"),
     "cut off": ("OPEN PROG 101 CLEAR\nX1\n", "line 1: PROG 101 has no CLOSE"),
     "twice": (GOOD + GOOD, "line 4: PROG 101 is opened twice"),
