@@ -82,6 +82,10 @@ class ToolAxis:
     wiper_land_mm: float
     bus_voltage_v: float | None = None
     name: str = ""
+    notch_n1: float = 0.0
+    notch_n2: float = 0.0
+    notch_d1: float = 0.0
+    notch_d2: float = 0.0
 
     @property
     def v_per_bit(self) -> float:
