@@ -72,7 +72,9 @@ def _proposal(options: Namespace, place: TrialPlace) -> GainFacts:
     """Return the design for the loop that was read, or the gains of a given factor."""
     read, factor, lobe_hz = place.gains.loop(""), options.factor, options.lobe or LOBE_HZ
     if factor is None:
-        return gain_facts(place.machine, read, place.data, simulated=place.simulated, lobe_hz=lobe_hz)
+        return gain_facts(
+            place.machine, read, place.data, place.firmware, simulated=place.simulated, lobe_hz=lobe_hz
+        )
     if not LEAST_FACTOR <= factor <= MOST_FACTOR:
         limit = f"{LEAST_FACTOR:g}..{MOST_FACTOR:g}"
         raise SessionError(Problem(code="trial.range", key="--factor", value=f"{factor:g}", limit=limit))

@@ -57,12 +57,16 @@ def bound_problems(
 def filter_problems(
     machine: MachineProfile, read: ToolLoop, settings: Mapping[str, float], known: KnownLoop
 ) -> tuple[Problem, ...]:
-    """Return why a notch filter that is not in the controller yet must not be applied; () where none is meant.
+    """Return why gains with a notch filter must not be applied, as long as no test has shown how it is read.
+
+    One that is in the controller already may be applied with softer gains.
 
     Raises ProfileError: the profile lacks a gain.
     """
     gains = gains_from_variables(with_settings(read.on(machine), settings))
-    if not gains.notch or gains.notch == known.loop.gains.notch or known.reading is Reading.STATED:
+    if not gains.notch or known.reading is Reading.STATED:
+        return ()
+    if gains.notch == known.loop.gains.notch and softer(known.loop, gains):
         return ()
     if known.reading is not None:
         names = misread(known.reading, str(machine.tool.motor))

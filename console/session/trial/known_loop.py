@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.data.identified import responses_of
-from console.session.trial.notch_evidence import seen_reading
+from console.session.trial.notch_evidence import NO_FIRMWARE, seen_reading
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from profiles.axis.notch import Reading
 from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
@@ -38,8 +38,12 @@ class KnownLoop:
     reading: Reading | None = None
 
 
-def known_loop(here: MachineProfile, data: Path, *, simulated: bool) -> KnownLoop:
+def known_loop(
+    here: MachineProfile, data: Path, firmware: tuple[str, str] = NO_FIRMWARE, *, simulated: bool
+) -> KnownLoop:
     """Return the loop of a machine with the axis behind its kept responses, of other gains as well.
+
+    How a filter is read is known of one `firmware` (version and type), where that is given.
 
     Raises ProfileError: the profile lacks a gain, or the folder cannot be read.
     """
@@ -61,7 +65,7 @@ def known_loop(here: MachineProfile, data: Path, *, simulated: bool) -> KnownLoo
     fit = fitted_plant(loop, plain) or fitted_plant(loop, plain + filtered)
     if fit is None:
         return KnownLoop(loop=loop)
-    reading = seen_reading(here, data, fit.plant, simulated=simulated)
+    reading = seen_reading(here, data, fit.plant, firmware, simulated=simulated)
     if filtered and plain and reading is Reading.STATED:
         fit = fitted_plant(loop, plain + filtered) or fit
     return KnownLoop(loop=replace(loop, plant=fit.plant), fit=fit, date=date, reading=reading)

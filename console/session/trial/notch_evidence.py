@@ -22,10 +22,15 @@ from profiles.problem import Problem, ProfileError
 MOST_TESTS = 50
 
 
-def seen_reading(machine: MachineProfile, data: Path, plant: AxisPlant, *, simulated: bool) -> Reading | None:
+NO_FIRMWARE = ("", "")  # where nobody has asked the controller for its version and type
+
+
+def seen_reading(
+    machine: MachineProfile, data: Path, plant: AxisPlant, firmware: tuple[str, str], *, simulated: bool
+) -> Reading | None:
     """Return how the newest test with a filter shows that it is read; None where none tells.
 
-    A test that fits no reading of this axis tells nothing, either.
+    A test of another firmware, or one that fits no reading of this axis, tells nothing.
     """
     try:
         tests = kept_tests(data, machine.name, MOST_TESTS)
@@ -34,6 +39,8 @@ def seen_reading(machine: MachineProfile, data: Path, plant: AxisPlant, *, simul
     for kept in tests:
         test = kept.result
         if test is None or test.origin.simulated is not simulated:
+            continue
+        if firmware != NO_FIRMWARE and firmware != (test.origin.version, test.origin.kind):
             continue
         loop = loop_of(with_gains(machine, test), plant)
         if loop.gains.notch:

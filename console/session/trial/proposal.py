@@ -11,7 +11,7 @@ from pathlib import Path
 
 from console.session.trial.bounds import hidden_problems, unmeasured
 from console.session.trial.known_loop import KnownLoop, known_loop
-from console.session.trial.notch_evidence import misread
+from console.session.trial.notch_evidence import NO_FIRMWARE, misread
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import GainProposal
 from profiles.axis.loop_design import designed_gains
@@ -57,18 +57,21 @@ def with_figures(machine: MachineProfile, facts: GainFacts, lobe_hz: float = LOB
 
 
 def gain_facts(
-    machine: MachineProfile, read: ToolLoop | None, data: Path, *, simulated: bool, lobe_hz: float = LOBE_HZ
+    machine: MachineProfile,
+    read: ToolLoop | None,
+    data: Path,
+    firmware: tuple[str, str] = NO_FIRMWARE,
+    *,
+    simulated: bool,
+    lobe_hz: float = LOBE_HZ,
 ) -> GainFacts:
     """Return the proposal for the loop that was read; ProfileError where the profile lacks a gain."""
-    facts = _designed(machine, read, data, simulated=simulated, lobe_hz=lobe_hz)
+    here = machine if read is None else read.on(machine)
+    facts = _designed(here, known_loop(here, data, firmware, simulated=simulated), lobe_hz)
     return with_figures(machine, facts, lobe_hz)
 
 
-def _designed(
-    machine: MachineProfile, read: ToolLoop | None, data: Path, *, simulated: bool, lobe_hz: float
-) -> GainFacts:
-    here = machine if read is None else read.on(machine)
-    known = known_loop(here, data, simulated=simulated)
+def _designed(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFacts:
     fit = known.fit
     if fit is None or not fit.holds:
         return GainFacts(proposal=None, known=known, reasons=(unmeasured(known),))

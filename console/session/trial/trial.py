@@ -136,7 +136,7 @@ def apply_trial(place: TrialPlace, settings: Mapping[str, float], shown: Mapping
     if tuple(settings) != place.gains.names:
         value, limit = ", ".join(settings), ", ".join(place.gains.names)
         raise SessionError(Problem(code="trial.range", key="Ix30..Ix39", value=value, limit=limit))
-    known = known_loop(read.on(place.machine), place.data, simulated=place.simulated)
+    known = known_loop(read.on(place.machine), place.data, place.firmware, simulated=place.simulated)
     refuse(bound_problems(place.machine, read, settings, known))
     refuse(filter_problems(place.machine, read, settings, known))
     file, trial = _begun(place, read, found, settings, known)
