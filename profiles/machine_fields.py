@@ -67,6 +67,8 @@ def _travel(key: str) -> Field:
     return Field(key=key, unit="mm", at_least=-10_000, at_most=10_000)
 
 
+NOTCH_KEYS = ("notch_n1", "notch_n2", "notch_d1", "notch_d2")
+
 SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
         "controller": (
@@ -101,6 +103,10 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("wiper_land_mm", "mm", 10),
             _known("bus_voltage_v", "V", 1000),
             Field(key="name", kind=Kind.TEXT, default=""),
+            *(
+                Field(key=f"notch_{each}", at_least=-2, at_most=2, default=0.0)
+                for each in ("n1", "n2", "d1", "d2")
+            ),
         ),
         "spindle": (
             _MOTOR,

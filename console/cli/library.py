@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from drivers.simulator.plant.true_parameters import TrueParameters
 
 DEFAULT_MACHINE = "lee-2001-lathe"
+SIM_OPTION, SIM_LINK = "--sim", "--link sim:"
+"""Options that lead to a simulated machine; a command has one of them, or both."""
 
 
 def data_of(options: Namespace) -> Path:
@@ -43,11 +45,11 @@ def profile_of(options: Namespace) -> LoadedMachine:
     return load_machine(options.machine or DEFAULT_MACHINE, machines_folder(data_of(options)))
 
 
-def machine_of(options: Namespace) -> LoadedMachine:
+def machine_of(options: Namespace, simulated_by: str = f"{SIM_OPTION} | {SIM_LINK}") -> LoadedMachine:
     """Load the machine named on the command line, for a command that moves it; as `refuse_unsigned`."""
     loaded = profile_of(options)
     if not isinstance(link_address(options, loaded), SimulatedAddress):
-        refuse_unsigned(loaded.machine)
+        refuse_unsigned(loaded.machine, simulated_by)
     return loaded
 
 
@@ -64,9 +66,12 @@ def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
     return parse_address(given) if given and not options.sim else SimulatedAddress()
 
 
-def refuse_unsigned(machine: MachineProfile) -> None:
-    """Refuse a machine on a real link with `safety.signed_for_simulator` where its profile was signed for that."""
-    if problems := real_machine_problems(machine):
+def refuse_unsigned(machine: MachineProfile, simulated_by: str = SIM_LINK) -> None:
+    """Refuse a machine on a real link with `safety.signed_for_simulator` where its profile was signed for that.
+
+    `simulated_by` are the options of the command that lead to the simulated machine instead.
+    """
+    if problems := real_machine_problems(machine, simulated_by):
         raise ProfileError(*problems)
 
 

@@ -82,7 +82,14 @@ class Parser(argparse.ArgumentParser):
         sentence = " ".join(message.split())
         for pattern, key in _WORDING.items():
             if match := re.fullmatch(pattern, sentence):
-                sentence = self.text(key, **match.groupdict())
+                sentence = self.text(key, **self._named(match.groupdict()))
                 break
         print(f"{self.prog}: {sentence}", file=sys.stderr)
         raise SystemExit(2)
+
+    def _named(self, facts: dict[str, str]) -> dict[str, str]:
+        """Return what a sentence names; a missing action with those there are."""
+        for action in self._actions:
+            if action.metavar == facts["value"] and action.choices:
+                facts["value"] += f" ({', '.join(map(str, action.choices))})"
+        return facts

@@ -18,6 +18,7 @@ from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.language.text import format_number
+from profiles.axis.servo_gains import NOTCH_NUMBERS
 from profiles.findings import Severity
 from profiles.machine import Controller as ControllerSettings
 from profiles.machine import MachineProfile
@@ -68,10 +69,19 @@ def stated_settings(judged: Judged) -> list[Check]:
         factory = found is not None and same(found, judged.dialect.factory.get(index, 0.0))
         code = "factory" if factory else "differs"
         checks.append(judged.about(code, Severity.REFUSAL, index, wanted=amount(wanted, of, judged.machine)))
+    checks += _unstated_notch(judged)
     for (group, subject), count in held.items():
         facts = {"count": str(count)}
         checks.append(Check(group, "settings_hold", Severity.OK, subject=subject, facts=facts))
     return checks
+
+
+def _unstated_notch(judged: Judged) -> Iterator[Check]:
+    """Yield each coefficient of a notch filter of the tool that is not 0, where the profile says nothing of it."""
+    for number in NOTCH_NUMBERS:
+        index = judged.dialect.motor_index(judged.machine.tool.motor, number)
+        if index not in judged.wanted and judged.value(index):
+            yield judged.about("differs", Severity.REFUSAL, index, wanted="0")
 
 
 def differences(before: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:
@@ -92,7 +102,13 @@ def differences(before: Configuration, now: Configuration, machine: MachineProfi
         *_entries("#{} COMP", Group.PROGRAMS, *tables),
         *_entries("Y:${:X}", Group.CARD, *words),
         *(() if None in (before.user_buffer, now.user_buffer) else _entries("{}", Group.PROGRAMS, *sizes)),
+        *(() if now.misplaced_buffer is None else [_misplaced(now.misplaced_buffer)]),
     ]
+
+
+def _misplaced(problem: Problem) -> Check:
+    found, wanted, code = problem.value, problem.limit, "user_buffer_misplaced"
+    return Check(Group.PROGRAMS, code, Severity.REFUSAL, variable=problem.key, found=found, wanted=wanted)
 
 
 def _settings(before: Configuration, now: Configuration, machine: MachineProfile) -> Iterator[Check]:

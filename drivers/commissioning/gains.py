@@ -20,7 +20,14 @@ from drivers.errors import DriverError, RefusedError
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
-from profiles.axis.servo_gains import PidGains, eq9_gains, gains_from_variables, variables_from_gains
+from profiles.axis.servo_gains import (
+    PidGains,
+    gains_from_variables,
+    meant_gains,
+    notch_settings,
+    stated_notch,
+    variables_from_gains,
+)
 from profiles.findings import Severity
 from profiles.problem import Problem, ProfileError
 
@@ -40,16 +47,20 @@ class Write:
 def gain_checks(judged: Judged) -> list[Check]:
     """Check that the profile's gains of the tool agree with each other, and what the controller's mean."""
     stated = judged.machine.controller.variables
-    meant = variables_from_gains(judged.machine, eq9_gains(judged.machine))
+    gains = meant_gains(judged.machine)
+    meant: dict[str, float] = {**variables_from_gains(judged.machine, gains)}
     differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
+    filters = notch_settings(judged.machine, stated_notch(judged.machine))
+    differing += [name for name, value in filters.items() if not same(stated.get(name, 0.0), value)]
+    meant |= filters
     checks = []
     for name in differing:
-        found, wanted = format_constant(stated[name]), str(meant[name])
+        found, wanted = format_constant(stated.get(name, 0.0)), format_constant(meant[name])
         checks.append(
             Check(Group.TOOL, "profile_gains", Severity.REFUSAL, "tool", variable=name, found=found, wanted=wanted)
         )
-    gains = _gains_found(judged)
-    return checks if gains is None else [*checks, _meaning(gains)]
+    running = _gains_found(judged)
+    return checks if running is None else [*checks, _meaning(running.at_rest)]
 
 
 def gain_writes(judged: Judged) -> tuple[Write, ...]:

@@ -40,8 +40,9 @@ class Name:
     nature: Nature = Nature.MOTION
 
 
-GAIN_NUMBERS = (30, 31, 32, 33, 34, 35)
-"""Ix30 to Ix35, which `apply` writes. Ix63 limits the integrator: a limit, so not included."""
+GAIN_NUMBERS = (30, 31, 32, 33, 34, 35, 36, 37, 38, 39)
+"""Ix30 to Ix35 and the notch filter Ix36 to Ix39, which `apply` writes. Ix63 limits the integrator: a limit, so
+not included."""
 
 OTHER = "other"  # the key of a setting without a name of its own
 _Q, _N = Quantity, Nature
@@ -82,6 +83,7 @@ _MOTOR = {
     33: Name("integral_gain", nature=_N.GAIN),
     34: Name("integration_mode", nature=_N.GAIN),
     35: Name("acceleration_feedforward", nature=_N.GAIN),
+    **{number: Name("notch_filter", nature=_N.GAIN) for number in range(36, 40)},
     63: Name("integration_limit", nature=_N.LIMIT),
     67: Name("error_limit", _Q.SIXTEENTHS, _N.LIMIT),
     68: Name("friction_feedforward", _Q.DAC_BITS),

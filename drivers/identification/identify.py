@@ -31,7 +31,7 @@ from drivers.pmac.settings import servo_cycle_ms
 from profiles.compensations.path import delayed
 from profiles.problem import Problem, ProblemError
 
-GAINS = range(30, 36)  # Ix30 to Ix35
+GAINS = range(30, 40)  # Ix30 to Ix35, and the notch filter
 SERVO_TIME = 10
 
 MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero

@@ -10,7 +10,9 @@ from typing import Any
 
 from drivers.cutting.strategy import Strategy
 from drivers.pmac.dialect import dialect_of
+from profiles.axis.notch import NO_NOTCH
 from profiles.axis.response import ServoResponse, identified_response
+from profiles.axis.servo_gains import notch_settings
 from profiles.machine import MachineProfile
 from profiles.own_values import positive, read_own
 from profiles.problem import Problem
@@ -40,7 +42,7 @@ class IdentifiedPoint:
 class Origin:
     """What a response is valid for: the machine's name, the controller's firmware, gains and servo period.
 
-    `gains` are Ix30 to Ix35 of the tool by their names, as they were read.
+    `gains` are Ix30 to Ix39 of the tool by their names, as they were read.
     """
 
     machine: str
@@ -112,16 +114,18 @@ def unfit_problems(
     """Return every way in which a response belongs to another machine or path: `response.of_another`.
 
     `simulated` says where the cut will be, None if unknown. A profile does not know the version of a
-    controller; a gain that it does not name is not compared. `where` is the file.
+    controller; a gain that it does not name is not compared, and a notch filter that it does not name is none.
+    `where` is the file.
     """
     origin, controller = identified.origin, machine.controller
     dialect, variables = dialect_of(origin.kind), controller.variables
     pairs = [("strategy", identified.path.value, path.value), ("machine", origin.machine, machine.name)]
     if dialect is None or dialect.name != controller.family:
         pairs.append(("controller", origin.kind, controller.family))
+    unstated = dict.fromkeys(notch_settings(machine, NO_NOTCH), 0.0)
     for name, gain in origin.gains.items():
-        if name in variables:
-            pairs.append((name, f"{gain:.10g}", f"{variables[name]:.10g}"))
+        if name in variables or name in unstated:
+            pairs.append((name, f"{gain:.10g}", f"{variables.get(name, 0.0):.10g}"))
     if not math.isclose(origin.servo_period_ms, controller.servo_period_ms, rel_tol=SAME_PERIOD):
         pairs.append(("servo_period_ms", f"{origin.servo_period_ms:.6g}", f"{controller.servo_period_ms:.6g}"))
     if simulated is not None:

@@ -40,7 +40,7 @@ def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float)
     the tool. Two polls of the watch, two to confirm, and the stop take their time; then the tool coasts.
     """
     tool = machine.tool
-    force_n = gains_from_variables(machine).kp_v_per_m * tool.loop_gain_n_per_v * amplitude_um * 1e-6
+    force_n = gains_from_variables(machine).at_rest.kp_v_per_m * tool.loop_gain_n_per_v * amplitude_um * 1e-6
     late_s = PROVING_POLLS / 2 * (CUT_POLL_S + LONGEST_WAIT_S) + (PROVING_POLLS + 1) * round_trip_s
     pushed_m = 0.5 * force_n / tool.moving_mass_kg * late_s**2
     if tool.damping_n_s_per_m > 0.0:

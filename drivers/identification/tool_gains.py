@@ -1,4 +1,4 @@
-"""Write gains of the tool: Ix30 to Ix33, drives disabled, each read back. Nothing is saved in the controller."""
+"""Write gains and notch filter of the tool, drives disabled, each read back. Nothing is saved (SAVE)."""
 
 from __future__ import annotations
 
@@ -12,10 +12,24 @@ from drivers.errors import DriverError
 from drivers.identification.tool_loop import ToolLoop, read_tool_loop
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_constant
+from profiles.axis.servo_gains import NOTCH_NUMBERS
 from profiles.problem import Problem
 
-WRITTEN = (30, 31, 32, 33)
-"""Ix30 to Ix33: what a proposal changes. Scales, integration mode, notch filter and limits are never written."""
+WRITTEN = (30, 31, 32, 33, *NOTCH_NUMBERS)
+"""Ix30 to Ix33 and Ix36 to Ix39: what a proposal changes. Scales, integration mode, limits are never written."""
+
+
+def in_writing_order(found: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
+    """Return names so that the loop is never more than both ends of the way, nor its filter unsteady.
+
+    The overall gain Ix30 goes first where it becomes less, else last; of the two coefficients of the poles the one
+    first that leaves them inside the unit circle beside the other, which is still the old one.
+    """
+    names = list(wanted)
+    scale, (n1, n2, d1, d2) = names[0], names[-4:]
+    steady = abs(found[d2]) < 1.0 and abs(wanted[d1]) < 1.0 + found[d2]
+    ordered = [*names[1:-4], n1, n2, *((d1, d2) if steady else (d2, d1))]
+    return [scale, *ordered] if wanted[scale] <= found[scale] else [*ordered, scale]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,11 +69,12 @@ class ToolGains:
             LinkError: the link broke; whether its last line was executed is unknown.
         """
         found = self.read()
-        writes = tuple(self._write(name, value, found[name]) for name, value in values.items())
+        ordered = in_writing_order(found, values)
+        writes = tuple(self._write(name, values[name], found[name]) for name in ordered)
         apply(self.client, self.client.dialect, [each for each in writes if each.wanted != each.found])
         after = self.read()
-        for each, (name, value) in zip(writes, values.items(), strict=True):
-            if not same(after[name], value):
+        for each, name in zip(writes, ordered, strict=True):
+            if not same(after[name], values[name]):
                 stands = format_constant(after[name])
                 raise DriverError(
                     Problem(code="controller.not_taken", key=each.line, value=stands, limit=each.wanted)
@@ -71,5 +86,5 @@ class ToolGains:
 
 
 def matches(found: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
-    """Whether every wanted gain was found."""
-    return all(name in found and same(found[name], value) for name, value in wanted.items())
+    """Whether every wanted gain was found; a filter that nobody wrote down is none."""
+    return all(same(found.get(name, 0.0), value) for name, value in wanted.items())

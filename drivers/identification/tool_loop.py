@@ -11,11 +11,11 @@ from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.machine import MachineProfile
 
-MODELLED = (8, 9, 30, 31, 32, 33, 34, 35)
-"""Ix08 and Ix09, the scales, and the gains Ix30 to Ix35."""
+MODELLED = (8, 9, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39)
+"""Ix08 and Ix09, the scales, the gains Ix30 to Ix35, and the notch filter Ix36 to Ix39."""
 
-UNMODELLED = (36, 37, 38, 39, 60, 68)
-"""Notch filter, longer servo period, friction feedforward: 0, or the loop is another one than is computed."""
+UNMODELLED = (60, 68)
+"""Longer servo period, friction feedforward: 0, or the loop is another one than is computed."""
 
 _SERVO_TIME = 10
 

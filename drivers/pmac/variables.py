@@ -116,6 +116,9 @@ class VariableStore:
         if limits is not None:
             lowest, count = limits
             value = float(lowest + (math.floor(value + 0.5) - lowest) % count)
+        elif index in self.dialect.fractions:
+            ones = 2.0 ** self.dialect.fractions[index]
+            value = float((math.floor(value * ones + 0.5) + 2**23) % 2**24 - 2**23) / ones
         # Where systems have numbers of their own, a motor's Ixx88 is a setting like any other.
         modal = index % 100 in MODAL_NUMBERS and index >= self.dialect.system_offset
         if not modal and value != self._i.get(index):

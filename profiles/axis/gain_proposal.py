@@ -10,7 +10,14 @@ from dataclasses import dataclass, replace
 
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
-from profiles.axis.servo_gains import PidGains, gains_from_variables, present_settings, variables_from_gains
+from profiles.axis.servo_gains import (
+    NOTCH_NUMBERS,
+    PidGains,
+    gains_from_variables,
+    notch_settings,
+    present_settings,
+    variables_from_gains,
+)
 from profiles.machine import MachineProfile
 
 MOST_SETTINGS = {30: 32_767, 31: 32_767, 32: 32_767, 33: 8_388_607}
@@ -21,16 +28,28 @@ MOST_SETTINGS = {30: 32_767, 31: 32_767, 32: 32_767, 33: 8_388_607}
 class GainProposal:
     """Proposed gains, as rounded to the whole numbers that the controller takes, and margins before and after.
 
-    Both margins are those of the same plant. `settings` are Ix30 to Ix33 by name, `present` those of the machine.
+    Both margins are those of the same plant. `settings` are Ix30 to Ix33 and the notch filter Ix36 to Ix39 by
+    name, `present` those of the machine.
     """
 
     factor: float
     gains: PidGains
-    settings: dict[str, int]
+    settings: dict[str, float]
     present: dict[str, float]
     plant: AxisPlant
     before: LoopMargins
     after: LoopMargins
+
+    @property
+    def changes(self) -> tuple[tuple[str, float, float], ...]:
+        """Names with present and proposed value; without the filter where neither has one."""
+        filtered = self.gains.notch or any(self.present[name] for name in self._filter)
+        shown = [name for name in self.settings if filtered or name not in self._filter]
+        return tuple((name, self.present[name], self.settings[name]) for name in shown)
+
+    @property
+    def _filter(self) -> tuple[str, ...]:
+        return tuple(name for name in self.settings if int(name[-2:]) in NOTCH_NUMBERS)
 
 
 def scaled_gains(
@@ -44,6 +63,7 @@ def scaled_gains(
         ki_v_per_m_s=factor**3 * gains.ki_v_per_m_s,
         kd_v_s_per_m=kd,
         velocity_feedforward_v_s_per_m=kd,
+        notch=gains.notch,
     )
     return rounded_proposal(machine, loop, asked, before)
 
@@ -52,7 +72,8 @@ def rounded_proposal(
     machine: MachineProfile, loop: SampledLoop, asked: PidGains, before: LoopMargins
 ) -> GainProposal | None:
     """Return gains as the whole numbers that the controller takes; None where they do not fit the variables."""
-    settings, motor = variables_from_gains(machine, asked), machine.tool.motor
+    motor = machine.tool.motor
+    settings: dict[str, float] = {**variables_from_gains(machine, asked), **notch_settings(machine, asked.notch)}
     if any(settings[f"I{motor}{number}"] > most for number, most in MOST_SETTINGS.items()):
         return None
     controller = replace(machine.controller, variables={**machine.controller.variables, **settings})
@@ -60,7 +81,7 @@ def rounded_proposal(
     shown = {name: value for name, value in settings.items() if not name.endswith(("34", "35"))}
     after = loop_margins(replace(loop, gains=rounded))
     return GainProposal(
-        factor=rounded.kd_v_s_per_m / loop.gains.kd_v_s_per_m,
+        factor=rounded.at_rest.kd_v_s_per_m / loop.gains.at_rest.kd_v_s_per_m,
         gains=rounded,
         settings=shown,
         present=present_settings(machine, shown),

@@ -77,6 +77,12 @@ def loop_margins(loop: SampledLoop) -> LoopMargins:
     )
 
 
+def sensitivity_peak(loop: SampledLoop) -> float:
+    """Return Ms alone."""
+    hz = np.geomspace(_LOWEST_HZ, loop.nyquist_hz, _POINTS)
+    return _maximum(hz, lambda f: 1.0 / np.abs(1.0 + loop.opened(f)))[0]
+
+
 def is_stable(loop: SampledLoop) -> bool:
     """Whether the closed loop is stable: by its poles, and an extra delay by the delay margin without it."""
     if not bool((np.abs(loop.poles()) < 1.0).all()):
@@ -113,20 +119,17 @@ def _gain_factors(loop: SampledLoop, hz: Floats) -> list[tuple[float, float]]:
 
 
 def _crossings(hz: Floats, curve: Curve) -> list[float]:
-    """Return where a curve passes through 0, by halving between the points of a grid."""
+    """Return where a curve passes through 0, by halving between the points of a grid, all at once."""
     values = curve(hz)
-    found = []
-    for place in np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1])):
-        low, high = float(hz[place]), float(hz[place + 1])
-        begins = np.signbit(values[place])
-        for _ in range(_HALVINGS):
-            middle = 0.5 * (low + high)
-            if np.signbit(curve(np.array([middle]))[0]) == begins:
-                low = middle
-            else:
-                high = middle
-        found.append(0.5 * (low + high))
-    return found
+    places = np.flatnonzero(np.signbit(values[1:]) != np.signbit(values[:-1]))
+    if not places.size:
+        return []
+    low, high, begins = hz[places], hz[places + 1], np.signbit(values[places])
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        before = np.signbit(curve(middle)) == begins
+        low, high = np.where(before, middle, low), np.where(before, high, middle)
+    return [float(each) for each in 0.5 * (low + high)]
 
 
 def _maximum(hz: Floats, curve: Curve) -> tuple[float, float]:

@@ -8,6 +8,8 @@ P(z) = (n1 z + n0) / ((z - 1) (z - d)),    d = exp(-b T)
     F(z) = kp + ki T z / (z - 1) + kvff (z - 1) / (T z) + kaff ((z - 1) / (T z))^2     on the command
     L = P B / z,    closed loop P F / z / (1 + L)
 
+A notch filter N(z) / D(z) of the gains multiplies both B and F (`profiles.axis.notch`).
+
 A flexible mode adds a c / (s^2 + 2 z w s + w^2) to the plant, as its step-invariant sampling (K. J. Astrom and
 B. Wittenmark, Computer-Controlled Systems, table 2.1). An extra delay of the plant, such as that of the current
 loop, multiplies P by exp(-j w delay).
@@ -80,14 +82,15 @@ class SampledLoop:
     def feedback(self, frequency_hz: ArrayLike) -> Complexes:
         """Return B, V/m."""
         z, _ = self._z(frequency_hz)
-        return complexes(self._shared(z) + self.gains.kd_v_s_per_m * self._slope(z))
+        return self._filtered(self._shared(z) + self.gains.kd_v_s_per_m * self._slope(z), z)
 
     def forward(self, frequency_hz: ArrayLike) -> Complexes:
         """Return F, V/m."""
         z, _ = self._z(frequency_hz)
         gains, slope = self.gains, self._slope(z)
         velocity = gains.velocity_feedforward_v_s_per_m * slope
-        return complexes(self._shared(z) + velocity + gains.acceleration_feedforward_v_s2_per_m * slope**2)
+        ahead = self._shared(z) + velocity + gains.acceleration_feedforward_v_s2_per_m * slope**2
+        return self._filtered(ahead, z)
 
     def opened(self, frequency_hz: ArrayLike) -> Complexes:
         """Return L, the loop opened at its output."""
@@ -106,10 +109,13 @@ class SampledLoop:
         """Return numerator and denominator of the closed loop in falling powers of z, as long as each other.
 
         The extra delay is left out. With B = Bn / (z c) and F = Fn / (z^2 c), where c = z - 1 with an integrator
-        and 1 without, it is N Fn / (z (z^2 c D + N Bn)).
+        and 1 without, it is N Fn / (z (z^2 c D + N Bn)). A notch filter counts as a part of the plant.
         """
         gains, period_s = self.gains, self.period_s
         plant_above, plant_below = self.plant_polynomials()
+        if gains.notch:
+            plant_above = floats(np.polymul(plant_above, gains.notch.above))
+            plant_below = floats(np.polymul(plant_below, gains.notch.below))
         integrating = gains.ki_v_per_m_s != 0.0
         common = [1.0, -1.0] if integrating else [1.0]
         shared = np.polymul([gains.kp_v_per_m, 0.0], common)
@@ -130,6 +136,23 @@ class SampledLoop:
         numerator = np.polymul(plant_above, forward)
         padded = np.concatenate([np.zeros(len(denominator) - len(numerator)), numerator])
         return floats(padded), floats(denominator)
+
+    def force_polynomials(self) -> tuple[Floats, Floats]:
+        """Return numerator and denominator from a force on the rigid axis, in volts of output, to the position.
+
+        With the closed loop's denominator z (z^2 c D + N Bn) and the rigid part Nr / Dr of the plant it is
+        Nr z^3 c (D / Dr) over that; the force is held for a period, and acts without the delay of the output.
+        """
+        n1, n0, _ = self._held()
+        above = np.polymul([n1, n0], [1.0, 0.0, 0.0, 0.0])
+        if self.gains.ki_v_per_m_s != 0.0:
+            above = np.polymul(above, [1.0, -1.0])
+        for mode in self.plant.modes:
+            above = np.polymul(above, self._held_mode(mode)[1])
+        if self.gains.notch:
+            above = np.polymul(above, self.gains.notch.below)
+        _, below = self.closed_polynomials()
+        return floats(np.concatenate([np.zeros(len(below) - len(above)), above])), below
 
     def plant_polynomials(self) -> tuple[Floats, Floats]:
         """Return numerator and denominator of the plant behind its hold, modes included."""
@@ -159,6 +182,10 @@ class SampledLoop:
     def _z(self, frequency_hz: ArrayLike) -> tuple[Complexes, Floats]:
         hz = np.maximum(floats(frequency_hz), LOWEST_HZ)
         return complexes(np.exp(2j * np.pi * hz * self.period_s)), floats(hz)
+
+    def _filtered(self, gain: Complexes, z: Complexes) -> Complexes:
+        notch = self.gains.notch
+        return complexes(gain * notch.at(z) if notch else gain)
 
     def _slope(self, z: Complexes) -> Complexes:
         return complexes((1.0 - 1.0 / z) / self.period_s)

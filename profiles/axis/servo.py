@@ -90,8 +90,8 @@ def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: Pi
     """Return the response of the sampled loop, in the shape of `frequency_hz` (above 0, below Nyquist).
 
     The plant M s^2 + B s follows a zero-order hold of one servo period, derivatives are backward
-    differences, and the output acts one period late. Without `gains` they are those of the controller's
-    variables. At 0 Hz the value is 1.
+    differences, and the output acts one period late, through the notch filter. Without `gains` they are those
+    of the controller's variables. At 0 Hz the value is 1.
     """
     gains = gains_from_variables(machine) if gains is None else gains
     period_s = machine.controller.servo_period_ms / 1000
@@ -101,6 +101,8 @@ def sampled_response(machine: MachineProfile, frequency_hz: ArrayLike, gains: Pi
     slope = (1 - 1 / z) / period_s
     shared = gains.kp_v_per_m + gains.ki_v_per_m_s / slope
     plant = _held_plant(machine, z, period_s) / z
+    if gains.notch:
+        plant = plant * gains.notch.at(z)
     ahead = (
         shared
         + gains.velocity_feedforward_v_s_per_m * slope

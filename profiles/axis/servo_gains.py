@@ -7,16 +7,21 @@ acceleration CA in counts per servo cycle, and the sum IE of the following error
 
 DAC = 2^-19 Ix30 { Ix08 [ FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23 ] - Ix31 Ix09 AV/128 }
 
-32768 bits are the full scale of the output.
+32768 bits are the full scale of the output. The notch filter (Ix36 to Ix39, `profiles.axis.notch`) follows it: it
+changes the gain at rest, so that the gains of a profile in V/m, which are those at rest, are Ix30 times that.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+from profiles.axis.notch import NO_NOTCH, Notch
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
+
+NOTCH_NUMBERS = (36, 37, 38, 39)
+"""Ix36 to Ix39, the coefficients of the notch filter; what a profile does not state is 0."""
 
 _NEEDED_SUFFIXES = ("08", "09", "30", "31", "32", "33")
 
@@ -25,7 +30,8 @@ _NEEDED_SUFFIXES = ("08", "09", "30", "31", "32", "33")
 class PidGains:
     """Gains of the position loop. The derivative acts on the actual velocity.
 
-    A velocity feedforward equal to `kd_v_s_per_m` puts the derivative on the error, as in Eq 9.
+    A velocity feedforward equal to `kd_v_s_per_m` puts the derivative on the error, as in Eq 9. The `notch`
+    filters the sum of all; the gains are those before it.
     """
 
     kp_v_per_m: float
@@ -33,10 +39,27 @@ class PidGains:
     kd_v_s_per_m: float
     velocity_feedforward_v_s_per_m: float
     acceleration_feedforward_v_s2_per_m: float = 0.0
+    notch: Notch = NO_NOTCH
+
+    def scaled(self, factor: float) -> PidGains:
+        """Return every gain times a factor, with the same filter."""
+        return replace(
+            self,
+            kp_v_per_m=factor * self.kp_v_per_m,
+            ki_v_per_m_s=factor * self.ki_v_per_m_s,
+            kd_v_s_per_m=factor * self.kd_v_s_per_m,
+            velocity_feedforward_v_s_per_m=factor * self.velocity_feedforward_v_s_per_m,
+            acceleration_feedforward_v_s2_per_m=factor * self.acceleration_feedforward_v_s2_per_m,
+        )
+
+    @property
+    def at_rest(self) -> PidGains:
+        """The gains behind the filter, as a slow motion meets them and as a profile states them."""
+        return self.scaled(self.notch.at_rest) if self.notch else self
 
 
 def eq9_gains(machine: MachineProfile) -> PidGains:
-    """Return the gains of section 4.2, with the derivative on the error."""
+    """Return the gains of section 4.2, with the derivative on the error; those at rest, without a filter."""
     tool = machine.tool
     return PidGains(
         kp_v_per_m=tool.gain_kp_v_per_m,
@@ -44,6 +67,31 @@ def eq9_gains(machine: MachineProfile) -> PidGains:
         kd_v_s_per_m=tool.gain_kd_v_s_per_m,
         velocity_feedforward_v_s_per_m=tool.gain_kd_v_s_per_m,
     )
+
+
+def stated_notch(machine: MachineProfile) -> Notch:
+    """Return the notch filter that the keys of the tool state."""
+    tool = machine.tool
+    return Notch(n1=tool.notch_n1, n2=tool.notch_n2, d1=tool.notch_d1, d2=tool.notch_d2)
+
+
+def meant_gains(machine: MachineProfile) -> PidGains:
+    """Return the gains before the filter, and the filter, that the keys of the tool state."""
+    gains, notch = eq9_gains(machine), stated_notch(machine)
+    return replace(gains.scaled(1.0 / notch.at_rest), notch=notch) if notch.steady and notch else gains
+
+
+def notch_from_variables(machine: MachineProfile) -> Notch:
+    """Return the notch filter by the controller's variables."""
+    motor, variables = machine.tool.motor, machine.controller.variables
+    n1, n2, d1, d2 = (variables.get(f"I{motor}{number}", 0.0) for number in NOTCH_NUMBERS)
+    return Notch(n1=n1, n2=n2, d1=d1, d2=d2)
+
+
+def notch_settings(machine: MachineProfile, notch: Notch) -> dict[str, float]:
+    """Return Ix36 to Ix39 of the tool motor for a filter."""
+    names = (f"I{machine.tool.motor}{number}" for number in NOTCH_NUMBERS)
+    return dict(zip(names, notch.coefficients, strict=True))
 
 
 def gains_from_variables(machine: MachineProfile) -> PidGains:
@@ -66,6 +114,7 @@ def gains_from_variables(machine: MachineProfile) -> PidGains:
         kd_v_s_per_m=unit * ix09 * ix31 / 128 * period_s,
         velocity_feedforward_v_s_per_m=unit * ix08 * ix32 / 128 * period_s,
         acceleration_feedforward_v_s2_per_m=unit * ix08 * variables.get(f"I{motor}35", 0) / 128 * period_s**2,
+        notch=notch_from_variables(machine),
     )
 
 
@@ -93,8 +142,9 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
 
 
 def present_settings(machine: MachineProfile, names: Iterable[str]) -> dict[str, float]:
-    """Return variables of a machine by these names."""
-    return {name: machine.controller.variables[name] for name in names}
+    """Return variables of a machine by these names; a notch filter that it does not state is none."""
+    stated = {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
+    return {name: stated[name] for name in names}
 
 
 def program_speed_mm_per_s(machine: MachineProfile) -> float:

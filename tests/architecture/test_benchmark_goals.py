@@ -84,7 +84,11 @@ def test_more_is_better_where_a_goal_is_a_least() -> None:
 def test_the_page_names_the_machine_and_each_figure() -> None:
     rounds = [[paint("1.5")]]
     page = performance.page(figures(rounds), rounds)
-    assert performance.machine() in page and "| first paint | <= 1.6 x | 1.5 | 0.94 | met | console 0 |" in page
+    assert (
+        performance.machine() in page
+        and "### first_paint\n" in page
+        and "| first paint | <= 1.6 x | 1.5 | 0.94 | met | console 0 |" in page
+    )
 
 
 @pytest.mark.parametrize("goal", GOALS, ids=lambda goal: goal.what)

@@ -13,6 +13,7 @@ from console.session.station.commands import CheckHealth, EnableDrives, Home
 from console.session.trial.air_proof import unproven
 from console.session.trial.trial import TrialPlace, standing_trial
 from drivers.simulator.machine import SimulatedLathe
+from profiles.axis.sampled_loop import loop_of
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, station_of
 from tests.console.test_gain_trial import HALF_KP, order, record
@@ -51,7 +52,9 @@ def test_a_tool_that_swings_or_overshoots_proves_nothing(
     store(tmp_path, replace(made, position_um=tuple(position.tolist()), step=step))
     (kept,) = kept_tests(tmp_path, made.origin.machine, 5)
     assert kept.result is not None
-    found = unproven(tmp_path, made.origin.machine, made.origin.gains, simulated=True)
+    loop = loop_of(load_machine(MACHINE).machine)
+    found = unproven(tmp_path, made.origin.machine, made.origin.gains, loop, simulated=True)
     assert [problem.code for problem in found] == codes
     other = {**made.origin.gains, "I130": 1.0}
-    assert [p.code for p in unproven(tmp_path, made.origin.machine, other, simulated=True)] == ["trial.unproven"]
+    untried = unproven(tmp_path, made.origin.machine, other, loop, simulated=True)
+    assert [problem.code for problem in untried] == ["trial.unproven"]

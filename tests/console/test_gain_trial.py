@@ -31,7 +31,8 @@ from tests.console.cable import Cable, cabled, until_back
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
 
-BEFORE = {"I130": 528.0, "I131": 4905.0, "I132": 4905.0, "I133": 811.0}
+NO_FILTER = {"I136": 0.0, "I137": 0.0, "I138": 0.0, "I139": 0.0}
+BEFORE = {"I130": 528.0, "I131": 4905.0, "I132": 4905.0, "I133": 811.0, **NO_FILTER}
 HALF_KP = {**BEFORE, "I130": 264.0}
 """Half of every gain: Ix31 to Ix33 are relative to Ix30. The gain margin of 5.58 is twice as large."""
 
@@ -42,7 +43,7 @@ def order(settings: dict[str, float], shown: dict[str, float] | None = None) -> 
 
 def stands(owner: WithStation) -> dict[str, float]:
     """What the controller has, asked past the console."""
-    return {name: owner.sim.controller.variables.settings()[int(name[1:])] for name in BEFORE}
+    return {name: owner.sim.controller.variables.i(int(name[1:])) for name in BEFORE}
 
 
 def record(data: Path) -> dict[str, Any]:
@@ -168,11 +169,11 @@ def refuse(owner: WithStation, line: bytes, answer: bytes) -> None:
 def test_a_value_that_is_not_taken_ends_it_and_what_stands_is_told_and_reverted_after_a_restart(
     owner: WithStation, tmp_path: Path, answer: bytes, code: str
 ) -> None:
-    wanted = {"I130": 300.0, "I131": 4800.0, "I132": 4800.0, "I133": 800.0}
+    wanted = {"I130": 300.0, "I131": 4800.0, "I132": 4800.0, "I133": 800.0, **NO_FILTER}
     refuse(owner, b"I132=4800", answer)
     state = owner.do(order(wanted))
     third = 4000.0 if b"4000" in answer else 4905.0
-    assert stands(owner) == {"I130": 300.0, "I131": 4800.0, "I132": third, "I133": 811.0}
+    assert stands(owner) == {**BEFORE, "I130": 300.0, "I131": 4800.0, "I132": third}
     cause, told = state.refusals
     assert told.code == "trial.stands" and told.key == "I130 300, I131 4800"
     assert (told.value, told.limit) == (

@@ -10,12 +10,13 @@ import pytest
 
 from console.session.station.commands import ApplyGains, CheckHealth, EnableDrives, Home
 from console.session.station.state import Activity
-from console.session.trial.proposal import FAST_SWEEP, SLOW_SWEEP, gain_facts
+from console.session.trial.bounds import FAST_SWEEP, SLOW_SWEEP
+from console.session.trial.proposal import gain_facts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, station_of
-from tests.console.test_gain_trial import BEFORE, order, stands
+from tests.console.test_gain_trial import BEFORE, NO_FILTER, order, stands
 
 Console = Callable[..., Any]
 
@@ -27,7 +28,7 @@ flexible_hz = 300
 flexible_damping = 0.02
 flexible_fraction = 0.4
 """
-FOR_A_RIGID_TOOL = {"I130": 2954.0, "I131": 1263.0, "I132": 1263.0, "I133": 55_697.0}
+FOR_A_RIGID_TOOL = {"I130": 2954.0, "I131": 1263.0, "I132": 1263.0, "I133": 55_697.0, **NO_FILTER}
 """Stiff gains with an Ms of 1.6 on the tool of the profile, and unstable on this one: test_loop_design.py."""
 
 

@@ -21,9 +21,11 @@ def test_the_gains_are_those_of_the_controller_whoever_has_written_them(tmp_path
     owner = station_of(sim, tmp_path)
     owner.client.request("I130=600", lines=0)
     owner.client.request("I136=-1.5", lines=0)
+    owner.client.request("I168=40", lines=0)
     loop = owner.do(ReadLoop()).tool_loop
     assert loop is not None
-    assert (loop.gains["I130"], loop.gains["I131"], loop.unmodelled) == (600.0, 4905.0, ("I136",))
+    assert (loop.gains["I130"], loop.gains["I131"], loop.unmodelled) == (600.0, 4905.0, ("I168",))
+    assert loop.gains["I136"] == -1.5, "the model has the notch filter"
     assert loop.servo_period_ms == pytest.approx(0.4427083730697632)
     assert loop.on(machine).controller.variables["I130"] == 600.0
     # It may be read by a console that only observes, and writes nothing.

@@ -42,7 +42,8 @@ def test_gains_are_shown_applied_explained_and_taken_back(
     told = console("controller", "verify", "--lang", language)
     assert told.code == 1 and "console tune revert --yes" in " ".join(told.out.split())
     found = console("tune", "show", "--json").json["trial"]
-    assert dict(found["before"]) == dict(zip(NAMES, before, strict=True)) and found["whole"]
+    gains = {name: value for name, value in found["before"] if name in NAMES}
+    assert gains == dict(zip(NAMES, before, strict=True)) and found["whole"]
     assert console("tune", "revert", "--yes", "--lang", language).code == 0
     assert stands(card) == before
     assert console("controller", "verify").code == 0

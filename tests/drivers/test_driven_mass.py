@@ -9,8 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.simulator.card.servo import ServoAxis, ServoGains
+from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, linear_motor, rotary_motor
+from drivers.simulator.plant.servo_gains import ServoGains
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 FRICTION_N, MASS_KG, COUNTS_PER_M = 3.0, 4.74, 5e6

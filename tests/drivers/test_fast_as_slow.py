@@ -19,7 +19,7 @@ from drivers.pmac.heartbeat.plc import Policy, set_up_lines
 from drivers.pmac.trajectory.pieces import Piece
 from drivers.simulator.card.player import Player
 from drivers.simulator.card.registers import CardMemory
-from drivers.simulator.card.servo import ServoAxis, ServoGains
+from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.card.stretch import Stretch
 from drivers.simulator.commands import line
 from drivers.simulator.machine import SimulatedLathe
@@ -28,6 +28,7 @@ from drivers.simulator.plant.axis import Ends, NoisyScale, Scale
 from drivers.simulator.plant.collision import CollisionWatch
 from drivers.simulator.plant.driven_mass import DrivenMass
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.workpiece import OVERLAP
 from profiles.store import load_job

@@ -150,7 +150,8 @@ def test_a_lathe_with_a_little_friction_is_found_with_it(machine: MachineProfile
 def test_what_it_holds_for_is_read_from_the_card(machine: MachineProfile) -> None:
     of = ready(machine)
     origin = found(of, Strategy.PVT, 50.0, periods=4).origin
-    assert origin.gains == {"I130": 528, "I131": 4905, "I132": 4905, "I133": 811, "I134": 0, "I135": 0}
+    pid = {"I130": 528, "I131": 4905, "I132": 4905, "I133": 811, "I134": 0, "I135": 0}
+    assert origin.gains == {**pid, "I136": 0, "I137": 0, "I138": 0, "I139": 0}, "with the notch filter"
     assert (origin.machine, origin.version, origin.kind) == (machine.name, of.version, of.kind)
     assert origin.servo_period_ms == pytest.approx(0.44271, abs=1e-5)
 

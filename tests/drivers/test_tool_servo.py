@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from drivers.simulator.card.servo import ServoAxis, ServoGains
+from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.axis import IdealAxis
 from drivers.simulator.plant.driven_mass import linear_motor
 from drivers.simulator.plant.flexible_mode import FlexibleMode
+from drivers.simulator.plant.servo_gains import ServoGains
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 MASS, DAMPING, FORCE_N_PER_V = 4.74, 201.6, 11.45 * 54.5

@@ -16,12 +16,13 @@ from hypothesis import strategies as st
 
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.settings import settings_with
-from drivers.simulator.card.servo import ServoAxis, ServoGains
+from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import NoisyScale
 from drivers.simulator.plant.driven_mass import DrySlide, linear_motor
 from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop

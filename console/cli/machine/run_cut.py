@@ -27,6 +27,7 @@ from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVE
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.feed.followed_run import FollowedRun, Run
+from console.session.feed.run_alarms import RunAlarms
 from console.session.feed.server import FeedServer
 from console.session.learning.learning import learn
 from console.session.learning.row_result import LearnResult
@@ -79,9 +80,8 @@ def cut_requested(
         timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
     tell_cut_with(options, request, text)
-    recorder = FollowedRun(
-        _followed(request, record), LogRecorder(record.log, partial(_keep_part, record, request))
-    )
+    kept = LogRecorder(record.log, partial(_keep_part, record, request))
+    recorder = FollowedRun(_followed(request, record), kept, RunAlarms(record.log.event))
     feed = FeedServer(data, recorder.observed)
     feed.launch()
     tell = _followed_by(recorder, _teller(options, text, interruption, record, simulated=request.simulated))
@@ -298,7 +298,7 @@ def _cut(
         recorder.seen(snapshot)
 
     reached = reach(request.machine, request.address, data, tracing, seen)
-    recorder.stop = reached.stop
+    recorder.stop, recorder.alarms.heartbeat = reached.stop, reached.heartbeat
     try:
         guard(interruption, reached.lathe, reached.clock.now_s)
         with stopping.watching(reached.stop):

@@ -9,10 +9,10 @@ from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.output import show
 from console.session.errors import SessionError
-from console.session.trial.air_proof import unproven
-from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, known_loop, with_figures
+from console.session.trial.known_loop import known_loop
+from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
 from console.session.trial.standing import StandingTrial, listed
-from console.session.trial.trial import TrialPlace, apply_trial, revert_trial, standing_trial
+from console.session.trial.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from profiles.axis.gain_proposal import GainProposal, scaled_gains
@@ -27,7 +27,8 @@ def _show(options: Namespace, card: Card, text: Catalogue) -> int:
     place = _place(options, card)
     trial, last = standing_trial(place, settle=False), list[str]()
     if trial is not None and trial.whole:
-        doubts = unproven(place.data, card.machine.name, dict(trial.found), simulated=place.simulated)
+        kept = place.trial()
+        doubts = () if kept is None else air_doubts(place, kept[1], dict(trial.found))
         last = [text.problem(problem) for problem in doubts] or [text("tune.proven")]
     return _told(options, card, text, _proposal(options, place), trial, last)
 
@@ -98,6 +99,7 @@ def _told(
             "proposal": None if found is None or facts is None else _fields(facts, found),
             "axis": None if facts is None else _axis_fields(facts),
             "reasons": [] if facts is None else [problem.code for problem in facts.reasons],
+            "notes": [] if facts is None else [problem.code for problem in facts.notes],
             "trial": None if trial is None else {**asdict(trial), "problems": [p.code for p in trial.problems]},
         },
         lambda: [card_line(card, text), "", *_lines(card.machine, facts, trial, text), *last],
@@ -127,10 +129,11 @@ def _lines(
         return lines
     lines += [f"  {each}" for each in axis_lines(machine, facts, text)]
     lines += [text.problem(problem) for problem in facts.reasons]
+    lines += [text.problem(problem) for problem in facts.notes]
     found = facts.proposal
     if found is None:
         return lines
-    lines += [f"  {name}  {value:g} -> {found.settings[name]}" for name, value in found.present.items()]
+    lines += [f"  {name}  {was:.10g} -> {value:.10g}" for name, was, value in found.changes]
     lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
     for key, stiff, trips_n in zip(("present", "proposed"), facts.stiffness or (), facts.trips_n, strict=False):
         at = ", ".join(f"{um:.2f} @ {hz:.4g} Hz" for hz, um in zip(stiff.hz, stiff.um_per_n, strict=True))

@@ -39,13 +39,13 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _take(options: Namespace, text: Catalogue) -> None:
     """Write what the indicator of the simulated lathe shows of the clamping that the same options cut on."""
-    from console.cli.library import job_of, machine_of, true_parameters_of
+    from console.cli.library import SIM_OPTION, job_of, machine_of, true_parameters_of
     from console.cli.measured.asked_fingerprint import indicated
     from console.cli.output import show
     from profiles.files import printable, write_atomically
     from profiles.fingerprint.readings import readings_text
 
-    job, machine = job_of(options), machine_of(options).machine
+    job, machine = job_of(options), machine_of(options, SIM_OPTION).machine
     true = true_parameters_of(options, machine)
     readings = indicated(job.job, machine, true)
     write_atomically(Path(options.out), readings_text(readings).encode("ascii"), overwrite=False)
@@ -63,14 +63,14 @@ def _take(options: Namespace, text: Catalogue) -> None:
 
 
 def _judge(options: Namespace, text: Catalogue) -> None:
-    from console.cli.library import data_of, job_of, machine_of
+    from console.cli.library import SIM_OPTION, data_of, job_of, machine_of
     from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
     from console.cli.output import show
     from console.session.data.calibrated_chuck import calibrated
     from console.text.fingerprint import deflection_lines, fingerprint_fields, fingerprint_line
     from drivers.cutting.strategy import Strategy
 
-    job, machine = job_of(options).job, calibrated(machine_of(options), data_of(options)).machine
+    job, machine = job_of(options).job, calibrated(machine_of(options, SIM_OPTION), data_of(options)).machine
     cut = AskedCut(job=job, machine=machine, strategy=Strategy(options.strategy))
     found = asked_fingerprint(options.file, cut, in_process=False, simulated=True)
     show(

@@ -1,7 +1,8 @@
 """Whether gains were proven in air: a health test with exactly these gains, in which nothing swings.
 
 The newest test with them counts. A tool may end beside its step, which friction does; it must not overshoot by
-much more than the model of these gains does, nor swing where it should stand.
+much more than the model of these gains does, nor swing where it should stand. With a notch filter the test also
+has to be the one that the model makes of it, and of no other reading of its coefficients.
 """
 
 from __future__ import annotations
@@ -12,19 +13,22 @@ from pathlib import Path
 import numpy as np
 
 from console.session.data.health import kept_tests
+from console.session.trial.notch_evidence import MOST_TESTS, filter_doubts
 from drivers.identification.health_result import HealthResult
 from drivers.identification.tool_gains import matches
+from profiles.axis.sampled_loop import SampledLoop
 from profiles.problem import Problem, ProfileError
 
-MOST_TESTS = 50
 MORE_OVERSHOOT_PERCENT = 15.0  # than the model has
 MOST_SWING, STANDS_AFTER_MS = 0.05, 60.0  # rms over the step, from so long after it
 LEAST_SWING_UM = 0.5  # what the noise of a scale makes of a tool that stands
 LEAST_COHERENCE = 0.95
 
 
-def unproven(data: Path, machine: str, gains: Mapping[str, float], *, simulated: bool) -> tuple[Problem, ...]:
-    """Return why gains are not proven in air; nothing where they are."""
+def unproven(
+    data: Path, machine: str, gains: Mapping[str, float], loop: SampledLoop, *, simulated: bool
+) -> tuple[Problem, ...]:
+    """Return why gains are not proven in air; nothing where they are. `loop` has them, and the known axis."""
     try:
         tests = kept_tests(data, machine, MOST_TESTS)
     except ProfileError as error:
@@ -32,7 +36,7 @@ def unproven(data: Path, machine: str, gains: Mapping[str, float], *, simulated:
     for kept in tests:
         found = kept.result
         if found is not None and found.origin.simulated is simulated and matches(found.origin.gains, gains):
-            return tuple(_swings(found))
+            return (*_swings(found), *filter_doubts(found, loop))
     return (Problem(code="trial.unproven", key=machine),)
 
 

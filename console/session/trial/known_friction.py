@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from console.session.trial.proposal import known_loop
+from console.session.trial.known_loop import known_loop
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 
 from console.session.data.kept_files import folder_name, keep, kept, numbered_files, utc_now
 from console.session.operator import operator_name
+from console.session.trial.standing import is_filter
 from drivers.link.address import without_options
+from profiles.axis.notch import MOST
 from profiles.axis.sampled_loop import AxisPlant, FlexibleMode
 from profiles.files import printable, write_atomically
 from profiles.own_values import read_own
@@ -52,6 +54,15 @@ class TrialRecord:
     open: bool
     events: tuple[TrialEvent, ...]
     axis: Mapping[str, float] = field(default_factory=dict)
+
+    def complete(self, names: Sequence[str]) -> TrialRecord:
+        """Return the record with these names; one of gains alone had no notch filter, before and after."""
+        if not set(self.before) <= set(names) or any(
+            not is_filter(name) for name in set(names) - set(self.before)
+        ):
+            return self
+        before, proposed = ({name: each.get(name, 0.0) for name in names} for each in (self.before, self.proposed))
+        return replace(self, before=before, proposed=proposed)
 
     def then(self, what: str, found: Mapping[str, float], *, over: bool = False) -> TrialRecord:
         """Return the record with one more event, and closed where the trial is over."""
@@ -122,11 +133,12 @@ def read(file: Path) -> TrialRecord:
 
 
 def _judge(record: TrialRecord) -> None:
-    """Refuse what is not four gains before and after; what is written from it has to be one."""
+    """Refuse what are not the same gains before and after; what is written from it has to be one."""
     if not record.before or tuple(record.before) != tuple(record.proposed):
         raise ValueError(f"{', '.join(record.before)} | {', '.join(record.proposed)}")
-    for value in (*record.before.values(), *record.proposed.values()):
-        if not (float(value).is_integer() and abs(value) <= MOST_SETTING):
+    for name, value in (*record.before.items(), *record.proposed.items()):
+        fits = abs(value) <= MOST if is_filter(name) else float(value).is_integer() and abs(value) <= MOST_SETTING
+        if not fits:
             raise ValueError(f"{value:g}")
     if record.axis:
         try:

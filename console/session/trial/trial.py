@@ -14,7 +14,8 @@ from pathlib import Path
 from console.session.errors import SessionError, refuse
 from console.session.trial import record as records
 from console.session.trial.air_proof import unproven
-from console.session.trial.proposal import KnownLoop, bound_problems, known_loop, margins_with
+from console.session.trial.bounds import bound_problems, filter_problems, margins_with
+from console.session.trial.known_loop import KnownLoop, known_loop, with_settings
 from console.session.trial.record import TrialRecord, open_trial, plant_of, values_of
 from console.session.trial.standing import Gains, StandingTrial, listed, stands_problem
 from drivers.commissioning.gains import refuse_unready
@@ -51,6 +52,8 @@ class TrialPlace:
     def trial(self) -> tuple[Path, TrialRecord] | None:
         """Return the trial of this machine that is not over; ProfileError `trial.file`: it cannot be read."""
         found = open_trial(self.data, self.machine.name, self.address, simulated=self.simulated)
+        if found is not None:
+            found = found[0], found[1].complete(self.gains.names)
         if found is not None and tuple(found[1].before) != self.gains.names:
             where, value = str(found[0]), ", ".join(found[1].before)
             raise ProfileError(Problem(code="trial.file", where=where, value=value))
@@ -71,7 +74,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
     found, stated = place.gains.read(), place.machine.controller.variables
     ended = records.RESTORED if matches(found, trial.before) else ""
     if matches(found, trial.proposed) and all(stated.get(name) == value for name, value in found.items()):
-        if doubts := unproven(place.data, place.machine.name, found, simulated=place.simulated):
+        if doubts := air_doubts(place, trial, found):
             standing = _standing(place, trial, found)
             return replace(standing, problems=doubts) if standing.whole else standing
         ended = records.ADOPTED
@@ -80,6 +83,12 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
             records.write_again(file, trial.then(ended, found, over=True))
         return None
     return _standing(place, trial, found)
+
+
+def air_doubts(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> tuple[Problem, ...]:
+    """Return why the gains that stand are not proven in air, on the axis that they were bounded by."""
+    loop = loop_of(with_settings(place.machine, found), plant_of(trial.axis))
+    return unproven(place.data, place.machine.name, found, loop, simulated=place.simulated)
 
 
 def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> StandingTrial:
@@ -125,13 +134,11 @@ def apply_trial(place: TrialPlace, settings: Mapping[str, float], shown: Mapping
         present, before = listed(_pairs(found)), listed(_pairs(shown))
         raise SessionError(Problem(code="trial.changed_meanwhile", value=present, limit=before))
     if tuple(settings) != place.gains.names:
-        raise SessionError(
-            Problem(
-                code="trial.range", key="Ix30..Ix33", value=", ".join(settings), limit=", ".join(place.gains.names)
-            )
-        )
+        value, limit = ", ".join(settings), ", ".join(place.gains.names)
+        raise SessionError(Problem(code="trial.range", key="Ix30..Ix39", value=value, limit=limit))
     known = known_loop(read.on(place.machine), place.data, simulated=place.simulated)
     refuse(bound_problems(place.machine, read, settings, known))
+    refuse(filter_problems(place.machine, read, settings, known))
     file, trial = _begun(place, read, found, settings, known)
     _write(place, file, trial, settings, records.APPLIED)
 

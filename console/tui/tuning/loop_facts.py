@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 
 from console.session.data.identified import responses_of
-from console.session.trial.proposal import MOST_RESPONSES
+from console.session.trial.known_loop import MOST_RESPONSES
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.margins import LoopMargins, loop_margins
+from profiles.axis.notch import NO_NOTCH
 from profiles.axis.sampled_loop import loop_of
-from profiles.axis.servo_gains import PidGains, gains_from_variables
+from profiles.axis.servo_gains import PidGains, gains_from_variables, notch_settings
 from profiles.machine import MachineProfile
 from profiles.paper.table_5 import FREQUENCIES_HZ, PHASE_ERROR_RAD, measured_gains
 from profiles.problem import Problem
@@ -73,7 +74,7 @@ def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
     here = machine if read is None else read.on(machine)
     loop = loop_of(here)
     hz = floats(np.geomspace(LOWEST_HZ, 0.98 * loop.nyquist_hz, POINTS))
-    stated = machine.controller.variables
+    stated = {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
     named = {} if read is None else read.gains
     return LoopFacts(
         read=read,
@@ -83,7 +84,7 @@ def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
         model=Curve.of(hz, loop.closed(hz)),
         responses=tuple(_seen(data, here, simulated=simulated)),
         paper=paper_curve() if machine.name == PAPER_MACHINE else None,
-        differing={name: (stated[name], v) for name, v in named.items() if name in stated and stated[name] != v},
+        differing={name: (stated[name], v) for name, v in named.items() if stated.get(name, v) != v},
     )
 
 

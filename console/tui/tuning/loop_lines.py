@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len
 
+from console.session.trial.standing import is_filter
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
 from console.tui.theme import Token
@@ -81,7 +82,7 @@ def _row(label: str, value: str, usual: str, text: Catalogue, width: int, *, bad
 
 def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     """Return the gains in V/m, and as the controller has them."""
-    gains = facts.gains
+    gains = facts.gains.at_rest
     rows = [
         ("kp", f"{gains.kp_v_per_m:.5g} V/m"),
         ("ki", f"{gains.ki_v_per_m_s:.4g} V/(m s)"),
@@ -92,7 +93,8 @@ def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     ]
     lines: list[Line] = []
     if facts.read is not None:
-        lines += _packed([f"{name} {value:g}" for name, value in facts.read.gains.items()], width, Token.TEXT)
+        read = [(name, v) for name, v in facts.read.gains.items() if facts.gains.notch or not is_filter(name)]
+        lines += _packed([f"{name} {value:.7g}" for name, value in read], width, Token.TEXT)
     lines += _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
     return lines + (hanging(dim("  "), text("tune_page.metric"), width, Token.DIM) if text.units.is_inch else [])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.trial.standing import StandingTrial, listed
+from console.session.trial.standing import StandingTrial, is_filter, listed
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fitted, hanging, line, to_the_right, wrapped
 from console.tui.theme import Token
@@ -19,7 +19,7 @@ def asked_lines(asked: AskedGains, text: Catalogue, width: int, left_s: float) -
     first = text(f"tune_page.ask.{key}", seconds=f"{left_s:.0f}")
     lines = hanging(("▶ ", Token.ACTION), first, width, Token.ACTION)
     changes = [
-        f"{name} {was:g} → {value:g}"
+        f"{name} {was:.7g} → {value:.7g}"
         for (name, was), (_, value) in zip(asked.before, asked.after, strict=True)
         if was != value
     ]
@@ -38,8 +38,10 @@ def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]
     columns = (text("tune_page.before"), text("tune_page.applied"), text("tune_page.in_controller"))
     lines.append(line(dim(_row("", *columns))))
     for (name, was), (_, wanted), (_, now) in zip(trial.before, trial.proposed, trial.found, strict=True):
+        if is_filter(name) and not (was or wanted or now):
+            continue
         other = now not in (was, wanted)
-        row = _row(name, f"{was:g}", f"{wanted:g}", f"{now:g}")
+        row = _row(name, f"{was:.7g}", f"{wanted:.7g}", f"{now:.7g}")
         lines.append(line((row, token if other else Token.TEXT)))
     return [*lines, BLANK]
 

@@ -151,7 +151,8 @@ class Dialect:
     hold addresses. `registers` are the suggested targets of M-variables.
 
     `highest_index` is that of I, P, Q and M. `global_ranges`, `motor_ranges` and `system_ranges` give the lowest
-    value and the number of values of the I-variables that wrap; the others are floating point.
+    value and the number of values of the I-variables that wrap; `motor_fractions` have 24 bits with their sign, so
+    many of them behind the point, and wrap as well. The others are floating point.
 
     `segment_time_switch` is the I-variable that gives SPLINE and PVT moves their time by TM while it is 0, in
     steps of `segment_step_ms` up to `longest_segment_ms`; without one, or if it is not 0, TA does, in whole ms.
@@ -182,6 +183,7 @@ class Dialect:
     system_defaults: Mapping[int, float]
     global_ranges: Mapping[int, tuple[int, int]]
     motor_ranges: Mapping[int, tuple[int, int]]
+    motor_fractions: Mapping[int, int]
     system_ranges: Mapping[int, tuple[int, int]]
     motor_bits: BitTable
     system_bits: BitTable
@@ -253,6 +255,11 @@ class Dialect:
     def ranges(self) -> Mapping[int, tuple[int, int]]:
         """The lowest value and the number of values, by index."""
         return self._spread(self.global_ranges, self.motor_ranges, self.system_ranges)
+
+    @cached_property
+    def fractions(self) -> Mapping[int, int]:
+        """The bits behind the point of what holds a fraction in 24 bits with its sign, by index."""
+        return self._spread({}, self.motor_fractions, {})
 
     @cached_property
     def hexadecimal(self) -> frozenset[int]:

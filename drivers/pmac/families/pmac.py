@@ -113,6 +113,7 @@ PMAC = Dialect(
         **dict.fromkeys((8, 9), (0, 2**23)),
         80: (0, 4),
     },
+    motor_fractions=dict.fromkeys((36, 37, 38, 39), 22),
     system_ranges={92: (0, 2), 93: (0, 2**24), 94: (0, 2**23), 95: (0, 2**23)},
     motor_bits=_MOTOR_BITS,
     system_bits={**SYSTEM_BITS_SHARED, "program_hold": (2, 23), "circle_radius_error": (2, 21)},

@@ -116,6 +116,7 @@ TURBO = Dialect(
         68: (0, 16),
     },
     motor_ranges={**PMAC.motor_ranges, 6: (0, 4), 90: (0, 2)},
+    motor_fractions=PMAC.motor_fractions,
     system_ranges={**PMAC.system_ranges, **dict.fromkeys(_TIMERS, (-(2**23), 2**24)), 13: (0, 256)},
     motor_bits=_MOTOR_BITS,
     system_bits={

@@ -1,41 +1,19 @@
-"""The controller's side of an axis: the interface that a motor needs, and its PID loop."""
+"""The controller's side of an axis: the interface that a motor needs, and its PID loop with its notch filter."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from math import copysign
 
 from drivers.simulator.plant.axis import EncoderAxis, Ends, Scale
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
 from drivers.simulator.plant.flexible_mode import FlexibleMode
 from drivers.simulator.plant.presliding import Presliding
+from drivers.simulator.plant.servo_gains import NotchFilter, ServoGains, notch_of
 from drivers.simulator.plant.tip_load import TipLoad
 
 ROUNDS = 1.5 * 2.0**52  # a number plus this, less this, is rounded half to even as by `round`: see `FARTHEST`
 FARTHEST = 1e12  # counts; far inside +-2^51, where that is so
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ServoGains:
-    """The PID of the controller (Ix30 to Ix35, Ix08, Ix09) with its output limit Ix69.
-
-    Of Ix63, the integrator limit, only 0 has an effect: it disables the integrator.
-
-    Output in DAC bits = 2^-19 Ix30 (Ix08 (FE + (Ix32 CV + Ix35 CA)/128 + Ix33 IE/2^23) - Ix31 Ix09 AV/128),
-    counts and counts per cycle (PMAC User Manual, PID; Software Reference, Ix30 to Ix35).
-    """
-
-    ix08: float
-    ix09: float
-    ix30: float
-    ix31: float
-    ix32: float
-    ix33: float
-    ix34: float
-    ix35: float
-    ix63: float = 4_194_304.0
-    ix69: float
 
 
 class ServoAxis(EncoderAxis):
@@ -46,8 +24,8 @@ class ServoAxis(EncoderAxis):
     either way.
 
     `_follow_by_cycle` and `_drift_by_cycle` are the whole truth. `_close`, `_glide` and `_fall` are the same
-    operations in the same order, to the last bit, for an axis that is not jammed and whose encoder counts; `_stay`
-    returns the last block again where it has ended as it began.
+    operations in the same order, to the last bit, for an axis without a notch filter that is not jammed and whose
+    encoder counts; `_stay` returns the last block again where it has ended as it began.
     """
 
     def __init__(
@@ -81,6 +59,7 @@ class ServoAxis(EncoderAxis):
         self._last_commands: Sequence[float] | None = None
         self._still: list[float] | None = None  # the last block, if the next one with its commands is the same
         self._rest: list[float] = []
+        self._notch: NotchFilter | None = None
         self.set_gains(gains)
 
     def set_gains(self, gains: ServoGains) -> None:
@@ -97,7 +76,10 @@ class ServoAxis(EncoderAxis):
         self._integrate_in_motion = gains.ix34 == 0
         self._full_output = gains.ix69
         self.limit_bits = min(gains.ix69, self._peak_bits)
-        self._still = None
+        notch, before = notch_of(gains), self._notch
+        if notch is not None and before is not None:
+            notch.continue_from(before)
+        self._notch, self._still = notch, None
 
     def close_loop(self) -> float:
         """Hold the present encoder position."""
@@ -105,6 +87,8 @@ class ServoAxis(EncoderAxis):
         self._command = self._reading
         self._command_step = self._integral = self.output_bits = 0.0
         self._still = None
+        if self._notch is not None:
+            self._notch.begin()
         return self._command
 
     def _shift_reading(self, counts: float) -> None:
@@ -118,8 +102,8 @@ class ServoAxis(EncoderAxis):
 
     def follow(self, commands: Sequence[float]) -> list[float]:
         """Close the loop over the block."""
-        self.at_end = False
-        if self._mode is not None or self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
+        self.at_end, singly = False, self._mode is not None or self._notch is not None
+        if singly or self.encoder_lost or self.jammed or not -FARTHEST < self._x < FARTHEST:
             return self._follow_by_cycle(commands)
         again = commands is self._last_commands
         if again and self._still is not None:
@@ -344,10 +328,16 @@ class ServoAxis(EncoderAxis):
             - k_d * encoder_step
         )
         self._command, self._command_step = command, step
-        if abs(output) > self.limit_bits:
-            return copysign(self.limit_bits, output)
-        if self._integrate_in_motion or step == 0.0:
+        notch = self._notch
+        if notch is not None:
+            output = notch.filtered(output)
+        beyond = abs(output) > self.limit_bits
+        if beyond:
+            output = copysign(self.limit_bits, output)
+        elif self._integrate_in_motion or step == 0.0:
             self._integral += error
+        if notch is not None:
+            notch.put_out(output)
         return output
 
     def _place(self) -> float:

@@ -8,18 +8,23 @@ from dataclasses import dataclass
 
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.jog_motion import HomeSensor
-from drivers.simulator.card.servo import ServoAxis, ServoGains
+from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
 from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
 from drivers.simulator.plant.flexible_mode import FlexibleMode
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
 from drivers.simulator.plant.presliding import Presliding
+from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
+from profiles.axis.notch import Notch, Reading
 from profiles.machine import DAC_BITS, MachineProfile
 
-GAINS = (8, 9, 30, 31, 32, 33, 34, 35, 63, 69)  # the numbers of the variables that are `ServoGains`
+GAINS = (8, 9, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 63, 69)
+"""The numbers of the variables that are `ServoGains`."""
+
+NOTCH = ("ix36", "ix37", "ix38", "ix39")
 MotorVariable = Callable[[int, int], float]
 
 
@@ -28,6 +33,7 @@ class Drives:
     """The axes of one lathe. `inverter` drives the spindle where the controller does not.
 
     `load` is the effect of the cut on the tool, `wander` the radial error of the spindle; None is no effect.
+    `reading` is how this controller reads the coefficients of a notch filter.
     """
 
     tool: ServoAxis
@@ -37,6 +43,7 @@ class Drives:
     load: TipLoad | None
     wander: RadialError | None
     machine: MachineProfile
+    reading: Reading = Reading.STATED
 
     def axes(self) -> dict[int, tuple[Axis, HomeSensor]]:
         """Return the axis and the home trigger of each motor."""
@@ -49,9 +56,10 @@ class Drives:
 
     def take_gains(self, variables: VariableStore) -> None:
         """Use the present gains of the controller."""
-        self.tool.set_gains(_gains(self.machine.tool.motor, variables.motor))
+        self.tool.set_gains(_gains(self.machine.tool.motor, variables.motor, self.reading))
         if isinstance(self.spindle.drive, ServoAxis):
-            self.spindle.drive.set_gains(_gains(self.machine.spindle.motor, variables.motor))
+            spindle = _gains(self.machine.spindle.motor, variables.motor, self.reading)
+            self.spindle.drive.set_gains(spindle)
 
 
 def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[int, float]) -> Drives:
@@ -75,6 +83,7 @@ def build_drives(machine: MachineProfile, true: TrueParameters, settings: dict[i
         load=load,
         wander=wander,
         machine=machine,
+        reading=true.notch_reading,
     )
 
 
@@ -94,7 +103,7 @@ def _tool(
     ends = ends_at(true.tool_ends_mm, tool.counts_per_mm)
     noise_counts = true.encoder_noise_um / 1000.0 * tool.counts_per_mm
     scale = NoisyScale(noise_counts, true.chance("encoder").randrange(2**32)) if noise_counts else Scale()
-    gains, lag_s = _gains(tool.motor, setting), true.current_lag_s
+    gains, lag_s = _gains(tool.motor, setting, true.notch_reading), true.current_lag_s
     loads = _presliding(machine, true, load) if true.presliding_um and true.coulomb_friction_n else load
     mode = None
     if true.flexible_fraction:
@@ -155,12 +164,18 @@ def _spindle_drive(
         counts_per_turn=counts_per_turn,
         friction_n_m=true.spindle_friction_n_m,
     )
-    return ServoAxis(rotor, _gains(spindle.motor, setting), cycle_s, origin=start_counts)
+    gains = _gains(spindle.motor, setting, true.notch_reading)
+    return ServoAxis(rotor, gains, cycle_s, origin=start_counts)
 
 
 def _cycle_s(machine: MachineProfile) -> float:
     return machine.controller.servo_period_ms / 1000.0
 
 
-def _gains(motor: int, variable: MotorVariable) -> ServoGains:
-    return ServoGains(**{f"ix{number:02}": variable(motor, number) for number in GAINS})
+def _gains(motor: int, variable: MotorVariable, reading: Reading) -> ServoGains:
+    values = {f"ix{number:02}": variable(motor, number) for number in GAINS}
+    if reading is not Reading.STATED:
+        n1, n2, d1, d2 = (values[name] for name in NOTCH)
+        read = Notch(n1=n1, n2=n2, d1=d1, d2=d2).read_as(reading)
+        values |= zip(NOTCH, read.coefficients, strict=True)
+    return ServoGains(**values)

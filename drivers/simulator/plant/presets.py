@@ -16,6 +16,7 @@ from typing import Any
 
 from drivers.simulator.plant.spreads import drawn, spread_fields
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, set_up_by_hand
+from profiles.axis.notch import Reading
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem, spelled
 from profiles.files import printable, read_toml
 from profiles.machine import MachineProfile
@@ -61,6 +62,13 @@ PLANT_FIELDS = (
     Field(key="flexible_hz", table="tool", unit="Hz", default=300.0, at_least=50.0, at_most=1000.0),
     Field(key="flexible_damping", table="tool", default=0.02, at_least=0.001, at_most=0.5),
     Field(key="flexible_fraction", table="tool", default=0.0, at_least=-2.0, at_most=2.0),
+    Field(
+        key="notch_reading",
+        kind=Kind.CHOICE,
+        table="controller",
+        default=str(Reading.STATED),
+        choices=tuple(str(each) for each in Reading),
+    ),
     _factor("inertia_factor", "spindle"),
     _amount("speed_ripple_percent", "spindle", "%", 50.0),
     Field(key="ripple_per_turn", kind=Kind.WHOLE, table="spindle", default=2, at_least=1, at_most=100),
@@ -206,7 +214,7 @@ def _with_friction(true: TrueParameters, friction_n: float, where: str) -> TrueP
 def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
     growth_percent = values["lobe_growth_percent_per_mm"]
     return replace(
-        _measured_with(nominal, values),
+        _bending(_measured_with(nominal, values), values),
         moving_mass_kg=values["mass_kg"] or values["mass_factor"] * nominal.moving_mass_kg,
         damping_n_s_per_m=values["damping_n_s_per_m"] or nominal.damping_n_s_per_m,
         force_n_per_v=values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
@@ -215,9 +223,6 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         encoder_noise_um=values["encoder_noise_um"],
         commutation_error_deg=values["commutation_error_deg"],
         scale_error_um=values["scale_error_um"],
-        flexible_hz=values["flexible_hz"],
-        flexible_damping=values["flexible_damping"],
-        flexible_fraction=values["flexible_fraction"],
         spindle_inertia_kg_m2=values["inertia_factor"] * nominal.spindle_inertia_kg_m2,
         speed_ripple=values["speed_ripple_percent"] / 100.0,
         ripple_per_turn=values["ripple_per_turn"],
@@ -242,6 +247,17 @@ def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParamete
         process_gain=values["process_gain"],
         work_compliance_um_per_n=values["work_compliance_um_per_n"],
         softer_between_jaws=values["softer_between_jaws"],
+    )
+
+
+def _bending(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
+    """Return the parameters with what bends in the tool, and with how the controller reads a filter against it."""
+    return replace(
+        nominal,
+        flexible_hz=values["flexible_hz"],
+        flexible_damping=values["flexible_damping"],
+        flexible_fraction=values["flexible_fraction"],
+        notch_reading=Reading(values["notch_reading"]),
     )
 
 

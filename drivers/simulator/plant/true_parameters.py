@@ -13,6 +13,7 @@ from random import Random
 from drivers.placed import Placed
 from drivers.simulator.plant.cut_process import CutProcess
 from drivers.simulator.plant.workpiece import ROUND, Blank, Form
+from profiles.axis.notch import Reading
 from profiles.chucking.grip import loss_n
 from profiles.job import Job
 from profiles.machine import Carriage, MachineProfile, ToolAxis
@@ -45,7 +46,8 @@ class TrueParameters:
     `scale_error_um` wrong, once in each `scale_period_um`, and with a noise of `encoder_noise_um` (rms,
     Gaussian, in each servo cycle). Its current follows the command with `current_lag_s`. Something that bends at
     `flexible_hz`, with the damping ratio `flexible_damping`, adds `flexible_fraction` of the rigid axis'
-    acceleration to what scale and tip do (see `FlexibleMode`); 0 is a rigid axis.
+    acceleration to what scale and tip do (see `FlexibleMode`); 0 is a rigid axis. The controller reads the
+    signs of a notch filter by `notch_reading`.
 
     The cut deflects the tool with `passive_fraction` of the main cutting force, with `edge_n_per_mm` along the
     edge on a chip of no thickness (`profiles.cutting.cutting_force`); 0 is a cut without force on the tool. It
@@ -131,6 +133,7 @@ class TrueParameters:
     flexible_hz: float = 300.0
     flexible_damping: float = 0.02
     flexible_fraction: float = 0.0
+    notch_reading: Reading = Reading.STATED
     lobe_factor: float = 1.0
     lobe_um_pp: float | None = None
     lobe_force_n: float | None = None

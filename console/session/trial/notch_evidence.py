@@ -1,0 +1,82 @@
+"""What health tests with a notch filter show of it: how the controller reads its coefficients.
+
+A wrong reading is told from the numbers of a test; with a first filter the loop is stable by each of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from console.session.data.health import kept_tests
+from drivers.identification.health_result import HealthResult
+from profiles.arrays import floats
+from profiles.axis.notch import Reading
+from profiles.axis.notch_reading import MOST_LEFT, GatheredStep, left_by, reading_of
+from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
+from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+
+MOST_TESTS = 50
+
+
+def seen_reading(machine: MachineProfile, data: Path, plant: AxisPlant, *, simulated: bool) -> Reading | None:
+    """Return how the newest test with a filter shows that it is read; None where none tells.
+
+    A test that fits no reading of this axis tells nothing, either.
+    """
+    try:
+        tests = kept_tests(data, machine.name, MOST_TESTS)
+    except ProfileError:
+        return None
+    for kept in tests:
+        test = kept.result
+        if test is None or test.origin.simulated is not simulated:
+            continue
+        loop = loop_of(with_gains(machine, test), plant)
+        if loop.gains.notch:
+            left = left_by(loop, gathered(test))
+            reading = reading_of(left)
+            if reading is not None and left[reading] <= MOST_LEFT:
+                return reading
+    return None
+
+
+def filter_doubts(test: HealthResult, loop: SampledLoop) -> Iterator[Problem]:
+    """Yield why a test does not prove the filter of a loop; nothing where the loop has none."""
+    if not loop.gains.notch:
+        return
+    left = left_by(loop, gathered(test))
+    reading, value = reading_of(left), _percent(left[Reading.STATED])
+    if reading is not None and reading is not Reading.STATED:
+        names = misread(reading, next(iter(test.origin.gains))[1:-2])
+        yield Problem(code="trial.read_otherwise", key=names, value=value, limit=_percent(left[reading]))
+    elif reading is None:
+        yield Problem(code="trial.notch_undecided", value=value)
+    elif left[Reading.STATED] > MOST_LEFT:
+        yield Problem(code="trial.disagrees", value=value, limit=f"<= {_percent(MOST_LEFT)}")
+
+
+def misread(reading: Reading, motor: str) -> str:
+    """Return the names of the coefficients whose signs a controller reads otherwise."""
+    numbers = {Reading.NUMERATOR: NOTCH_NUMBERS[:2], Reading.DENOMINATOR: NOTCH_NUMBERS[2:]}
+    return ", ".join(f"I{motor}{number}" for number in numbers.get(reading, NOTCH_NUMBERS))
+
+
+def _percent(left: float) -> str:
+    return f"{100.0 * left:.2g} %"
+
+
+def gathered(test: HealthResult) -> GatheredStep:
+    """Return the step of a test as it is judged."""
+    return GatheredStep(
+        reference_um=floats(test.reference_um), position_um=floats(test.position_um), step_um=test.step_um
+    )
+
+
+def with_gains(machine: MachineProfile, test: HealthResult) -> MachineProfile:
+    """Return the machine with the gains of a test."""
+    controller = replace(machine.controller, variables={**machine.controller.variables, **test.origin.gains})
+    return replace(machine, controller=controller)

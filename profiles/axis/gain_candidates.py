@@ -1,0 +1,119 @@
+"""Gains side by side: their opened loops, margins and compliance at once, for a search over many of them.
+
+A notch filter, with its gain at rest taken out, counts as a part of the plant.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from profiles.arrays import Complexes, Floats, complexes, floats
+from profiles.axis.sampled_loop import AxisPlant, SampledLoop
+from profiles.axis.servo_gains import PidGains
+
+LOBE_ORDERS, PEAK_SHARE = (1, 2, 3), 0.25
+LEAST_ANCHOR_PER_S = 300.0  # crossover of a rigid axis about which gains are tried at least, 1/s
+
+_LEAST_TURN_RAD = 0.25 * np.pi  # a stable loop turns by 90 to 180 deg, an unstable one back
+_FASTER = np.geomspace(0.15, 2.6, 30)  # Kd over the present one
+_KP_OVER_KD = np.geomspace(20.0, 300.0, 11)  # 1/s
+_KI_OVER_KP = floats([0.2, 2.0, 5.0, 10.0, 15.0, 20.0])  # 1/s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Candidates:
+    """Gains side by side, shape (n,)."""
+
+    kp: Floats
+    ki: Floats
+    kd: Floats
+
+    def only(self, chosen: NDArray[np.bool_]) -> Candidates:
+        """Return those that are chosen."""
+        return Candidates(kp=self.kp[chosen], ki=self.ki[chosen], kd=self.kd[chosen])
+
+    def gains(self, place: int) -> PidGains:
+        """Return one of them, the velocity feedforward equal to its Kd."""
+        kd = float(self.kd[place])
+        return PidGains(
+            kp_v_per_m=float(self.kp[place]),
+            ki_v_per_m_s=float(self.ki[place]),
+            kd_v_s_per_m=kd,
+            velocity_feedforward_v_s_per_m=kd,
+        )
+
+
+def all_candidates(loop: SampledLoop, every: int = 1) -> Candidates:
+    """Return gains about the present ones, each `every`-th Kd and Kp; about usual ones where those are softer."""
+    anchor = max(loop.gains.at_rest.kd_v_s_per_m, LEAST_ANCHOR_PER_S / loop.plant.acceleration_per_v)
+    faster, over_kd, over_kp = np.meshgrid(_FASTER[::every], _KP_OVER_KD[::every], _KI_OVER_KP, indexing="ij")
+    kd = floats(anchor * faster.ravel())
+    kp = floats(kd * over_kd.ravel())
+    return Candidates(kp=kp, ki=floats(kp * over_kp.ravel()), kd=kd)
+
+
+def opened(found: Candidates, plant: Complexes, hz: Floats, period_s: float) -> Complexes:
+    """Return L, shape (n, points)."""
+    slope = (1.0 - np.exp(-2j * np.pi * hz * period_s)) / period_s
+    control = found.kp[:, None] + found.ki[:, None] / slope + found.kd[:, None] * slope
+    return complexes(control * plant)
+
+
+def sensitivity(
+    found: Candidates, plant: Complexes, hz: Floats, period_s: float, sd: Floats | None = None
+) -> Floats:
+    """Return the largest 1 / |1 + L| of each, shape (n,), less 1.96 of the plant's relative `sd`."""
+    loops = opened(found, plant, hz, period_s)
+    distance = np.abs(1.0 + loops)
+    if sd is not None:
+        distance = np.maximum(distance - 1.96 * sd * np.abs(loops), 1e-6)
+    return floats((1.0 / distance).max(axis=1, initial=0.0))
+
+
+def seem_stable(found: Candidates, plant: Complexes, hz: Floats, period_s: float) -> NDArray[np.bool_]:
+    """Return whether 1 + L turns forward by some quarter turn or more from the lowest frequency to the highest.
+
+    A loop of a plant that integrates, with all else stable, is unstable where it does not. Points must be close.
+    """
+    turned = np.unwrap(np.angle(1.0 + opened(found, plant, hz, period_s)), axis=1)
+    return np.asarray(turned[:, -1] - turned[:, 0] > _LEAST_TURN_RAD)
+
+
+def phase_margin_deg(found: Candidates, plant: Complexes, hz: Floats, period_s: float) -> Floats:
+    """Return the phase margin of each where its gain last falls through 1, between the points of the grid."""
+    loops = opened(found, plant, hz, period_s)
+    size, rows = np.log(np.abs(loops)), np.arange(loops.shape[0])
+    last = np.minimum(hz.size - 2 - np.argmax(size[:, ::-1] > 0.0, axis=1) + 1, hz.size - 2)
+    high, low = size[rows, last], size[rows, last + 1]
+    part = np.where(high > low, high / np.maximum(high - low, 1e-12), 0.0)
+    turned = np.angle(-loops[rows, last]) * (1.0 - part) + np.angle(-loops[rows, last + 1]) * part
+    return floats(np.degrees(np.abs(turned)))
+
+
+def yields(found: Candidates, plant: Complexes, loop: SampledLoop, hz: Floats, lobe_hz: float) -> Floats:
+    """Return how far each yields to the forces of a lobed cut, in units of its own.
+
+    `plant` is the response at `hz`, whose points are close enough to read those of the lobe between them.
+    """
+    if not found.kp.size:
+        return floats([])
+    orders = [n for n in LOBE_ORDERS if n * lobe_hz < loop.nyquist_hz]
+    s = 2j * np.pi * hz
+    free = np.abs(1.0 / (s * (s + loop.plant.damping_per_s)))
+    compliance = free / np.abs(1.0 + opened(found, plant, hz, loop.period_s))
+    at_lobe = [compliance[:, np.argmin(np.abs(hz - n * lobe_hz))] / n for n in orders]
+    return floats(np.sum(at_lobe, axis=0) + PEAK_SHARE * compliance.max(axis=1))
+
+
+def search_hz(loop: SampledLoop, lobe_hz: float, points: int, others: Sequence[AxisPlant] = ()) -> Floats:
+    """Return frequencies for a search: spread over all, at the lobe's, and close about each mode of each plant."""
+    orders = [n * lobe_hz for n in LOBE_ORDERS if n * lobe_hz < loop.nyquist_hz]
+    modes = {round(mode.hz, 3) for plant in (loop.plant, *others) for mode in plant.modes}
+    parts = [np.geomspace(0.5, 0.999 * loop.nyquist_hz, points), np.array(orders)]
+    parts += [hz * np.linspace(0.95, 1.05, 21) for hz in modes]
+    found = np.unique(np.concatenate(parts))
+    return floats(found[found < loop.nyquist_hz])

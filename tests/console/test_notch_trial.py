@@ -1,0 +1,202 @@
+"""A notch filter on trial: proposed, written, proven in air, or told that this controller reads it otherwise."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from console.session.data.health import kept_tests
+from console.session.data.identified import store
+from console.session.station.commands import (
+    ApplyGains,
+    CheckHealth,
+    DisableDrives,
+    EnableDrives,
+    Home,
+    RevertGains,
+)
+from console.session.trial.known_loop import known_loop
+from console.session.trial.proposal import GainFacts, gain_facts
+from console.session.trial.trial import TrialPlace, air_doubts
+from drivers.cutting.strategy import Strategy
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.presets import plant_named
+from profiles.axis.notch import NO_NOTCH, Notch, Reading
+from profiles.axis.sampled_loop import FlexibleMode, loop_of, profile_plant
+from profiles.axis.servo_gains import notch_settings
+from profiles.store import load_machine
+from tests.console.consoles import MACHINE, WithStation, station_of
+from tests.console.test_gain_trial import BEFORE, record, stands
+
+LATHE = load_machine(MACHINE).machine
+SLOW = (25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 95.0)
+FAST = (105.0, 120.0, 135.0, 150.0, 165.0, 180.0, 195.0, 210.0, 225.0)
+PUBLISHED = {name: value for name, value in LATHE.controller.variables.items() if "I130" <= name <= "I135"}
+
+
+FIRST = {"I130": 610.0, "I131": 1657.0, "I132": 1657.0, "I133": 743.0}
+FIRST |= {"I136": -1.09375, "I137": 0.908203125, "I138": -0.169921875, "I139": 0.134765625}
+"""A first filter with its gains, as it is designed for this tool."""
+
+
+def fill(data: Path) -> None:
+    """Keep the response of a tool that bends at 300 Hz by 40 % of its motion, with the published gains."""
+    bends = FlexibleMode(hz=300.0, damping_ratio=0.02, fraction=0.4)
+    loop = loop_of(LATHE, replace(profile_plant(LATHE), modes=(bends,)))
+    points = [
+        IdentifiedPoint(
+            frequency_hz=hz,
+            gain=abs(response),
+            phase_deg=math.degrees(cmath.phase(response)),
+            gain_ci=0.0002,
+            phase_ci_deg=0.1,
+            coherence=0.9999,
+            amplitude_um=amplitude_um,
+        )
+        for amplitude_um, at in ((50.0, SLOW), (35.0, FAST))
+        for hz, response in zip(at, loop.closed(np.array(at)).tolist(), strict=True)
+    ]
+    origin = Origin(
+        machine=MACHINE,
+        simulated=False,
+        version="1.17",
+        kind="PMAC1",
+        gains={**PUBLISHED, **notch_settings(LATHE, NO_NOTCH)},
+        servo_period_ms=LATHE.controller.servo_period_ms,
+    )
+    made = IdentifiedResponse(
+        origin=origin,
+        path=Strategy.PVT,
+        how="measured",
+        delay_cycles=0,
+        date="2026-01-01T10:00:00.000Z",
+        points=tuple(points),
+    )
+    store(data, made)
+
+
+def station_with(data: Path, reading: Reading, friction_n: float = 0.0) -> WithStation:
+    """A console at a lathe that bends, whose controller reads a filter in its own way."""
+    file = data / "bends.toml"
+    plant = (
+        f'schema = 1\nflexible_fraction = 0.4\nnotch_reading = "{reading}"\ncoulomb_friction_n = {friction_n}\n'
+    )
+    file.write_text(plant, encoding="utf-8")
+    return station_of(SimulatedLathe(LATHE, plant_named(str(file), LATHE, seed=1)), data)
+
+
+def proposed(owner: WithStation, data: Path) -> GainFacts:
+    read = TrialPlace(client=owner.client, machine=LATHE, data=data, simulated=False).gains.loop("")
+    return gain_facts(LATHE, read, data, simulated=False)
+
+
+def apply(owner: WithStation, facts: GainFacts) -> dict[str, float]:
+    assert facts.proposal is not None
+    settings = facts.proposal.settings
+    owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(facts.proposal.present.items())))
+    return settings
+
+
+def doubts_after_a_test(owner: WithStation, data: Path, step_um: float = 25.0) -> list[str]:
+    """What a health test in air leaves to be said of the gains on trial; the drives are disabled again."""
+    owner.do(EnableDrives())
+    owner.do(Home())
+    state = owner.do(CheckHealth(step_um=step_um))
+    assert owner.refusals == [] and state.stop is None, "it neither trips nor is it stopped"
+    owner.do(DisableDrives())
+    place = TrialPlace(client=owner.client, machine=LATHE, data=data, simulated=False)
+    kept = place.trial()
+    assert kept is not None
+    return [problem.code for problem in air_doubts(place, kept[1], place.gains.read())]
+
+
+def test_a_filter_is_written_read_back_kept_on_disk_and_taken_back(tmp_path: Path) -> None:
+    fill(tmp_path)
+    owner = station_with(tmp_path, Reading.STATED)
+    settings = {**FIRST}
+    owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
+    assert (owner.refusals, owner.alarms, stands(owner)) == ([], ["trial.active"], settings)
+    assert settings["I136"] < -0.5 and record(tmp_path)["proposed"] == settings
+    owner.station.close("end")
+    again = station_of(owner.sim, tmp_path)
+    assert again.alarms == ["trial.active"], "known after a restart"
+    state = again.do(RevertGains())
+    assert (again.refusals, state.trial, stands(again)) == ([], None, BEFORE)
+
+
+def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_path: Path) -> None:
+    """The stiff one, for a controller whose reading is known: unstable with the signs of its zeros turned."""
+    fill(tmp_path)
+    owner = station_with(tmp_path, Reading.STATED)
+    stiff = {"I130": 3126.0, "I131": 1656.0, "I132": 1656.0, "I133": 37_134.0}
+    notch = Notch(n1=-1.087890625, n2=0.60546875, d1=-0.5078125, d2=0.22265625)
+    settings = {**stiff, **notch_settings(LATHE, notch)}
+    owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
+    assert owner.refusals == ["trial.notch_unsafe"] and stands(owner) == BEFORE
+    beyond = {**settings, "I138": 2.5}
+    owner.do(ApplyGains(settings=tuple(beyond.items()), shown=tuple(BEFORE.items())))
+    assert owner.refusals == ["trial.range"] and stands(owner) == BEFORE
+
+
+@pytest.mark.long
+def test_proven_in_air_it_makes_room_for_a_stiffer_one(tmp_path: Path) -> None:
+    fill(tmp_path)
+    owner = station_with(tmp_path, Reading.STATED)
+    first = proposed(owner, tmp_path)
+    assert [note.code for note in first.notes] == ["trial.first_notch"]
+    apply(owner, first)
+    assert doubts_after_a_test(owner, tmp_path) == []
+    assert known_loop(LATHE, tmp_path, simulated=False).reading is Reading.STATED
+    second = proposed(owner, tmp_path)
+    assert second.stiffness is not None and second.notes == ()
+    assert second.stiffness[1].most_um_per_n < 0.3 * second.stiffness[0].most_um_per_n
+    apply(owner, second)
+    assert owner.refusals == []
+    assert doubts_after_a_test(owner, tmp_path, 15.0) == [], "less, for the stiffer loop over this slow line"
+    (newest, *_) = kept_tests(tmp_path, MACHINE, 1)
+    assert newest.result is not None and newest.result.origin.gains["I130"] == stands(owner)["I130"]
+    owner.do(RevertGains())
+    assert stands(owner) == BEFORE
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(
+    ("reading", "friction_n"),
+    [(Reading.NUMERATOR, 0.0), (Reading.DENOMINATOR, 0.0), (Reading.BOTH, 0.0), (Reading.DENOMINATOR, 1.0)],
+)
+def test_a_controller_that_reads_it_otherwise_is_told_by_the_numbers_and_swings_at_no_time(
+    tmp_path: Path, reading: Reading, friction_n: float
+) -> None:
+    fill(tmp_path)
+    owner = station_with(tmp_path, reading, friction_n)
+    apply(owner, proposed(owner, tmp_path))
+    doubts = doubts_after_a_test(owner, tmp_path, 50.0 if friction_n else 25.0)
+    assert doubts[-1] == "trial.read_otherwise" and "trial.swings" not in doubts
+    told = proposed(owner, tmp_path)
+    assert [note.code for note in told.notes] == ["trial.other_reading"]
+    assert told.proposal is not None and told.proposal.settings["I136"] == 0.0, "gains alone"
+    owner.do(RevertGains())
+    assert (owner.refusals, stands(owner)) == ([], BEFORE)
+
+
+def test_a_trial_of_gains_alone_from_before_is_taken_back(tmp_path: Path) -> None:
+    """Its file names four gains: there was no filter, neither before nor proposed."""
+    owner = station_with(tmp_path, Reading.STATED)
+    owner.do(ApplyGains(settings=tuple({**BEFORE, "I130": 264.0}.items()), shown=tuple(BEFORE.items())))
+    file = tmp_path / "trials" / MACHINE / "trial-000001.json"
+    text = file.read_text("utf-8")
+    for name in ("I136", "I137", "I138", "I139"):
+        text = text.replace(f',\n    "{name}": 0.0', "")
+    assert "I136" not in text.split('"margins"')[0]
+    file.write_text(text, encoding="utf-8")
+    owner.station.close("end")
+    again = station_of(owner.sim, tmp_path)
+    assert again.alarms == ["trial.active"]
+    again.do(RevertGains())
+    assert (again.refusals, stands(again)) == ([], BEFORE)
