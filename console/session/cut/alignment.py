@@ -238,12 +238,12 @@ def _step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Pro
 
 def problems(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     """Return every reason why the alignment is not valid for this job."""
-    return tuple(problem for step in AlignStep for problem in step_problems(alignment, step, job))
+    return tuple(problem for found in _by_step(SameObjects(alignment, job)).values() for problem in found)
 
 
 def current_step(alignment: Alignment, job: Job) -> AlignStep | None:
     """Return the first step that is not done, None when all are."""
-    return next((step for step in AlignStep if step_problems(alignment, step, job)), None)
+    return next((step for step, found in _by_step(SameObjects(alignment, job)).items() if found), None)
 
 
 def force_problems(job: Job) -> tuple[Problem, ...]:
