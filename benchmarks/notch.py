@@ -3,7 +3,7 @@
 The tool of the profile with a mode of 40 % of its motion and 2 % of damping. Its responses with the published
 gains are those of the model, at the frequencies and with the amplitudes of docs/tuning.md; the axis is fitted to
 them, and gains are designed for it as `console tune` does: alone, with a filter that is safe however the
-controller reads its signs, and with one for a controller whose reading a test has shown. Nothing is written to one.
+controller reads its signs, and with one for a controller whose reading a test has shown. Nothing is written.
 
     python -m benchmarks.notch [--hz 200 300 400]
 """

@@ -17,7 +17,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 
 HEADING = """# Performance
 
-Each goal with its figure, from one run of every benchmark:
+Each goal with its figure, from a run of every benchmark:
 
 ```
 python -m benchmarks --rounds {rounds} --page
