@@ -159,9 +159,11 @@ class StationContext:
         """Publish who controls the machine."""
         ownership = self.lathe.ownership
         if ownership is None:
-            self.tell(standing=Standing.OWNER)
+            standing, holder = Standing.OWNER, self._state.holder
         else:
-            self.tell(standing=ownership.standing, holder=ownership.holder)
+            standing, holder = ownership.standing, ownership.holder
+        if (standing, holder) != (self._state.standing, self._state.holder):  # it seldom changes
+            self.tell(standing=standing, holder=holder)
 
     def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
         """Raise an alarm."""
@@ -196,7 +198,8 @@ class StationContext:
 
     def end_alarms(self, *codes: str) -> None:
         """End these alarms, whose cause is gone."""
-        self.change_alarms(lambda alarms: cleared(alarms, *codes))
+        if self._state.alarms:  # most polls find none
+            self.change_alarms(lambda alarms: cleared(alarms, *codes))
 
     def alarmed(self, code: str) -> bool:
         """Whether an alarm of this code is present."""
