@@ -85,9 +85,17 @@ class LobeFilter:
 
     @property
     def sd_um(self) -> float:
-        """The standard deviation of the lobe of the part that is clamped, over both components."""
-        slope = self._slope_of_part(self.mean, 0j)
-        return math.sqrt(float(np.trace(slope @ self.covariance @ slope.T)))
+        """The standard deviation of the height of the lobe of the part that is clamped.
+
+        To first order that is what is not known along it. What is not known across, c, makes it higher by
+        c^2 / (2 height), whose mean square is 3/4 of the square of the variance of c over the height.
+        """
+        lobe_um, slope = self.this_um, self._slope_of_part(self.mean, 0j)
+        if not lobe_um:
+            return math.sqrt(float(np.trace(slope @ self.covariance @ slope.T)))
+        along, across = (_two(turn * lobe_um / abs(lobe_um)) @ slope for turn in (1.0, 1j))
+        higher_um = 0.5 * math.sqrt(3.0) * float(across @ self.covariance @ across) / abs(lobe_um)
+        return math.hypot(math.sqrt(float(along @ self.covariance @ along)), higher_um)
 
     def clamped(self, repeats_um: float = 0.0) -> LobeFilter:
         """Return the filter for the next clamping, of which nothing is known but the scatter.

@@ -50,8 +50,8 @@ class Clamped:
     """What a fingerprint makes of a path: orders are `added_um`, then the lobe becomes `ratio` times itself.
 
     `force_deviation` is by which fraction this clamping pulls more than the job says, `lobe_um` the lobe of this
-    part with `sd_um`, the standard deviation of its amplitude. `weight` is how much of the deviation that the
-    indicator shows is believed. `felt` is what it has shown.
+    part with `sd_um`, the standard deviation of its amplitude. `weight` is the fraction of what was not known of
+    that amplitude, as a variance, that the indicator has removed. `felt` is what it has shown.
     """
 
     ratio: complex
