@@ -236,8 +236,9 @@ def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow(
     trace_sd_um = 1.0 * math.sqrt(2 / 360)
     for scatter_um in (0.0, 0.4):
         step = taught(cut, measured, scatter_um=scatter_um)
-        sd_um = math.sqrt(trace_sd_um**2 + 2.0 * scatter_um**2)
-        assert step.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
+        # A trace is off in both directions (chi-square of two), a force in the height alone (normal).
+        half_um = math.sqrt((2.45 * trace_sd_um) ** 2 + 2.0 * (1.96 * scatter_um) ** 2)
+        assert step.expected_half_width_um_pp == pytest.approx(2.0 * half_um, rel=0.1)
         # By the job's own lobe, from 27.5 um to 3: T'/T shares the same doubt.
         assert step.contraction is not None
         noise_um = math.sqrt(measured.sd_um[3] ** 2 + 2.0 * scatter_um**2)

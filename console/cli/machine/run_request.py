@@ -90,6 +90,7 @@ def requested(options: Namespace) -> RunRequest:
             *_unused(options, job, loaded, simulated=simulated),
             *_contradicted(options, job, loaded, simulated=simulated),
             *plan.warnings,
+            *(() if fingerprint is None else fingerprint.clamped.warnings),
         ),
         fingerprint=fingerprint,
         felt=options.fingerprint is not None,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from console.session.cut.run import RunPlan, RunResult
@@ -71,12 +72,21 @@ class LearnResult:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Return what was not learned.
+        """Return what was hard to believe, and what was not learned.
 
-        Harmonics: `learning.grew`; parts that needed more trim: `learning.trim_short`; a last part that is not
-        certainly rounder than the first: `learning.no_gain`.
+        Fingerprints that chance hardly explains: `learning.surprise`; harmonics: `learning.grew`; parts that
+        needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
+        `learning.no_gain`.
         """
-        return (*map(_grew, self.parts[-1].grown), *_short_of_trim(self.parts), *_no_gain(self.parts))
+        grown = map(_grew, self.parts[-1].grown)
+        return (*_surprised(self.parts), *grown, *_short_of_trim(self.parts), *_no_gain(self.parts))
+
+
+def _surprised(parts: tuple[LearnedPart, ...]) -> Iterator[Problem]:
+    """Return the parts whose fingerprint was hard to believe."""
+    for n, part in enumerate(parts, start=1):
+        for each in () if part.clamped is None else part.clamped.warnings:
+            yield Problem(code="learning.surprise", key=str(n), value=each.value, limit=each.limit)
 
 
 def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:

@@ -107,7 +107,8 @@ class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
     `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
-    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs.
+    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs, `warnings`
+    what its fingerprint has against it.
     """
 
     job: Job
@@ -118,6 +119,7 @@ class Armed:
     made: MadeWith
     loaded: LoadedJob | None = None
     bounds: Bounds = UNCHANGEABLE
+    warnings: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
