@@ -248,6 +248,7 @@ def _seen(n: int, cut: CutWith, part: PartHarmonics, job: Job) -> OrderSeen:
         path_um=path_um,
         shown_um=(*before, error_um + path_um),
         steps_um=[abs(after - first) for first, after in pairwise(paths)],
+        on_part_um=part.coefficients_um[n],
     )
 
 

@@ -269,7 +269,7 @@ class _Learner:
             collisions=outcome.collisions,
             certificate=certificate,
             clamped=self._lobe.clamped,
-            trim_short_um=watch.short_um,
+            trim_short=watch.short_um,
             left=self._lobe.left,
         )
 
@@ -305,7 +305,7 @@ class _Learner:
         steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
         self._path = learned_part(kept, part, tool, self._response, gain, steps)
         orders.step(path, self._path)
-        certificate = orders.certificate(left, found, gains, self._watch.frozen)
+        certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen)
         return tuple(sorted({*high, *missed})), certificate
 
     def _folded(self, trim_um: complex, tool_off: Deviation) -> CutPath:
