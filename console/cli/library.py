@@ -19,6 +19,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
 if TYPE_CHECKING:
+    from console.session.cut.simulated_parts import LatheParts
     from console.session.data.calibrated_chuck import CalibratedMachine
     from console.text.catalogue import Catalogue
     from drivers.simulator.plant.true_parameters import TrueParameters
@@ -114,6 +115,23 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
     if plant == MOUNTED:
         raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
     return plant_named(plant, machine, options.seed, options.clamping_sd)
+
+
+def lathe_parts_of(
+    options: Namespace, job: str, machine: str, true: TrueParameters | None, parts: int = 1
+) -> LatheParts | None:
+    """Return which parts of a job come next on the simulated lathe, None where all of its parts are alike.
+
+    Raises SessionError: as `next_part`.
+    """
+    from console.session.cut.simulated_parts import LatheParts, next_part
+    from drivers.simulator.plant.which_lathe import ALIKE
+
+    lathe = None if true is None else true.lathe
+    if true is None or lathe is None or (lathe.plant in ALIKE and not true.clamping_force_spread):
+        return None
+    number = options.lathe_part or next_part(data_of(options), job, machine, lathe)
+    return LatheParts(lathe=lathe, part=number, parts=parts)
 
 
 def named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:

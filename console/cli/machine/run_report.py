@@ -9,6 +9,7 @@ from console.cli.judgement import span_fields
 from console.cli.measured.roundness_report import roundness_fields
 from console.cli.output import fields_of, harmonics_of
 from console.session.cut.run import RunResult
+from console.session.cut.simulated_parts import LatheParts
 from console.session.data.made_parts import FINGERPRINT, tool_lobe_event
 from console.session.force_record import force_event
 from console.session.learning.learning_beside import TRIM_LIMIT_UM
@@ -130,6 +131,14 @@ def _own(result: LearnResult, text: Catalogue) -> list[str]:
         limit = text("learn.trim_limit", most=f"{TRIM_LIMIT_UM:g}") if each.order in short else ""
         lines.append(text(key, n=each.order, part=number, **words) + limit)
     return lines
+
+
+def lathe_line(parts: LatheParts, text: Catalogue) -> str:
+    """Return which parts of a simulated lathe are cut, and from the second on how to cut the first again."""
+    first, last = parts.part, parts.part + parts.parts - 1
+    number = f"{first} … {last}" if last > first else f"{first}"
+    said = text("run.lathe_part", lathe=parts.lathe, number=number)
+    return said if first == 1 else f"{said} · {text('run.lathe_part_again')}"
 
 
 def _run_lines(result: RunResult, text: Catalogue) -> list[str]:

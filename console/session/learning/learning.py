@@ -65,6 +65,7 @@ AIR_ENOUGH_UM_PP = 1.0
 """Number of air passes; more while the lobe error is above this: a small motion starts within its friction."""
 
 AIR_TURNS = 30
+COMPARED = 2  # parts that a row begins with: one without compensation, and one without a lobe
 MOST_GAIN = 1.0 / PROCESS_GAINS[0]  # of the lobe: what arrives in part is asked for in full
 MOVED_UM = 1.0
 """Change of the target, at an order that a blank disturbs too, from which the tool learns it in air anew."""

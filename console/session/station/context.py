@@ -39,7 +39,9 @@ from profiles.store import LoadedMachine
 
 
 class Shop(Workshop, Protocol):
-    """The workshop of a lathe on which people train."""
+    """The workshop of a lathe on which people train; its `name` says which one it is."""
+
+    name: str
 
     def truth(self) -> Truth:
         """Return what is so at the lathe, for a debrief."""
@@ -126,6 +128,7 @@ class StationContext:
         machine = self.loaded_machine.machine
         self._state = StationState(
             simulated=self.shop is not None,
+            lathe="" if self.shop is None else self.shop.name,
             machine=machine.name,
             standing=Standing.OBSERVER,
             alignment=Alignment(on=mounted_on(machine)),

@@ -133,6 +133,7 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
         command.strategy,
         Stage(command.stage),
         simulated=context.shop is not None,
+        lathe=context.state.lathe,
         inverts=command.inverts,
     )
     if command.inverts is not None:

@@ -181,7 +181,8 @@ class StationState:
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
     machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
-    `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
+    `onlookers` how many others of this data folder look on while this one controls. `lathe` is which simulated
+    lathe it is, empty for a real machine. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known,
     `ends_at_most` whether it may end long before.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
@@ -199,6 +200,7 @@ class StationState:
     held_by: Signature | None = None
     onlookers: int = 0
     simulated: bool = True
+    lathe: str = ""
     machine: str = ""
     address: str = ""
     controller: str = ""

@@ -111,7 +111,7 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     elif work is not None:
         job, strategy = work.job, Strategy(work.strategy)
         if work.compensation is not None or work.inverts is not None or work.stage != Stage.FULL:
-            chosen = chosen_problems(work, simulated=state.simulated)
+            chosen = chosen_problems(work, simulated=state.simulated, lathe=state.lathe)
     else:
         yield Interlock(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
         return
