@@ -4,7 +4,7 @@
     python -m benchmarks --short
 
 With several rounds a figure is the middle of them, and its noise is known; what is the same in every round is run
-once. `--keep` writes all tables to a file, `--add` takes the tables of such a file as well, `--compare`
+once. `--keep` writes all tables to a file, `--add` takes from such a file what is not run now, `--compare`
 says what got worse against one, `--page` writes docs/performance.md.
 
 In the short form only whether each of them works: as many run at once as there are processors, and only what a
@@ -23,7 +23,7 @@ from pathlib import Path
 
 from benchmarks import comparison, goals, performance
 from benchmarks.measure import SHORT, TABLES, print_table
-from benchmarks.tables import Table, printed, read, side_by_side, write
+from benchmarks.tables import Table, added, printed, read, write
 
 NAMES = (
     "learning",
@@ -99,7 +99,7 @@ def all_in_full(options: argparse.Namespace) -> int:
             rounds[-1] += tables
             failed |= set() if works else {name}
     if options.add is not None:
-        rounds = side_by_side(rounds, read(options.add))
+        rounds = added(rounds, read(options.add))
     figures = goals.figures(rounds)
     print()
     print_table(f"Goals, {performance.machine()}", goals.HEAD, [goals.cells(figure) for figure in figures])
@@ -121,7 +121,7 @@ def main() -> int:
     parser.add_argument("names", nargs="*", choices=[*NAMES, []], metavar="NAME")
     parser.add_argument("--short", action="store_true", help="only whether each of them works")
     parser.add_argument("--rounds", type=int, default=1, help="how often all of them are run")
-    parser.add_argument("--add", type=Path, metavar="FILE", help="take the tables of an earlier run as well")
+    parser.add_argument("--add", type=Path, metavar="FILE", help="take what is not run now from an earlier run")
     parser.add_argument("--keep", type=Path, metavar="FILE", help="write the tables to a file")
     parser.add_argument("--compare", type=Path, metavar="FILE", help="compare with the tables of an earlier run")
     parser.add_argument("--page", action="store_true", help="write docs/performance.md")

@@ -33,10 +33,11 @@ PAGES = tuple(PageName)[: extent(len(PageName), 2)]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rest:
-    """A page at rest: what it sends, and its share of one processor."""
+    """A page at rest: what it sends, its share of one processor, and the part of it of the thread that draws."""
 
     bytes_per_s: float
     cpu_percent: float
+    drawing_percent: float
 
 
 def at_rest(command: Sequence[str], columns: int, rows: int) -> dict[PageName, Rest]:
@@ -56,18 +57,24 @@ def at_rest(command: Sequence[str], columns: int, rows: int) -> dict[PageName, R
                 time.sleep(0.3)  # keys that come together are no keys of a person
             time.sleep(SETTLED_S)
             sent, cpu_s, began_s = terminal.bytes_seen, cpu_s_of(terminal.pid), time.perf_counter()
+            drawing_s = cpu_s_of(terminal.pid, task=True)
             time.sleep(WATCHED_S)
             passed_s = time.perf_counter() - began_s
             found[page] = Rest(
                 bytes_per_s=(terminal.bytes_seen - sent) / passed_s,
                 cpu_percent=100.0 * (cpu_s_of(terminal.pid) - cpu_s) / passed_s,
+                drawing_percent=100.0 * (cpu_s_of(terminal.pid, task=True) - drawing_s) / passed_s,
             )
     return found
 
 
-def cpu_s_of(pid: int) -> float:
-    """Return the processor time of a process so far, without its children, s (proc(5), stat)."""
-    fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
+def cpu_s_of(pid: int, *, task: bool = False) -> float:
+    """Return the processor time of a process so far, without its children, s (proc(5), stat).
+
+    That of a `task` is of the first thread alone, which draws.
+    """
+    place = Path(f"/proc/{pid}/task/{pid}/stat" if task else f"/proc/{pid}/stat")
+    fields = place.read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
     return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
@@ -84,11 +91,12 @@ def main() -> int:
                 f"{rest.bytes_per_s:.1f}",
                 f"{rest.bytes_per_s / MOST_BYTES_PER_S:.2f}",
                 f"{rest.cpu_percent:.1f} %",
+                f"{rest.drawing_percent:.1f} %",
             )
             for page, rest in found.items()
         ]
     title = f"Pages at rest, mean of {WATCHED_S:.0f} s each"
-    print_table(title, ("", "bytes/s", f"x {MOST_BYTES_PER_S:.0f}", "CPU"), rows)
+    print_table(title, ("", "bytes/s", f"x {MOST_BYTES_PER_S:.0f}", "CPU", "of it the screens"), rows)
     return 0
 
 

@@ -176,6 +176,14 @@ GOALS = (
         at_most=1.5,
     ),
     Goal(
+        what="records to the shop, of what thirty lathes need",
+        benchmark="ship",
+        column="x need",
+        unit="x",
+        rows="a backlog of .*",
+        at_least=100.0,
+    ),
+    Goal(
         what="memory over a shift, growth",
         benchmark="shift",
         column="against the first",

@@ -11,8 +11,9 @@ Each row of parts is told on the error output as it ends.
         [--job JOB ...] [--how all|lobe|fixed|before ...] [--fingerprint]
 
 `--how`: `all` is as the console learns; `lobe` learns the lobe and its overtones alone; `fixed` has the gains 1
-and 0.7 in place of the optimal ones; `before` both of these. `--job square` has four jaws, `six` has
-six. With `--fingerprint` an indicator shows the clamping of each part before it is cut.
+and 0.7 in place of the optimal ones; `before` both of these; `loop` is `all` with the gains of the tool that
+`console tune show` proposes for the first of these lathes. `--job square` has four jaws, `six` has six. With
+`--fingerprint` an indicator shows the clamping of each part before it is cut.
 """
 
 from __future__ import annotations
@@ -24,10 +25,12 @@ import json
 import statistics
 import sys
 import tempfile
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import partial
+from importlib.resources import files
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -51,9 +54,20 @@ HOWS = {
     "lobe": LearnHow(every_order=False),
     "fixed": LearnHow(optimal=False),
     "before": LearnHow(every_order=False, optimal=False),
+    "loop": LearnHow(),
 }
 CUT_MM = 4.0
 MACHINE = "lee-2001-lathe"
+DESIGNED = {
+    "I130": "2042",
+    "I131": "1656",
+    "I132": "1656",
+    "I133": "74267",
+    "gain_kp_v_per_m": "570.8",
+    "gain_ki_v_per_m_s": "11439.0",
+    "gain_kd_v_s_per_m": "3.264",
+}
+"""Proposed for `realistic`, seed 1, from the two sweeps of docs/tuning.md; the gains in SI units as well."""
 
 OFF = """\
 schema = 1
@@ -91,18 +105,28 @@ class Row:
     fingerprint: bool = False
 
 
-def job_file(name: str, folder: Path) -> Path:
-    """Write a job with a shorter cut: a bundled one, or one of those that are `MADE`."""
-    from importlib.resources import files
+def machine_file(how: str, folder: Path) -> str:
+    """Return the machine: the bundled one, or a file of it with the designed gains."""
+    if how != "loop":
+        return MACHINE
+    path = folder / f"{MACHINE}.toml"
+    path.write_text(_changed(files("profiles.library.machines") / path.name, DESIGNED), encoding="utf-8")
+    return str(path)
 
-    own = files("profiles.library.jobs") / f"{JOBS[0] if name in MADE else name}.toml"
-    changed: dict[str, float] = {"cut_length_mm": CUT_MM, **MADE.get(name, {})}
+
+def _changed(own: Traversable, changed: Mapping[str, object]) -> str:
     lines = []
     for line in own.read_text(encoding="utf-8").splitlines():
         key = line.partition("=")[0].strip()
-        lines.append(f"{key} = {changed[key]}" if key in changed else line)
+        lines.append(f"{key} = {changed[key]}\n" if key in changed else f"{line}\n")
+    return "".join(lines)
+
+
+def job_file(name: str, folder: Path) -> Path:
+    """Write a job with a shorter cut: a bundled one, or one of those that are `MADE`."""
+    own = files("profiles.library.jobs") / f"{JOBS[0] if name in MADE else name}.toml"
     path = folder / f"{name}.toml"
-    path.write_text("\n".join(lines) + "\n", encoding="utf-8")
+    path.write_text(_changed(own, {"cut_length_mm": CUT_MM, **MADE.get(name, {})}), encoding="utf-8")
     return path
 
 
@@ -114,12 +138,24 @@ def run(row: Row, seed: int) -> dict[str, Any] | None:
     learning.HOW = replace(HOWS[row.how], fingerprint=row.fingerprint)
     said = io.StringIO()
     with tempfile.TemporaryDirectory() as folder, contextlib.redirect_stdout(said):
-        path = job_file(row.job, Path(folder))
-        words = ["run", str(path), "--sim", "--plant", row.plant, "--seed", str(seed), "--strategy", "cam"]
+        path, lathe = job_file(row.job, Path(folder)), machine_file(row.how, Path(folder))
+        words = [
+            "run",
+            str(path),
+            "--machine",
+            lathe,
+            "--sim",
+            "--plant",
+            row.plant,
+            "--seed",
+            str(seed),
+            "--strategy",
+            "cam",
+        ]
         if row.clamping_sd is not None:
             words += ["--clamping-sd", f"{row.clamping_sd:g}"]
         code = console([*words, "--learn", str(row.parts), "--json", "--data", folder])
-        job, machine = load_job(str(path)).job, load_machine(MACHINE).machine
+        job, machine = load_job(str(path)).job, load_machine(lathe).machine
     if code:
         print(f"{row.job}, {row.how}, seed {seed}: ended, exit code {code}", file=sys.stderr, flush=True)
         return None

@@ -75,16 +75,21 @@ def median_process_cost(arguments: Sequence[str], runs: int) -> ProcessCost:
     )
 
 
-def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Print a table: the first column to the left, numbers to the right; keep it, too, where `TABLES` says so."""
+def table_lines(head: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the aligned lines of a table: the first column to the left, numbers to the right."""
     widths = [max(len(row[column]) for row in (head, *rows)) for column in range(len(head))]
-    print(title)
-    for row in (head, *rows):
-        cells = [
+    return [
+        "  ".join(
             cell.ljust(w) if column == 0 else cell.rjust(w)
             for column, (cell, w) in enumerate(zip(row, widths, strict=True))
-        ]
-        print("  ".join(cells).rstrip())
+        ).rstrip()
+        for row in (head, *rows)
+    ]
+
+
+def print_table(title: str, head: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
+    """Print a table; keep it, too, where `TABLES` says so."""
+    print("\n".join((title, *table_lines(head, rows))))
     if kept := os.environ.get(TABLES):
         with open(kept, "a", encoding="utf-8") as file:
             file.write(

@@ -1,31 +1,37 @@
-"""`docs/performance.md`: the goals with their figures, and the machine on which they were taken."""
+"""`docs/performance.md`: the goals with their figures, the machine on which they were taken, and all tables."""
 
 from __future__ import annotations
 
 import os
 import platform
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 from pathlib import Path
 
 from benchmarks.goals import HEAD, Figure, cells
+from benchmarks.measure import table_lines
 from benchmarks.tables import Table
 
 PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 
 HEADING = """# Performance
 
-Each goal with its figure, from one run of every benchmark:
+Each goal with its figure, from a run of every benchmark:
 
 ```
 python -m benchmarks --rounds {rounds} --page
 ```
 
 writes this page. A figure with `x` is a ratio to a baseline of the same run, and can be compared between machines;
-the others belong to this one: {machine}, {day}. What is computed from seeds is the same in each round. Of
-several rows the worst counts. What each benchmark measures, against what, and what its figures mean is in
-[benchmarks/README.md](../benchmarks/README.md).
+the others belong to this one: {machine}, {day}.
+What is computed from seeds is the same in each round. Of several rows the worst counts. What each benchmark
+measures, against what, and what its figures mean is in [benchmarks/README.md](../benchmarks/README.md).
+"""
+
+TABLES_HEADING = """## The tables
+
+As each benchmark printed them, in the first round.
 """
 
 
@@ -33,7 +39,19 @@ def page(figures: Sequence[Figure], rounds: Sequence[Sequence[Table]]) -> str:
     """Return the page as text."""
     heading = HEADING.format(rounds=len(rounds), machine=machine(), day=date.today().isoformat())
     rows = [HEAD, ("-", "-", "-:", "-:", "-", "-"), *map(cells, figures)]
-    return f"{heading}\n" + "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    goals = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return f"{heading}\n{goals}\n{TABLES_HEADING}{''.join(_as_printed(rounds))}"
+
+
+def _as_printed(rounds: Sequence[Sequence[Table]]) -> Iterator[str]:
+    """Yield the tables of each benchmark, from the first round that has it."""
+    first: dict[str, Sequence[Table]] = {
+        table.benchmark: tables for tables in reversed(rounds) for table in tables
+    }
+    for name in sorted(first):
+        found = [table for table in first[name] if table.benchmark == name]
+        texts = ["\n".join((table.title, *table_lines(table.head, table.rows))) for table in found]
+        yield f"\n### {name}\n\n```\n" + "\n\n".join(texts) + "\n```\n"
 
 
 def machine() -> str:

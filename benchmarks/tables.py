@@ -52,10 +52,11 @@ def read(path: Path) -> list[list[Table]]:
     return [[_table(table) for table in tables] for tables in json.loads(path.read_text(encoding="utf-8"))]
 
 
-def side_by_side(rounds: Sequence[Sequence[Table]], others: Sequence[Sequence[Table]]) -> list[list[Table]]:
-    """Return each round with the tables of the other's round of the same number."""
-    both = zip_longest(rounds, others, fillvalue=())
-    return [[*mine, *theirs] for mine, theirs in both]
+def added(rounds: Sequence[Sequence[Table]], earlier: Sequence[Sequence[Table]]) -> list[list[Table]]:
+    """Return each round with those tables of the earlier one whose benchmark was not run this time."""
+    now = {table.benchmark for tables in rounds for table in tables}
+    both = zip_longest(rounds, earlier, fillvalue=())
+    return [[*mine, *(table for table in theirs if table.benchmark not in now)] for mine, theirs in both]
 
 
 def _table(found: dict[str, Any]) -> Table:

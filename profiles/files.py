@@ -14,7 +14,6 @@ import fcntl
 import os
 import re
 import stat
-import tomllib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -37,6 +36,8 @@ _TEMPORARY = re.compile(r"\.(.+)\.[0-9a-f]{8}\.tmp", re.DOTALL)
 def printable(text: str, most_characters: int = 200) -> str:
     """Return `text` on one line, with control characters escaped and the rest beyond the cap cut off."""
     cut = text if len(text) <= most_characters else text[: most_characters - 1] + "…"
+    if cut.isprintable():  # as nearly every name is
+        return cut
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in cut)
 
 
@@ -80,6 +81,8 @@ def parse_toml(content: bytes, where: str) -> dict[str, Any]:
             dots = line.count(".") if not line.lstrip().startswith("#") else 0
             if len(line) > TOML_LINE_CAP_CHARACTERS or dots > TOML_LINE_CAP_DOTS:
                 raise ValueError(f"at line {number}, column 1")
+        import tomllib  # nothing that only says its help reads a file
+
         return tomllib.loads(text)
     except UnicodeDecodeError as error:
         before = content[: error.start]

@@ -341,12 +341,14 @@ def signature_gaps(sections: Mapping[str, Mapping[str, Any]], *, where: str) -> 
     return [Problem(code="key.missing", where=where, key="safety.signed_for", limit=" | ".join(SIGNED_FOR))]
 
 
-def real_machine_problems(machine: MachineProfile) -> tuple[Problem, ...]:
+def real_machine_problems(machine: MachineProfile, simulated_by: str = "") -> tuple[Problem, ...]:
     """Return why a profile may not be used on a real link: `safety.signed_for_simulator`.
 
     A copy of a bundled profile carries its signature along; it must be signed again for the real machine.
+    `simulated_by` are the options that lead to the simulated machine instead.
     """
     signed_for, code = machine.safety.signed_for, "safety.signed_for_simulator"
     if signed_for != SIMULATOR:
         return ()
-    return (Problem(code=code, where=machine.name, key="safety.signed_for", value=signed_for, limit=MACHINE),)
+    where, key = machine.name, "safety.signed_for"
+    return (Problem(code=code, where=where, key=key, value=signed_for, limit=simulated_by),)

@@ -36,6 +36,7 @@ last two need a part that can be held and cut, of a known material.
 from __future__ import annotations
 
 import math
+from functools import lru_cache
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
 from profiles.chucking.force import force_as_measured
@@ -53,6 +54,7 @@ from profiles.lobe.lobe_conditions import any_stated, lobe_differences, lobe_uns
 from profiles.machine import Carriage, MachineProfile, ToolAxis
 from profiles.materials import material_or_none, unknown_material
 from profiles.problem import Problem
+from profiles.same_objects import SameObjects
 
 # Refusals where no model applies: a part that cannot be held or cut at all.
 IMPOSSIBLE = ("rule.wall_over_radius", "rule.depth_over_wall", "rule.grip_margin")
@@ -65,6 +67,12 @@ LEAST_CHIP_MM = 0.005
 
 def check(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """Return one finding for every rule that can be judged, in the order of the module's list."""
+    return _checked(SameObjects(job, machine))  # a page asks for its job ten times a second
+
+
+@lru_cache(maxsize=4)
+def _checked(of: SameObjects[Job, MachineProfile]) -> tuple[Finding, ...]:
+    job, machine = of.one, of.other
     of_part, of_grip = _part(job, machine), _grip(job, machine)
     span, key = force_span(job, machine), "chucking_force_n"
     jaws = Problem(code="rule.jaws_differ", key="jaws", value=str(job.jaws), limit=str(machine.chuck.jaws))

@@ -27,6 +27,7 @@ PLANT_FILE = "FILE.toml"
 DEFAULT_PLANT = "ideal"
 MOST_CLAMPING_SD_PERCENT = 50.0
 SEED_LIMIT = 2**32 - 1
+LATHE_PARTS = 10_000  # largest number of a part that can be asked for: those before it are drawn, too
 MOST_BEFORE_S = 86_400.0
 
 LINK = ("link", "trace")
@@ -50,6 +51,8 @@ def contradiction(options: argparse.Namespace, text: Catalogue) -> str:
         return text("usage.instructor_with_command")
     if options.instructor is not None and not options.sim:
         return text("usage.instructor_without_sim")
+    if getattr(options, "lathe_part", None) is not None and (not options.sim or options.seed is None):
+        return text("usage.lathe_part_without_seed")
     if getattr(options, "ts", None) is not None:
         from drivers.cutting.strategy import TAKING_TS
 
@@ -68,6 +71,12 @@ def add_shared(
 
 
 INDICATOR = "indicator"  # instead of a file: the indicator of the simulated lathe
+
+
+def add_lathe_part(parser: Parser, text: Catalogue) -> None:
+    """Add which part of a simulated lathe it is."""
+    number = within(_digits, 1, LATHE_PARTS, "usage.lathe_part", LATHE_PARTS)
+    parser.add_argument("--lathe-part", metavar="N", type=number, help=text("help.lathe_part"))
 
 
 def add_practice(parser: Parser, text: Catalogue) -> None:

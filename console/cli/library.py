@@ -19,11 +19,14 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 
 if TYPE_CHECKING:
+    from console.session.cut.simulated_parts import LatheParts
     from console.session.data.calibrated_chuck import CalibratedMachine
     from console.text.catalogue import Catalogue
     from drivers.simulator.plant.true_parameters import TrueParameters
 
 DEFAULT_MACHINE = "lee-2001-lathe"
+SIM_OPTION, SIM_LINK = "--sim", "--link sim:"
+"""Options that lead to a simulated machine; a command has one of them, or both."""
 
 
 def data_of(options: Namespace) -> Path:
@@ -43,11 +46,11 @@ def profile_of(options: Namespace) -> LoadedMachine:
     return load_machine(options.machine or DEFAULT_MACHINE, machines_folder(data_of(options)))
 
 
-def machine_of(options: Namespace) -> LoadedMachine:
+def machine_of(options: Namespace, simulated_by: str = f"{SIM_OPTION} | {SIM_LINK}") -> LoadedMachine:
     """Load the machine named on the command line, for a command that moves it; as `refuse_unsigned`."""
     loaded = profile_of(options)
     if not isinstance(link_address(options, loaded), SimulatedAddress):
-        refuse_unsigned(loaded.machine)
+        refuse_unsigned(loaded.machine, simulated_by)
     return loaded
 
 
@@ -64,9 +67,12 @@ def link_address(options: Namespace, machine: LoadedMachine) -> LinkAddress:
     return parse_address(given) if given and not options.sim else SimulatedAddress()
 
 
-def refuse_unsigned(machine: MachineProfile) -> None:
-    """Refuse a machine on a real link with `safety.signed_for_simulator` where its profile was signed for that."""
-    if problems := real_machine_problems(machine):
+def refuse_unsigned(machine: MachineProfile, simulated_by: str = SIM_LINK) -> None:
+    """Refuse a machine on a real link with `safety.signed_for_simulator` where its profile was signed for that.
+
+    `simulated_by` are the options of the command that lead to the simulated machine instead.
+    """
+    if problems := real_machine_problems(machine, simulated_by):
         raise ProfileError(*problems)
 
 
@@ -109,6 +115,23 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
     if plant == MOUNTED:
         raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
     return plant_named(plant, machine, options.seed, options.clamping_sd)
+
+
+def lathe_parts_of(
+    options: Namespace, job: str, machine: str, true: TrueParameters | None, parts: int = 1
+) -> LatheParts | None:
+    """Return which parts of a job come next on the simulated lathe, None where all of its parts are alike.
+
+    Raises SessionError: as `next_part`.
+    """
+    from console.session.cut.simulated_parts import LatheParts, next_part
+    from drivers.simulator.plant.which_lathe import ALIKE
+
+    lathe = None if true is None else true.lathe
+    if true is None or lathe is None or (lathe.plant in ALIKE and not true.clamping_force_spread):
+        return None
+    number = options.lathe_part or next_part(data_of(options), job, machine, lathe)
+    return LatheParts(lathe=lathe, part=number, parts=parts)
 
 
 def named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:

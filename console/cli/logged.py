@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 from console.session.data.kept_files import data_folder
+from console.session.ending_signal import ended_by_signals, held_back, that_came
 from profiles.problem import ProblemError
 
 LOGGED = frozenset(
@@ -15,9 +16,10 @@ LOGGED = frozenset(
         None,  # the screens
         *("run", "doctor", "controller", "identify", "health", "tune"),
         *("simulator", "metrics", "mtconnect", "mqtt", "ship"),
+        *("watch", "study"),
     }
 )
-"""Commands that work a machine, or serve others. A fault of the program is in it anyway.
+"""Commands that work a machine, serve others, or may run for hours. A fault of the program is in it anyway.
 
 Not `restore`: its folder has to be empty.
 """
@@ -25,26 +27,39 @@ Not `restore`: its folder has to be empty.
 MAY_HOLD_A_PASSWORD = ("shop",)
 """Options whose values are not logged: a password in one is refused, but only after the line of the begin."""
 
+FAILED = 1
+
 
 def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[str]) -> int:
-    """Carry out a command; log its begin and its end, and what ends it."""
+    """Carry out a command; log its begin and its end, what ended it, and with which exit code.
+
+    A signal ends it with Interrupted, where it installs no handler of its own. Only what is killed has no end.
+    """
     is_logged = options.command in LOGGED
-    if is_logged:
-        _note(options, f"begin  {_said(options, words)}")
-    try:
-        code = command()
-    except ProblemError as error:
+    with ended_by_signals():
         if is_logged:
-            _note(options, "refused  " + "; ".join(each.facts for each in error.problems), is_warning=True)
-        raise
-    except BaseException as ended:
-        if isinstance(ended, Exception) and not isinstance(ended, BrokenPipeError):
-            _note(options, f"fault  {_version()}: {_said(options, words)}", error=ended)
-        elif is_logged:  # Ctrl-C, wrong usage that the command has told, or nobody reads on, as behind `head`
-            _note(options, f"ended  {type(ended).__name__}: {ended}")
-        raise
-    if is_logged:
-        _note(options, f"end  exit code {code}  {_version()}")
+            _note(options, f"begin  {_said(options, words)}")
+        code, by = FAILED, ""
+        try:
+            code = command()
+        except ProblemError as error:
+            if is_logged:
+                _note(options, "refused  " + "; ".join(each.facts for each in error.problems), is_warning=True)
+            raise
+        except SystemExit as ended:  # wrong usage that the command has told
+            code = ended.code if isinstance(ended.code, int) else FAILED
+            raise
+        except (KeyboardInterrupt, BrokenPipeError) as ended:  # or nobody reads on, as behind `head`
+            by = type(ended).__name__
+            raise
+        except Exception as error:
+            _note(options, f"fault  {_version()}: {_said(options, words)}", error=error)
+            raise
+        finally:
+            if is_logged:
+                by = that_came() or by
+                with held_back():  # a terminal that closes sends more than one
+                    _note(options, f"end  {by}{', ' if by else ''}exit code {code}  {_version()}")
     return code
 
 

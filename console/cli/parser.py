@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import re
 import sys
 from importlib import import_module
@@ -24,9 +25,27 @@ _WORDING = {
 class _Formatter(argparse.HelpFormatter):
     """Formatter whose usage prefix is in the operator's language."""
 
+    def __init__(self, prog: str) -> None:
+        """Take the width for which argparse would import `shutil`."""
+        super().__init__(prog, width=columns() - 2)
+
     def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
         """Add the usage line; argparse adds its own prefix unless it is given one."""
         super().add_usage(usage, actions, groups, Parser.text("help.usage") + " " if prefix is None else prefix)
+
+
+def columns() -> int:
+    """Return the width of the terminal: that in COLUMNS, else that of the output, 80 where it is none."""
+    told = os.environ.get("COLUMNS", "")
+    if told.isdecimal() and int(told) > 0:
+        return int(told)
+    try:
+        return os.get_terminal_size(1 if sys.__stdout__ is None else sys.__stdout__.fileno()).columns or UNKNOWN
+    except (ValueError, OSError):  # closed, or no terminal
+        return UNKNOWN
+
+
+UNKNOWN = 80  # columns
 
 
 class Parser(argparse.ArgumentParser):
@@ -63,7 +82,14 @@ class Parser(argparse.ArgumentParser):
         sentence = " ".join(message.split())
         for pattern, key in _WORDING.items():
             if match := re.fullmatch(pattern, sentence):
-                sentence = self.text(key, **match.groupdict())
+                sentence = self.text(key, **self._named(match.groupdict()))
                 break
         print(f"{self.prog}: {sentence}", file=sys.stderr)
         raise SystemExit(2)
+
+    def _named(self, facts: dict[str, str]) -> dict[str, str]:
+        """Return what a sentence names; a missing action with those there are."""
+        for action in self._actions:
+            if action.metavar == facts["value"] and action.choices:
+                facts["value"] += f" ({', '.join(map(str, action.choices))})"
+        return facts

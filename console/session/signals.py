@@ -9,10 +9,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
+from console.session.ending_signal import ENDING_SIGNALS, has_come
 from console.session.errors import Interrupted
 from drivers.lathe.stop import StopPath
-
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 LEAVE_WITHIN_S = 6.0
 """How long to wait for rest once this process is asked to end: a supervisor kills it after ten."""
@@ -108,4 +107,4 @@ class Interruption:
             guarded.stop.note(self.reason)  # our own stop is still being followed until rest
 
     def _handle(self, number: int, _: FrameType | None) -> None:
-        self.end(signal.Signals(number).name)
+        self.end(has_come(number))

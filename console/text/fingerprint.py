@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from profiles.compensations.learning import SURE
 from profiles.compensations.path import PathHarmonic
 
 if TYPE_CHECKING:
@@ -24,11 +25,16 @@ def fingerprint_line(found: Fingerprint, text: Catalogue) -> str:
         "fingerprint.line_upright" if deflection.upright else "fingerprint.line",
         force=f"{100.0 * clamped.force_deviation:+.1f}",
         lobe=f"{2.0 * abs(clamped.lobe_um):.1f}",
-        sd=f"{4.0 * clamped.sd_um:.1f}",
+        sd=f"{limit_um_pp(clamped):.1f}",
         turn=f"{turn_deg(clamped, lobes):+.1f}",
         places=deflection.places,
         weight=f"{100.0 * clamped.weight:.0f}",
     )
+
+
+def limit_um_pp(clamped: Clamped) -> float:
+    """Return the 95 % half-width of the lobe of this part, um p-p: twice that of its height."""
+    return 2.0 * SURE * clamped.sd_um
 
 
 def turn_deg(clamped: Clamped, lobes: int) -> float:

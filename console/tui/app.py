@@ -24,8 +24,8 @@ from console.tui.application.listening import ListeningApp
 from console.tui.application.pointing import point
 from console.tui.collector import Collector
 from console.tui.driver import Written
-from console.tui.frame import Frame, frame_rows, small_rows
-from console.tui.frame_rows import FrameRows
+from console.tui.frame import Frame, small_rows
+from console.tui.frame_rows import FrameRows, MadeRows
 from console.tui.gate import (
     FieldKind,
     HeldKeys,
@@ -111,7 +111,7 @@ class ConsoleApp(ListeningApp):
         self._orders = StandingOrders(self.ui)
         self._held, self.scans = HeldKeys(), Scans(self.ui, lambda: self._made(PageName.JOBS))
         self._previewer, self._path = Previewer(), ChosenPath()
-        self._rows = FrameRows(palette)
+        self._rows, self._made_rows = FrameRows(palette), MadeRows()
         self._list = ListPanel(palette, text)
         self._palette = PaletteKeys(self.ui, self._list, self._why_not)
         self._small = Sheet(palette, id="small")
@@ -267,14 +267,14 @@ class ConsoleApp(ListeningApp):
 
     def _show_frame(self, page: Page, view: View) -> None:
         state = view.state
-        if state.refusals is self._dismissed:  # answers to an earlier key
+        if state.refusals and state.refusals is self._dismissed:  # answers to an earlier key
             state = replace(state, refusals=())
         frame = Frame(
             text=self.ui.text,
             state=state,
             machine=self.ui.machine.machine,
             page=self._page,
-            field=self.situation().field,
+            field=self._field,
             next_step=page.next_step(view),
             said=self.ui.said,
             clock=self._local_time(),
@@ -300,7 +300,7 @@ class ConsoleApp(ListeningApp):
 
     def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
         """Return the rows around the page."""
-        return frame_rows(frame, self.size.width, self.size.height)
+        return self._made_rows.of(frame, self.size.width, self.size.height)
 
     def small_rows(self, state: StationState) -> list[Line]:
         """Return what a terminal shows that is too small for a page."""

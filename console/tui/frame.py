@@ -101,7 +101,7 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     right = (
         *place(text, state, frame.client),
         *onlookers(text, state),
-        *_age(frame),
+        *age_of(frame),
         dim(f"   {frame.clock:%H:%M} "),
     )
     room = width - width_of((*head, *right)) - cell_len(activity) - 1
@@ -133,7 +133,8 @@ def _observes(state: StationState) -> bool:
     return not state.controls and state.activity not in (Activity.CONNECTING, Activity.LOST)
 
 
-def _age(frame: Frame) -> Line:
+def age_of(frame: Frame) -> Line:
+    """Return how old the state is, or how fast the link answers."""
     state = frame.state
     age_s = state.age_s(frame.now_s)
     if age_s is None:

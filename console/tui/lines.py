@@ -33,6 +33,7 @@ def dim(text: str) -> Piece:
     return text, Token.DIM
 
 
+@lru_cache(maxsize=1024)  # most lines of a tick are those of the tick before; so below
 def width_of(pieces: Line) -> int:
     """Return the width of a line in cells."""
     return sum(cell_len(text) for text, _ in pieces)
@@ -135,6 +136,7 @@ def first_fitting(height: int | None, more: str, *layouts: list[Line]) -> list[L
     return next(fitting, None) or clipped(layouts[-1], height, more)
 
 
+@lru_cache(maxsize=512)
 def ranged(left: Line, right: Line, width: int) -> Line:
     """Return one line with `left` left-aligned and `right` right-aligned; the left one is shortened."""
     room = width - width_of(right)
@@ -155,6 +157,11 @@ def fact(label: str, value: str, width: int, *, label_width: int, token: Token =
 
 def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | None = None) -> list[Line]:
     """Return a text broken at spaces (long words anywhere) into lines of `width` cells, the first of `first`."""
+    return list(_wrapped(text, width, token, first))
+
+
+@lru_cache(maxsize=512)
+def _wrapped(text: str, width: int, token: Token, first: int | None) -> tuple[Line, ...]:
     lines: list[str] = []
     current = ""
     for word in text.split():
@@ -175,7 +182,7 @@ def wrapped(text: str, width: int, token: Token = Token.TEXT, *, first: int | No
                 break
     if current:
         lines.append(current)
-    return [((text_, token),) for text_ in lines]
+    return tuple(((text_, token),) for text_ in lines)
 
 
 def hanging(mark: Piece, text: str, width: int, token: Token = Token.TEXT, *, beside: Line = BLANK) -> list[Line]:
@@ -228,11 +235,16 @@ class Sheet(Widget, can_focus=False):
         super().__init__(id=id, classes=classes)
         self._palette = palette
         self.lines: tuple[Line, ...] = ()
+        self._given: tuple[Line, ...] = ()
 
     def show(self, lines: Sequence[Line], title: str | None = None, subtitle: str = "") -> None:
         """Show these lines, and these titles where they are given; unchanged cells are not painted again."""
         if title is not None:
             entitle(self, title, subtitle)
+        given = tuple(lines)
+        if given == self._given:
+            return
+        self._given = given
         before, self.lines = self.lines, tuple(_harmless(each) for each in lines)
         regions = []
         for row, (old, new) in enumerate(zip_longest(before, self.lines, fillvalue=BLANK)):
@@ -255,11 +267,18 @@ class Sheet(Widget, can_focus=False):
 def entitle(panel: Widget, title: str, subtitle: str = "") -> None:
     """Set the titles of a panel where they differ. Names in them may contain brackets, which are no markup."""
     for name, words in (("border_title", title), ("border_subtitle", subtitle)):
-        content = Content(words)
-        if getattr(panel, name) != content.markup:
+        content, markup = _content(words)
+        if getattr(panel, name) != markup:
             setattr(panel, name, content)
 
 
+@lru_cache(maxsize=256)
+def _content(words: str) -> tuple[Content, str]:
+    content = Content(words)
+    return content, content.markup
+
+
+@lru_cache(maxsize=512)
 def _harmless(pieces: Line) -> Line:
     """Return a line that cannot control the terminal, whatever the names in it."""
     if all(text.isprintable() for text, _ in pieces):

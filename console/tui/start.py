@@ -19,10 +19,10 @@ from console.session.alarm_notes import AlarmNotes
 from console.session.appearance import Appearance, appearance_of
 from console.session.configuration import KEYS, Configuration
 from console.session.data.calibrated_chuck import calibrated_or_stated
+from console.session.ending_signal import ENDING_SIGNALS, has_come
 from console.session.errors import SessionError
 from console.session.flight.notes import Inbox, Kind
 from console.session.flight.recorded_control import RecordedControl
-from console.session.signals import ENDING_SIGNALS
 from console.session.station.link_thread import LinkThread
 from console.session.station.whereabouts import address_of
 from console.session.terminal_place import remote_client
@@ -267,7 +267,7 @@ class _Ending:
             return  # a signal during this adds nothing, and a series of them would pile up
         self._handling = True
         if self.reason is None:
-            self.reason, self.came_s = signal.Signals(number).name, time.monotonic()
+            self.reason, self.came_s = has_come(number), time.monotonic()
         self._link.end(self.reason, must_leave=True)
         with suppress(RuntimeError):  # the screen has ended already, and its loop is closed
             self._app.leave_soon()

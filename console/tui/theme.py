@@ -9,14 +9,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import Enum, auto
+from enum import IntEnum, auto
 from typing import Any
 
 from rich.style import Style
 from textual.theme import Theme
 
 
-class Token(Enum):
+class Token(IntEnum):  # the hash of an int is at hand, and lines are looked up by their pieces
     """Meaning of a piece of the screen."""
 
     TEXT = auto()

@@ -43,7 +43,7 @@ LIMITS_OFF_AT_ZERO = frozenset(  # the limits that a 0 disables, by the keys of 
         "jog_acceleration",
     )
 )
-_WORDS_A_LINE = 8
+_WORDS_A_LINE, _NUMBERS_A_LINE = 8, 20
 DELETE_GATHER, UNDEFINE = "DELETE GATHER", "UNDEFINE ALL"
 
 CAP_BYTES = 16_000_000
@@ -61,6 +61,7 @@ _DEFINE_TABLE = re.compile(r"#(\d+)DEFINE COMP (\S+)")
 _ENTRIES = re.compile(r"-?\d+(?: -?\d+)*")
 _TYPED = re.compile(r'(?:[^";]|"[^"]*"?)*')
 _LOCKED = re.compile(r"; locked (.+)")
+_NO_PROGRAMS = re.compile(r"; no program under (\d{1,5}(?:, \d{1,5})*)")
 _OPEN = re.compile(r"OPEN (PLC|PROG)(\d+)")
 _OPEN_KINEMATIC = re.compile(rf"&(\d+)OPEN ({INVERSE}|{FORWARD})")
 
@@ -85,6 +86,9 @@ def _body(configuration: Configuration) -> Iterator[str]:
     yield from LEFT_OUT
     for name in configuration.locked:
         yield f"; locked {name}"
+    for start in range(0, len(configuration.no_programs), _NUMBERS_A_LINE):
+        part = configuration.no_programs[start : start + _NUMBERS_A_LINE]
+        yield f"; no program under {', '.join(map(str, part))}"
     yield from _setting_lines(configuration.settings, dialect)
     yield from _conversion(configuration)
     yield from ("", "; M-variables; those that are not named point at nothing", f"M0..{dialect.highest_index}->*")
@@ -260,6 +264,7 @@ class _Gathered:
     tables: dict[int, TableEntry] = field(default_factory=dict)
     conversion: list[int] = field(default_factory=list)
     locked: list[str] = field(default_factory=list)
+    no_programs: list[int] = field(default_factory=list)
     entries: dict[int, list[int]] = field(default_factory=dict)
     values: dict[str, float] | None = None
     kinematics: dict[tuple[int, str], list[str]] = field(default_factory=dict)
@@ -295,6 +300,8 @@ class _Gathered:
             self.tables[int(found[1])] = TableEntry(found[2], int(found[3]), found[4])
         elif found := _LOCKED.fullmatch(line):
             self.locked.append(found[1])
+        elif found := _NO_PROGRAMS.fullmatch(line):
+            self.no_programs += map(int, found[1].split(", "))
         elif found := _OPEN.fullmatch(line):
             self._open = self.buffers[found[1]][int(found[2])] = []
         elif found := _OPEN_KINEMATIC.fullmatch(line):
@@ -331,6 +338,7 @@ class _Gathered:
             tables=self.tables,
             conversion=tuple(self.conversion),
             locked=tuple(self.locked),
+            no_programs=tuple(self.no_programs),
             entries={motor: tuple(entries) for motor, entries in self.entries.items()},
             values=self.values,
             kinematics={which: tuple(lines) for which, lines in self.kinematics.items()},

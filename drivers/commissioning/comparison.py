@@ -102,7 +102,13 @@ def differences(before: Configuration, now: Configuration, machine: MachineProfi
         *_entries("#{} COMP", Group.PROGRAMS, *tables),
         *_entries("Y:${:X}", Group.CARD, *words),
         *(() if None in (before.user_buffer, now.user_buffer) else _entries("{}", Group.PROGRAMS, *sizes)),
+        *(() if now.misplaced_buffer is None else [_misplaced(now.misplaced_buffer)]),
     ]
+
+
+def _misplaced(problem: Problem) -> Check:
+    found, wanted, code = problem.value, problem.limit, "user_buffer_misplaced"
+    return Check(Group.PROGRAMS, code, Severity.REFUSAL, variable=problem.key, found=found, wanted=wanted)
 
 
 def _settings(before: Configuration, now: Configuration, machine: MachineProfile) -> Iterator[Check]:

@@ -13,6 +13,7 @@ from functools import cached_property
 from drivers.commissioning.user_buffer import UserWords
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.variables import MODAL_NUMBERS
+from profiles.problem import Problem
 
 HOST_SETTINGS = (3, 4, 6, 63, 64)  # handshake, checksums, errors, echo, marks: set by every host when it connects
 
@@ -44,6 +45,8 @@ class Configuration:
     such as `P7` and `&2Q5`; None where they were not asked for. `kinematics` are the programs INVERSE and FORWARD
     by coordinate system, where values were asked for. `user_buffer` are its addresses,
     empty where it has no words; None where they were not asked for or the controller does not tell.
+    `no_programs` are the numbers beside the usual ones under which no program was found.
+    `misplaced_buffer` is why it is None where the controller reports a place that it cannot have.
     `user_words` are the words there, None where there are none or values were not asked for.
     """
 
@@ -62,6 +65,14 @@ class Configuration:
     values: Mapping[str, float] | None = None
     kinematics: Mapping[tuple[int, str], tuple[str, ...]] = field(default_factory=dict)
     user_buffer: range | None = None
+    misplaced_buffer: Problem | None = None
+    no_programs: tuple[int, ...] = ()
+
+    @property
+    def sought_programs(self) -> tuple[int, ...]:
+        """The numbers under which whoever compares or restores has to look for programs, beside the usual ones."""
+        return tuple(sorted({*self.programs, *self.no_programs}))
+
     user_words: UserWords | None = None
 
     @property

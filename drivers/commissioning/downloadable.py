@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from drivers.commissioning.downloading import sendable
+from drivers.commissioning.own_variables import own_variables_written
 from drivers.pmac.buffer_text import BufferKind, SourceText, TextBuffer
 from drivers.pmac.client import LINE_LIMIT
 from drivers.pmac.language.errors import PmacError
@@ -37,6 +38,10 @@ def _of_buffers(buffers: Iterable[TextBuffer], where: str) -> Iterator[Problem]:
             yield Problem(code=code, where=where, key=buffer.place.named, value=buffer.name)
         seen.add(buffer.name)
         yield from _unsendable(buffer, where)
+        for line in buffer.lines:
+            if own := own_variables_written(buffer.kind, line.text):
+                key, value = line.place.named, ", ".join(own)
+                yield Problem(code="download.own_variables", where=where, key=key, value=value)
 
 
 def _opened_wrongly(buffer: TextBuffer, seen: set[str]) -> str | None:

@@ -12,7 +12,7 @@ from itertools import zip_longest
 
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.comparison import changed
-from drivers.commissioning.reading import LISTING_TIMEOUT_S, PROGRAM_NUMBERS, listed_lines, refuse_open_buffer
+from drivers.commissioning.reading import LISTING_TIMEOUT_S, listed_lines, refuse_open_buffer
 from drivers.commissioning.restoring import Seen, refuse_busy, send_counted
 from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
@@ -87,17 +87,6 @@ def may_run(client: Controller, changes: Iterable[Change]) -> tuple[str, ...]:
     permitted = int(client.numbers(PERMISSION, again=True)[0])
     return tuple(
         each.buffer.name for each in plcs if permitted & (BACKGROUND if each.buffer.number else FOREGROUND)
-    )
-
-
-def beyond_backups(changes: Iterable[Change]) -> tuple[str, ...]:
-    """Return the new programs under numbers that a restore does not look for: it would not erase them."""
-    return tuple(
-        each.buffer.name
-        for each in changes
-        if each.buffer.kind is BufferKind.PROGRAM
-        and each.before is None
-        and each.buffer.number not in PROGRAM_NUMBERS
     )
 
 

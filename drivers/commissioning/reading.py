@@ -133,11 +133,13 @@ def read_configuration(
         `controller.user_buffer`, where its words are asked for.
     """
     refuse_open_buffer(client, dialect)
-    place = _user_buffer(client, dialect, extent)
+    place, misplaced = _user_buffer(client, dialect, extent)
     user_words = read_words(client, place, seen_words) if place and extent.values else None
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
     motors, locked, entries = extent.motors, list[str](), dict[int, tuple[int, ...]]()
     pointers = dict(_pointers(client, extent.pointers))
+    programs = dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked))
+    further = set(extent.programs) - set(PROGRAM_NUMBERS) - programs.keys()
     return Configuration(
         family=dialect.name,
         kind=kind,
@@ -146,7 +148,8 @@ def read_configuration(
         axes=dict(_axes(client, dialect, motors)),
         pointers=pointers,
         plcs=dict(_listings(client, "PLC", extent.plcs, PLC_TIMEOUT_S, locked)),
-        programs=dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked)),
+        programs=programs,
+        no_programs=tuple(sorted(number for number in further if f"PROG {number}" not in locked)),
         tables=dict(_tables(client, extent.table_motors, extent.unlisted_table, entries)),
         conversion=_conversion(client, dialect),
         entries=entries if extent.values else {},
@@ -154,18 +157,19 @@ def read_configuration(
         kinematics=dict(_kinematics(client, dialect, locked)) if extent.values else {},
         locked=tuple(locked),
         user_buffer=place,
+        misplaced_buffer=misplaced,
         user_words=user_words,
     )
 
 
-def _user_buffer(client: Controller, dialect: Dialect, extent: Extent) -> range | None:
-    """Return the place of the user buffer; one that cannot be is as none told, where its words are not wanted."""
+def _user_buffer(client: Controller, dialect: Dialect, extent: Extent) -> tuple[range | None, Problem | None]:
+    """Return the place of the user buffer; where its words are not wanted, also why it cannot be there."""
     try:
-        return read_place(client, dialect) if extent.user_buffer else None
-    except RefusedError:
+        return (read_place(client, dialect) if extent.user_buffer else None), None
+    except RefusedError as error:
         if extent.values:
             raise
-        return None
+        return None, error.problems[0]
 
 
 def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:

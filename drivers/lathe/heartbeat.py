@@ -20,6 +20,7 @@ from drivers.pmac.heartbeat.arming import (
     HeartbeatLook,
     forbidden,
     heartbeat_problems,
+    lost_problem,
     permitted,
     read_heartbeat,
     silent,
@@ -77,6 +78,7 @@ class Heartbeat:
         """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner read."""
         self.policy = Policy(machine.heartbeat.policy) if policy is None else policy
         self.guarding = False
+        self._lapsed: Problem | None = None
         self._client, self._clock, self._machine, self._owner_seen = client, clock, machine, owner_seen
         self._dialect = DIALECTS[machine.controller.family]
         self._keeper: Keeper | None = None
@@ -159,8 +161,21 @@ class Heartbeat:
 
     def lapse(self) -> DriverError:
         """Stop guarding, and return the problem to report: the controller has ended what was guarded."""
-        self.guarding = False
-        return DriverError(Problem(code=LAPSED, where=self._client.link.address))
+        self.guarding, self._lapsed = False, self._lapse
+        return DriverError(self._lapsed)
+
+    def loss(self, lost: int) -> Problem | None:
+        """Return why something was ended without its host, else None; `lost` is P1004 of the newest poll.
+
+        `heartbeat.lapsed` is of a motion of this console, `heartbeat.lost` of one before it.
+        """
+        if self._lapsed is None and lost:
+            return self._lapse if self.guarding else lost_problem(lost)
+        return self._lapsed
+
+    @property
+    def _lapse(self) -> Problem:
+        return Problem(code=LAPSED, where=self._client.link.address)
 
     def forgo(self) -> None:
         """Stop guarding: the guarded line was not sent, and the controller received nothing."""
@@ -203,7 +218,7 @@ class Heartbeat:
         if self._keeper is None:
             raise RefusedError(Problem(code="heartbeat.not_prepared", where=self._client.link.address))
         self._refuse_silent()
-        self.guarding, self._echo = True, EchoWatch()
+        self.guarding, self._lapsed, self._echo = True, None, EchoWatch()
         self._keeper = self._keeper.renewed(self._clock.now_s())
         return self._keeper
 

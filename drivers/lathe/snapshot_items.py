@@ -32,6 +32,8 @@ class SnapshotItems:
         # The same words come again in most polls, and their meaning depends on nothing else.
         self._motor_flags = lru_cache(maxsize=256)(partial(decode, table=dialect.motor_bits))
         self._system_flags = lru_cache(maxsize=256)(partial(decode, table=dialect.system_bits))
+        self._axis, self._number = lru_cache(maxsize=64)(self._axis_of), lru_cache(maxsize=64)(number_of)
+        self._inputs = lru_cache(maxsize=64)(self._inputs_of)
         self.items = (
             *(item for motor in motors for item in (f"#{motor}P", "F", "?")),
             "&1??",
@@ -44,7 +46,7 @@ class SnapshotItems:
     def read(self, replies: Sequence[str], asked_s: float, at_s: float, where: str) -> Snapshot:
         """Make a snapshot of the replies to `items`. Raises LinkError: `link.out_of_step`."""
         try:
-            tool, spindle, carriage = (self._axis(replies[start : start + 3]) for start in (0, 3, 6))
+            tool, spindle, carriage = (self._axis(*replies[start : start + 3]) for start in (0, 3, 6))
             status, override, owner, lost, *words = replies[9:]
             system = self._system_flags(status)
             return Snapshot(
@@ -56,23 +58,22 @@ class SnapshotItems:
                 program_running="running_program" in system,
                 runtime_error="runtime_error" in system,
                 driven=self.driven,
-                owner=int(number_of(owner)),
-                lost=int(number_of(lost)),
-                override_percent=number_of(override),
-                inputs=self._inputs(words),
+                owner=int(self._number(owner)),
+                lost=int(self._number(lost)),
+                override_percent=self._number(override),
+                inputs=self._inputs(*words),
             )
         except ValueError as error:
             problem = Problem(code="link.out_of_step", where=where, key=" ".join(self.items), value=str(error))
             raise LinkError(problem) from error
 
-    def _axis(self, replies: Sequence[str]) -> AxisState:
-        position, error, status = replies
+    def _axis_of(self, position: str, error: str, status: str) -> AxisState:
         axis = AxisState(number_of(position), number_of(error), self._motor_flags(status))
         if "open_loop" in axis.flags:  # then the controller reports no desired velocity
             return replace(axis, flags=axis.flags | {"desired_velocity_zero"})
         return axis
 
-    def _inputs(self, words: Sequence[str]) -> Mapping[str, bool]:
+    def _inputs_of(self, *words: str) -> Mapping[str, bool]:
         items = dict.fromkeys(each.item for each in self.inputs)
         actual = {item: int(number_of(word)) for item, word in zip(items, words, strict=True)}
         good: dict[str, bool] = {}

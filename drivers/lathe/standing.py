@@ -32,3 +32,8 @@ class Signature:
     name: str
     host: str
     minute: int
+
+    @property
+    def shown_host(self) -> str:
+        """Where that is, as it is shown; `?` where it is not known."""
+        return "?" if self.host in ("", BY_SSH) else self.host

@@ -12,6 +12,7 @@ priority. Its CR is not shown: `[no CR]` marks a missing one, `[CR]` stands for 
 from __future__ import annotations
 
 import os
+import re
 import threading
 from collections.abc import Callable
 from datetime import datetime
@@ -27,7 +28,8 @@ from profiles.problem import Problem
 CR, ACK, NUL = 0x0D, 0x06, 0x00
 LONGEST_LINE = 4096  # bytes; input that never sends CR is not buffered for ever
 _NAMES = {NUL: "NUL", 0x02: "STX", ACK: "ACK", 0x07: "BEL", 0x0A: "LF", CR: "CR"}
-_ALONE = frozenset(range(0x20)) - {0x02, 0x07, 0x09, 0x0A, CR}  # end a line as a CR does, but are shown in it
+_ENDS = rb"\x00\x01\x03-\x06\x08\x0b-\x1f"  # CR, and control characters that end a line as it does, but are shown
+_PIECES = re.compile(rb"([^%b]*)([%b]?)" % (_ENDS, _ENDS))
 
 
 class Sink(Protocol):
@@ -48,14 +50,14 @@ class Dialogue:
         """Take bytes of one direction; those of the other begin a new line."""
         self.end(now_s, "<" if mark == ">" else ">")
         line = self._lines[mark]
-        for byte in data:
-            if byte != CR:
-                line.append(byte)
-            if byte == CR or byte in _ALONE:
-                self._put(now_s, mark, shown(line) or "[CR]")
+        for text, end in _PIECES.findall(data):
+            line += text
+            while len(line) >= LONGEST_LINE:
+                self._put(now_s, mark, f"{shown(line[:LONGEST_LINE])} [no CR]")
+                del line[:LONGEST_LINE]
+            if end:
+                self._put(now_s, mark, shown(line + end.strip(b"\r")) or "[CR]")
                 line.clear()
-            elif len(line) >= LONGEST_LINE:
-                self.end(now_s, mark)
 
     def end(self, now_s: float, mark: str) -> None:
         """Put out a line that has no end yet."""
@@ -130,7 +132,7 @@ class TracedLink(PassingLink):
 
 def shown(data: bytes | bytearray) -> str:
     """Return bytes as text, with unprintable ones by name."""
-    return "".join(_shown(byte) for byte in data)
+    return data.decode("latin-1").translate(_SHOWN)
 
 
 def _shown(byte: int) -> str:
@@ -140,6 +142,9 @@ def _shown(byte: int) -> str:
         return f"[^{chr(byte + 0x40)}]"
     # A bracket in the dialogue must not look like one of the trace's own marks.
     return chr(byte) if byte < 0x7F and byte != 0x5B else f"[{byte:#04x}]"
+
+
+_SHOWN = [_shown(byte) for byte in range(0x100)]
 
 
 LIMIT_BYTES = 64 * 1024 * 1024  # size limit: some hours of a machine that is polled twenty times a second

@@ -78,6 +78,9 @@ class LinkFaults:
 NUL, STX, ACK, BELL, LF, CR = 0x00, 0x02, 0x06, 0x07, 0x0A, 0x0D
 
 _NO_TEXT = re.compile(rb"[^\n\x20-\x7e]")
+_ACCEPTED_TEXT = re.compile(rb"(?:[\x20-\x7e]*+\r)*+\x06")
+"""A whole accepted reply of printable text: what nearly every status poll gets, read at once."""
+
 _REFUSAL = re.compile(rb"ERR(\d{3})")
 
 
@@ -147,6 +150,9 @@ class ReplyReader:
 
         Raises FramingError: the input cannot be a reply, whatever follows.
         """
+        if not (self._lines or self._messages) and _ACCEPTED_TEXT.fullmatch(self.rest):
+            lines, self.rest = self.rest[:-1].decode("ascii").split("\r")[:-1], b""
+            return Reply(lines=tuple(lines))
         end = self._collect()
         if end is None:
             return None

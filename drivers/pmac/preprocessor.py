@@ -32,7 +32,8 @@ _COMMAND = re.compile(r"(?:CMD|COMMAND)[SPRA]?\s*$", re.IGNORECASE)
 class Place(int):
     """A line of a text, from 1; one of an included file is the line of its #include, and has a `source`.
 
-    It is used as the number. Two lines of included files are not the same, though one #include has brought both.
+    It is used as the number. Two lines of included files are not the same, though one #include has brought both,
+    and neither is the line of that #include: a number is equal to a line of the text itself only.
     """
 
     source: str
@@ -49,8 +50,10 @@ class Place(int):
         return f"{int(self)}, {self.source}" if self.source else str(int(self))
 
     def __eq__(self, other: object) -> bool:
-        """Compare the source, too, where the other is a place."""
-        return int(self) == other and (not isinstance(other, Place) or self.source == other.source)
+        """Compare the source, too; a number has none."""
+        if isinstance(other, Place):
+            return (int(self), self.source) == (int(other), other.source)
+        return not self.source and int(self) == other
 
     def __ne__(self, other: object) -> bool:
         """Return the contrary of equality."""

@@ -15,7 +15,7 @@ from functools import partial
 from drivers.placed import placed_of
 from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import Pace, ending_signals, keep_time, patient
+from drivers.simulator.hosts.real_time import Ending, Pace, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import MOUNTED, plant_named
 from drivers.simulator.plant.true_parameters import begun_at
@@ -50,7 +50,7 @@ def _go_on(lathe: SimulatedLathe, channel: socket.socket) -> None:
 
 
 async def _serve(lathe: SimulatedLathe, channel: socket.socket, pace: Pace) -> None:
-    ended = ending_signals()
+    ended = Ending()
     reader, writer = await asyncio.open_connection(sock=channel)
     host = PtyHost(lathe)
 

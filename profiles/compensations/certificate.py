@@ -47,14 +47,22 @@ class Follows:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certified:
-    """One order: its `gain`, |1 - L T| for T = T_hat and its `bound`, the amplitude that is `left_um`, and why."""
+    """One order: its `gain`, |1 - L T| for T = T_hat and its `bound`, its amplitudes in um, and why.
+
+    `on_part_um` is on the part, `left_um` what the order teaches of that; None where no trace has shown it.
+    `tool_off_um` is by how much the tool was off its path, None where that was not seen. `bound_gain_1` decides
+    whether an order is promised.
+    """
 
     order: int
     gain: float
     factor: float
     bound: float
-    left_um: float
+    bound_gain_1: float
+    on_part_um: float | None
+    left_um: float | None
     standing: Standing
+    tool_off_um: float | None = None
 
 
 def bound(gain: float, spread: float) -> float:
@@ -79,14 +87,30 @@ def promised_orders(
     return tuple(orders)
 
 
-def certified(order: int, gain: float, left_um: complex, follows: Follows, standing: Standing) -> Certified:
-    """Return the certificate of an order of which `left_um` is on the part."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shown:
+    """What a part has shown of an order, um: what is on it, what that teaches, and the tool's error in its cut."""
+
+    on_part_um: complex | None = None
+    left_um: complex | None = None
+    tool_off_um: complex | None = None
+
+
+def certified(order: int, gain: float, shown: Shown, follows: Follows, standing: Standing) -> Certified:
+    """Return the certificate of an order."""
     tried = gain if standing is Standing.LEARNED else 1.0  # what a step would do
     return Certified(
         order=order,
         gain=gain,
         factor=abs(1.0 - tried),
         bound=bound(tried, follows.spread),
-        left_um=abs(left_um),
+        bound_gain_1=bound(1.0, follows.spread),
+        on_part_um=_height(shown.on_part_um),
+        left_um=_height(shown.left_um),
         standing=standing,
+        tool_off_um=_height(shown.tool_off_um),
     )
+
+
+def _height(coefficient_um: complex | None) -> float | None:
+    return None if coefficient_um is None else abs(coefficient_um)

@@ -9,8 +9,13 @@ from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
-SCHEMA = 3
-READ = (1, 2, SCHEMA)  # the first had neither `plain` nor `frozen`, the second no `clamped`
+SCHEMA = 4
+READ = (
+    1,
+    2,
+    3,
+    SCHEMA,
+)  # the first had neither `plain` nor `frozen`, the second no `clamped`, the third no `lathe`
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
@@ -19,7 +24,8 @@ MODEL = 0  # the version without learning: the lobe of the job through the respo
 class HoldsFor:
     """What a compensation is valid for: job and machine with the hashes of their files, and the strategy.
 
-    What was learned on a simulated lathe is valid for simulated lathes only.
+    What was learned on a simulated lathe is valid for simulated lathes only, and for that one: `lathe` says which,
+    empty where that is not known, and for a real machine.
     """
 
     job: str
@@ -28,6 +34,7 @@ class HoldsFor:
     machine_sha256: str
     simulated: bool
     strategy: str
+    lathe: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -144,6 +151,8 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
     if (holds.job, holds.machine, holds.simulated) != (asked.job, asked.machine, asked.simulated):
         value, limit = _side(asked), _side(holds)
         problems.append(Problem(code="learned.elsewhere", key=version, value=value, limit=limit))
+    if holds.lathe and asked.lathe and holds.lathe != asked.lathe:
+        problems.append(Problem(code="learned.other_lathe", key=version, value=asked.lathe, limit=holds.lathe))
     if holds.strategy != asked.strategy:
         problems.append(Problem(code="learned.strategy", key=version, value=asked.strategy, limit=holds.strategy))
     return tuple(problems)

@@ -31,6 +31,8 @@ Value = TypeVar("Value")
 
 # Standard deviations above which a harmonic is significant: 95 %, chi-square with two degrees of freedom.
 SIGNIFICANT = 2.45
+# The same of a height alone, such as that of a lobe in its place: 95 % of a normal distribution.
+SURE = 1.96
 STEADY_FRACTION = 0.02  # below this reciprocal condition number the angles cannot separate the harmonics
 
 

@@ -25,6 +25,7 @@ from profiles.compensations.learned import MODEL, ClampedRead, HoldsFor, Learned
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
+    SURE,
     Deviation,
     coefficient_of,
     convergence,
@@ -104,9 +105,10 @@ class CutWith:
 def half_width_um_pp(lobe_sd_um: float, scatter_um: float) -> float:
     """Return the 95 % half-width of a lobe expected from a part, um p-p.
 
-    `lobe_sd_um` is the standard error of the lobe read from the part, `scatter_um` that of one of two clampings.
+    `lobe_sd_um` is the standard error of the lobe read from the part, which is off in any direction; `scatter_um`
+    that of one of two clampings, whose force changes the height alone.
     """
-    return 2.0 * SIGNIFICANT * math.hypot(lobe_sd_um, scatter_um, scatter_um)
+    return 2.0 * math.hypot(SIGNIFICANT * lobe_sd_um, SURE * scatter_um, SURE * scatter_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -246,6 +248,7 @@ def _seen(n: int, cut: CutWith, part: PartHarmonics, job: Job) -> OrderSeen:
         path_um=path_um,
         shown_um=(*before, error_um + path_um),
         steps_um=[abs(after - first) for first, after in pairwise(paths)],
+        on_part_um=part.coefficients_um[n],
     )
 
 

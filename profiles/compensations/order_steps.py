@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
-from profiles.compensations.certificate import Certified, Follows, Standing, certified
+from profiles.compensations.certificate import Certified, Follows, Shown, Standing, certified
 from profiles.compensations.learning import SIGNIFICANT
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
@@ -29,8 +29,9 @@ STEP_UM = 1e-6  # a path step below this is only the rounding of its file
 class OrderSeen:
     """One order as parts show it, in um: what was not expected of this part, and how well a trace shows it.
 
-    `path_um` is the order of the whole target. `shown_um` is what a path has to remove by each part so far,
-    this one last; `steps_um` are the steps of the path before it.
+    `on_part_um` is what is on the part, None where that is the error. `path_um` is the order of the whole target.
+    `shown_um` is what a path has to remove by each part so far, this one last; `steps_um` are those of the path
+    before it.
     """
 
     order: int
@@ -39,6 +40,13 @@ class OrderSeen:
     path_um: complex
     shown_um: Sequence[complex] = ()
     steps_um: Sequence[float] = ()
+    on_part_um: complex | None = None
+
+    @property
+    def shown(self) -> Shown:
+        """What the certificate says that the part shows."""
+        on_part_um = self.error_um if self.on_part_um is None else self.on_part_um
+        return Shown(on_part_um=on_part_um, left_um=self.error_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,7 +119,7 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
             changes[seen.order] = gain * seen.error_um
         elif standing is Standing.VARIES and abs(seen.path_um) > STEP_UM:
             changes[seen.order] = -seen.path_um
-        certificate.append(certified(seen.order, gain, seen.error_um, rules.follows(seen.order), standing))
+        certificate.append(certified(seen.order, gain, seen.shown, rules.follows(seen.order), standing))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))
 
 

@@ -30,6 +30,9 @@ SURPRISE = 18.0
 """Square of an error over what was expected, in two directions, beyond which the set-up was changed: then what was
 known of the lobe does not count. By chance it is one in 8000."""
 
+SURPRISE_OF_ONE = 14.7
+"""The same in one direction, as of a height: by chance it is as rare."""
+
 _ROUNDS = 6
 _LR, _LI, _GR, _GI, _S, _A = range(6)
 
@@ -53,6 +56,28 @@ class Seen:
     value: complex
     sd_um: float
     along: complex | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Surprise:
+    """A fingerprint against what was expected: `off` along the lobe and across it, in standard deviations.
+
+    `expected_um` is the amplitude that was expected, `sd_um` the standard deviations of both.
+    """
+
+    expected_um: float
+    off: tuple[float, float]
+    sd_um: tuple[float, float]
+
+    @property
+    def of_height(self) -> bool:
+        """Whether the height is too far off for chance."""
+        return self.off[0] ** 2 > SURPRISE_OF_ONE
+
+    @property
+    def of_angle(self) -> bool:
+        """Whether the angle makes it too far off for chance, where the height alone does not."""
+        return not self.of_height and self.off[0] ** 2 + self.off[1] ** 2 > SURPRISE
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,9 +110,17 @@ class LobeFilter:
 
     @property
     def sd_um(self) -> float:
-        """The standard deviation of the lobe of the part that is clamped, over both components."""
-        slope = self._slope_of_part(self.mean, 0j)
-        return math.sqrt(float(np.trace(slope @ self.covariance @ slope.T)))
+        """The standard deviation of the height of the lobe of the part that is clamped.
+
+        To first order that is what is not known along it. What is not known across, c, makes it higher by
+        c^2 / (2 height), whose mean square is 3/4 of the square of the variance of c over the height.
+        """
+        lobe_um, slope = self.this_um, self._slope_of_part(self.mean, 0j)
+        if not lobe_um:
+            return math.sqrt(float(np.trace(slope @ self.covariance @ slope.T)))
+        along, across = (_two(turn * lobe_um / abs(lobe_um)) @ slope for turn in (1.0, 1j))
+        higher_um = 0.5 * math.sqrt(3.0) * float(across @ self.covariance @ across) / abs(lobe_um)
+        return math.hypot(math.sqrt(float(along @ self.covariance @ along)), higher_um)
 
     def clamped(self, repeats_um: float = 0.0) -> LobeFilter:
         """Return the filter for the next clamping, of which nothing is known but the scatter.
@@ -101,6 +134,19 @@ class LobeFilter:
         covariance[_LR, _LR] += 0.5 * repeats_um**2
         covariance[_LI, _LI] += 0.5 * repeats_um**2
         return replace(self, mean=mean, covariance=covariance)
+
+    def surprise(self, deflection: Seen) -> Surprise:
+        """Return how far a fingerprint is from what is known before it.
+
+        Along and across the lobe are independent of each other but for what is learned: that is left out.
+        """
+        value, slope = self._shown_by_indicator(self.mean)
+        covariance = slope @ self.covariance @ slope.T + deflection.sd_um**2 * np.eye(2)
+        axes = [_two(turn * value / abs(value)) for turn in (1.0, 1j)]
+        along, across = (math.sqrt(float(axis @ covariance @ axis)) for axis in axes)
+        higher_um = abs(deflection.value) - abs(value)
+        turned = 0.0 if deflection.along is not None else float(_two(deflection.value) @ axes[1]) / across
+        return Surprise(expected_um=abs(value), off=(higher_um / along, turned), sd_um=(along, across))
 
     def felt(self, deflection: Seen) -> LobeFilter:
         """Return the filter with the fingerprint of the clamping."""

@@ -16,7 +16,7 @@ from profiles.axis.response import AMPLIFICATION_LIMIT
 from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.holding import holding_of
 from profiles.chucking.ring import Ring, is_thin, spring_back_um_pp
-from profiles.compensations.learning import SIGNIFICANT, coefficient_of
+from profiles.compensations.learning import SIGNIFICANT, SURE, coefficient_of
 from profiles.compensations.optimal_gain import PRIOR_OTHERS_UM, PROCESS_LOSS_SD
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.deflection import ONCE, OVAL, Deflection, deflection_of
@@ -25,7 +25,7 @@ from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
-from profiles.problem import refused
+from profiles.problem import Problem, refused
 
 FINGER_FRACTION = 0.05  # of the full force that finger-tight has, where nobody has stated it; assumed
 FINGER_SD = 0.01  # with which it repeats, over the full force; assumed
@@ -50,8 +50,9 @@ class Clamped:
     """What a fingerprint makes of a path: orders are `added_um`, then the lobe becomes `ratio` times itself.
 
     `force_deviation` is by which fraction this clamping pulls more than the job says, `lobe_um` the lobe of this
-    part with `sd_um`, the standard deviation of its amplitude. `weight` is how much of the deviation that the
-    indicator shows is believed. `felt` is what it has shown.
+    part with `sd_um`, the standard deviation of its amplitude. `weight` is the fraction of what was not known of
+    that amplitude, as a variance, that the indicator has removed. `felt` is what it has shown, `warnings`
+    why that is hard to believe.
     """
 
     ratio: complex
@@ -61,6 +62,7 @@ class Clamped:
     sd_um: float
     weight: float
     felt: Seen
+    warnings: tuple[Problem, ...] = ()
 
 
 def clamping_scale(job: Job, machine: MachineProfile) -> ClampingScale:
@@ -156,7 +158,27 @@ def clamped_by(before: LobeFilter, found: Felt, path: CutPath, lobes: int) -> tu
         sd_um=after.sd_um,
         weight=1.0 - after.sd_um**2 / variance if variance else 0.0,
         felt=found.seen,
+        warnings=unexpected(before, found, lobes),
     )
+
+
+def unexpected(before: LobeFilter, found: Felt, lobes: int) -> tuple[Problem, ...]:
+    """Return a warning where a fingerprint is further from what was known before than chance explains."""
+    if not before.lobe_um or not found.seen.value:
+        return ()
+    off = before.surprise(found.seen)
+    if off.of_height:
+        shown_um = abs(found.deflection.coefficients_um[lobes])
+        scale = 2.0 * shown_um / abs(found.seen.value)  # to the deflection of the blank, p-p, as it was read
+        limit = f"{scale * off.expected_um:.1f} ± {SURE * scale * off.sd_um[0]:.1f} um p-p"
+        key, value = f"{abs(off.off[0]):.1f}", f"{2.0 * shown_um:.1f} um p-p"
+        return (Problem(code="clamping.surprise", key=key, value=value, limit=limit),)
+    if off.of_angle:
+        per_um = math.degrees(1.0 / off.expected_um) / lobes
+        limit = f"± {SURE * per_um * off.sd_um[1]:.1f} deg"
+        key, value = f"{abs(off.off[1]):.1f}", f"{-per_um * off.off[1] * off.sd_um[1]:+.1f} deg"
+        return (Problem(code="clamping.surprise_turned", key=key, value=value, limit=limit),)
+    return ()
 
 
 def _refuse_unlike(shown: complex) -> None:

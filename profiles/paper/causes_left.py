@@ -13,7 +13,7 @@ from functools import partial
 
 from profiles.axis.servo import eq9_response
 from profiles.paper.experiments import COMPENSATED_UM, CONCLUDED_UM, Experiments
-from profiles.paper.record import Record
+from profiles.paper.record import Basis, Record
 from profiles.paper.residual import (
     SINE,
     Ramps,
@@ -57,7 +57,7 @@ def cause_records(paper: Experiments) -> tuple[Record, ...]:
     left = _left_um(paper)
     records = []
     for number, measured in enumerate(COMPENSATED_UM, start=1):
-        of = partial(Record, unit="um", at=f"{number}", expected=measured, tolerance=WITHIN_UM)
+        of = partial(Record, unit="um", at=f"{number}", expected=measured, tolerance=WITHIN_UM, basis=Basis.RIVAL)
         records += [of(f"cause.{name}", each[number - 1], why=_why(name)) for name, each in left.items()]
     both = explaining(paper)
     lost = 100 * (1 - stroke_fraction(Ramps.S_CURVE, FULL_BLEND))

@@ -24,12 +24,15 @@ class Basis(StrEnum):
 
     One that holds by `CONSTRUCTION` follows from the model itself, whatever its assumptions: a formula of the
     paper put in and taken out, or a trend that the model has for any value. One that is `FITTED` uses the
-    numbers that the model was fitted to. Neither is evidence about the paper, and both are counted separately.
+    numbers that the model was fitted to. One of a `RIVAL` explanation stands beside others of the same result, of
+    which one at most is true: that it holds is no success of the model. None of these is evidence about the
+    paper, and each kind is counted separately.
     """
 
     COMPUTED = "computed"
     CONSTRUCTION = "by construction"
     FITTED = "fitted"
+    RIVAL = "rival"
 
 
 @dataclass(frozen=True, slots=True)

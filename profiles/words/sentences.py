@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import re
-import tomllib
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 LANGUAGES = ("en", "ko")
 NAMES_A_KEY = ("key.", "value.", "schema.", "safety.not_signed", "safety.unknown", "safety.nobody_named")
@@ -31,8 +30,11 @@ class _Facts(Protocol):
     def facts(self) -> str: ...
 
 
-_LINES = re.compile(r'^"([^"\\\n]+)" = "([^"\\\n]*)"$|^([^#\n].*)', re.MULTILINE)
+_LINES = re.compile(r'^"([^"\\\n]+)" = "([^"\\\n]*(?:\\["\\n][^"\\\n]*)*)"$|^([^#\n].*)', re.MULTILINE)
 """Key and text of a plain entry, or a line that is none, without empty lines and comments."""
+
+_ESCAPES = {r"\"": '"', r"\\": "\\", r"\n": "\n"}  # in the text of a plain entry
+_ESCAPE = re.compile(r'\\["\\n]')
 
 SINGULAR = ".one"  # ends the key of a singular, beside that of its plural; a language without singulars has none
 
@@ -125,12 +127,21 @@ def entries_of(text: str) -> dict[str, str]:
     """
     found = _LINES.findall(text)
     entries: dict[str, str] = {key: sentence for key, sentence, _ in found if key}
+    for key in [key for key, sentence in entries.items() if "\\" in sentence]:
+        entries[key] = _ESCAPE.sub(lambda escape: _ESCAPES[escape[0]], entries[key])
     others = [line for _, _, line in found if line]
     if any('"""' in line or not line.startswith('"') for line in others):
-        return tomllib.loads(text)
-    if others:  # with an escape, or a comment behind it
-        entries |= tomllib.loads("\n".join(others))
+        return toml(text)
+    if others:  # with another escape, or a comment behind it
+        entries |= toml("\n".join(others))
     return entries
+
+
+def toml(text: str) -> dict[str, Any]:
+    """Read a TOML text, with what no start of a command has to wait for."""
+    import tomllib
+
+    return tomllib.loads(text)
 
 
 @cache

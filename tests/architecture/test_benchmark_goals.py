@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 from benchmarks import comparison, measure, performance
 from benchmarks.__main__ import NAMES
 from benchmarks.goals import GOALS, Figure, Goal, cells, figures
-from benchmarks.tables import Table, number, printed, read, side_by_side, write
+from benchmarks.tables import Table, added, number, printed, read, write
 
 ROOT = Path(__file__).parents[2]
 PAINT = Goal(what="first paint", benchmark="first_paint", column="x baseline", unit="x", at_most=1.6)
@@ -84,7 +85,11 @@ def test_more_is_better_where_a_goal_is_a_least() -> None:
 def test_the_page_names_the_machine_and_each_figure() -> None:
     rounds = [[paint("1.5")]]
     page = performance.page(figures(rounds), rounds)
-    assert performance.machine() in page and "| first paint | <= 1.6 x | 1.5 | 0.94 | met | console 0 |" in page
+    assert (
+        performance.machine() in page
+        and "### first_paint\n" in page
+        and "| first paint | <= 1.6 x | 1.5 | 0.94 | met | console 0 |" in page
+    )
 
 
 @pytest.mark.parametrize("goal", GOALS, ids=lambda goal: goal.what)
@@ -95,6 +100,8 @@ def test_every_goal_is_of_a_column_that_its_benchmark_prints(goal: Goal) -> None
     assert f'"{goal.column}"' in source and (goal.above is None or f'"{goal.above}"' in source)
 
 
-def test_tables_of_an_earlier_run_stand_beside_those_of_this_one() -> None:
+def test_what_was_not_run_is_taken_from_an_earlier_run() -> None:
     one, two, three = ([paint(each)] for each in ("1.1", "1.2", "1.3"))
-    assert side_by_side([one], [two, three]) == [[*one, *two], three] == side_by_side([one, three], [two])
+    assert added([one], [two, three]) == [one, []]
+    other = [replace(two[0], benchmark="arming")]
+    assert added([one], [[*two, *other], three]) == [[*one, *other], []]

@@ -104,10 +104,14 @@ def test_what_was_replaced_comes_back_from_the_backup_that_it_names(
     said = console("controller", "download", own(TWO))
     (kept,) = (data_folder / "trilobe" / "backups").iterdir()
     assert f"To undo: console controller restore {kept}" in said.out
-    assert "restore does not look for PROG 102" in flat(said.out)
+    card.tell("OPEN PROG 103 CLEAR", "X9", "CLOSE")  # somebody else's, after the download
+    diff = console("controller", "diff", str(kept))
+    assert diff.code == 1 and "PROG 102:1" in diff.out and "PROG 103" not in diff.out
     assert console("controller", "restore", str(kept)).code == 0
     assert listing(card, "LIST PROG101") == ["X7", "X8", "RETURN"]
     assert listing(card, "LIST PLC5") == ["P9=P9+1", "RETURN"]
+    assert listing(card, "LIST PROG103") == ["X9", "RETURN"]
+    assert listing(card, "LIST PROG102") == ["RETURN"], "new in the file: erased as well"
 
 
 @on_one
@@ -148,6 +152,9 @@ REFUSED = {
     "korean": ('OPEN PROG 101 CLEAR\nX1\nSEND"가"\nCLOSE\n', "line 3: the controller refuses"),
     "plc 20": (GOOD + "OPEN PLC 20 CLEAR\nP1=1\nCLOSE\n", "line 4: PLC 20 belongs to the console"),
     "program 1": ("OPEN PROG 1 CLEAR\nX1\nCLOSE\n", "line 1: PROG 1 belongs to the console"),
+    "owner": ("OPEN PROG 101 CLEAR\nX1 P1000=0\nCLOSE\n", "line 2: P1000 would be written"),
+    "guard": (GOOD + "OPEN PLC 5 CLEAR\nP(1000+3)=0\nCLOSE\n", "line 5: P1003 would be written"),
+    "by command": ('OPEN PLC 5 CLEAR\nCMD"P998..1001=0"\nCLOSE\n', "line 2: P1000, P1001 would be written"),
     "no clear": ("OPEN PROG 101\nX1\nCLOSE\n", "line 1: PROG 101 is opened without CLEAR"),
     "cut off": ("OPEN PROG 101 CLEAR\nX1\n", "line 1: PROG 101 has no CLOSE"),
     "twice": (GOOD + GOOD, "line 4: PROG 101 is opened twice"),
@@ -183,7 +190,11 @@ def test_a_wrong_line_of_an_included_file_is_named_there(
     card.line.heard = b""
     said = console("controller", "download", own(text, "TM500\nX1000 YY\n"), "--lang", language)
     assert said.code == 1 and card.line.heard == b""
-    assert "2 (limits.h:2)" in said.err and "4, limits.h:1" in said.err
+    finding, refused = {
+        "en": ("line 2 (limits.h:2):", "line 4, limits.h:1"),
+        "ko": ("2행 (limits.h:2):", "행 4, limits.h:1:"),
+    }[language]
+    assert finding in said.err and refused in said.err
 
 
 @on_one
@@ -241,7 +252,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
     parts = {"en": "as in the file: PROG 101; in part: PROG 102; as before: PLC 5"}
     parts["ko"] = "파일과 같음: PROG 101; 일부만: PROG 102; 이전과 같음: PLC 5"
     assert parts[language] in said.err, said.err
-    assert ("line 11 of" if language == "en" else "11행") in said.err
+    assert ("line 11 of" if language == "en" else "행 11 입니다") in said.err
     assert f"console controller restore {kept}" in said.err
     assert listing(card, "LIST PROG102") == ["RETURN"]
     assert card.client.numbers("P1000") == (0.0,)

@@ -45,3 +45,30 @@ def test_json_has_the_name_of_the_file_and_the_title_inside(console: Console, ow
     (own_jobs / "copy.toml").write_bytes(bundled())
     jobs = {job["name"]: job for job in console("jobs", "--json").json["jobs"]}
     assert jobs["copy"]["title"] == "lee-2001-experiment-1"
+
+
+def test_with_a_machine_each_job_is_judged_by_its_rules(console: Console, own_jobs: Path) -> None:
+    thick = bundled().replace(b"wall_thickness_mm = 2.5", b"wall_thickness_mm = 99.0")
+    (own_jobs / "thick.toml").write_bytes(thick)
+    said = console("jobs", "--machine", "lee-2001-lathe")
+    assert said.code == 0 and "lee-2001-lathe" in said.out.splitlines()[-1]
+    rows = {line.split()[0]: line for line in said.out.splitlines()}
+    assert rows["lee-2001-experiment-1"].endswith("fits") and "refused" in rows["thick"]
+    assert "thicker than the radius" in said.out
+    found = console("jobs", "--machine", "lee-2001-lathe", "--json").json
+    assert found["judged_on"] == "lee-2001-lathe"
+    problems = {job["name"]: job["problems"] for job in found["jobs"]}
+    assert problems["lee-2001-experiment-1"] == []
+    assert any("thicker than the radius" in sentence for sentence in problems["thick"])
+
+
+def test_an_unknown_machine_is_refused_with_those_that_are_known(console: Console) -> None:
+    said = console("jobs", "--machine", "no-such-lathe")
+    assert (said.code, said.out) == (1, "") and "no-such-lathe" in said.err and "lee-2001-lathe" in said.err
+
+
+def test_a_configured_machine_leaves_the_list_as_it_is(
+    console: Console, own_jobs: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("TRILOBE_MACHINE", "no-such-lathe")
+    assert console("jobs").code == 0 and "fits" not in console("jobs").out

@@ -142,7 +142,9 @@ def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, lea
         return [each for each in found if each[0].startswith("learned.")]
 
     assert unused("--strategy", "cam") == unused("--strategy", "pvt") == [("learned.not_used", "1", "cam")]
-    for words in (("--compensation", "newest"), ("--learn", "2"), ("--strategy", "none")):
+    newest = unused("--strategy", "cam", "--compensation", "newest")
+    assert newest == [("learned.lathe_unknown", "1", "ideal")], "its trace does not say on which lathe it was cut"
+    for words in (("--learn", "2"), ("--strategy", "none")):
         assert unused(*(() if "--strategy" in words else ("--strategy", "cam")), *words) == []
     assert console("learn", "--job", ring, "--revert", "0", "--sim", "--keep").code == 0
     assert unused("--strategy", "cam") == []

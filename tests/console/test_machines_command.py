@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 
+from console.cli.library import refuse_unsigned
+from profiles.problem import ProfileError
 from profiles.store import load_machine
 from tests.console.conftest import Said
 
@@ -29,7 +32,9 @@ def test_a_copy_keeps_everything_but_what_belongs_to_one_machine(console: Consol
     console("machines", "copy", "turbo-ethernet-lathe", "lathe-3")
     path = data_folder / "trilobe" / "machines" / "lathe-3.toml"
     signed = path.read_text(encoding="utf-8").replace('signed_for = "simulator"', 'signed_for = "machine"')
-    path.write_text(f"{signed.replace('simulated lathe only: sign anew for iron', 'H. Kim')}\n# a note", "utf-8")
+    path.write_text(
+        f"{signed.replace('simulated lathe only: sign again for a real machine', 'H. Kim')}\n# a note", "utf-8"
+    )
     run = console("machines", "copy", "lathe-3", "lathe-4")
     made, source = load_machine("lathe-4", path.parent), load_machine("turbo-ethernet-lathe")
     assert (made.machine.name, made.machine.link, made.machine.safety.signed_for) == ("lathe-4", "", "simulator")
@@ -57,3 +62,34 @@ def test_a_profile_that_cannot_be_read_is_listed_with_its_reason(console: Consol
     run = console("machines")
     assert "cannot be read" in run.out and "name is missing" in run.out
     assert "lee-2001-lathe" in run.out
+
+
+@pytest.mark.parametrize(
+    ("command", "rest"),
+    [
+        ("run", "lee-2001-experiment-1"),
+        ("retract", ""),
+        ("calibrate lobe", "FILE --job lee-2001-experiment-1"),
+        ("calibrate chuck", "FILE"),
+    ],
+)
+def test_who_is_refused_is_told_only_of_options_that_the_command_has(
+    console: Console, command: str, rest: str
+) -> None:
+    """turbo-ethernet-lathe has a link, and is signed for the simulator."""
+    words = (*command.split(), *rest.split(), "--machine", "turbo-ethernet-lathe")
+    told = re.search(r"use the simulated machine \((.*?)\)", console(*words).err)
+    assert told is not None
+    taken, named = console(*command.split(), "--help").out, re.findall(r"--\w+", told[1])
+    assert named and all(re.search(rf"^ +{name}\b", taken, re.MULTILINE) for name in named)
+    assert told[1] in console(*words, "--lang", "ko").err
+
+
+@pytest.mark.parametrize(
+    "command", ["controller apply", "controller restore", "controller download", "tune apply"]
+)
+def test_so_are_commands_that_have_connected_before(console: Console, command: str) -> None:
+    with pytest.raises(ProfileError) as refused:
+        refuse_unsigned(load_machine("turbo-ethernet-lathe").machine)
+    assert refused.value.problems[0].limit == "--link sim:"
+    assert re.search(r"^ +--link\b", console(*command.split(), "--help").out, re.MULTILINE)

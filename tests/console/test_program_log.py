@@ -28,10 +28,11 @@ def lines(data: Path) -> list[str]:
 
 def test_a_command_that_works_a_machine_is_in_it_with_its_end(console: Console, tmp_path: Path) -> None:
     assert console("run", "no-such-job", "--sim", "--data", str(tmp_path)).code == 1
-    begin, refused = lines(tmp_path)
-    assert all(LINE.fullmatch(line) for line in (begin, refused))
+    begin, refused, end = lines(tmp_path)
+    assert all(LINE.fullmatch(line) for line in (begin, refused, end))
     assert begin.endswith(f" begin  run no-such-job --sim --data {tmp_path}")
     assert "WARNING" in refused and "job.unknown" in refused
+    assert re.search(r" INFO +\d+ end  exit code 1  trilobe \d", end)
 
 
 def test_reading_leaves_nothing_and_no_folder_is_made(console: Console, tmp_path: Path) -> None:
@@ -55,7 +56,7 @@ def test_a_fault_of_the_program_is_in_it_with_its_traceback_and_on_the_terminal_
     assert [line for line in text.splitlines() if not LINE.fullmatch(line) and not line.startswith("    ")] == []
 
 
-@pytest.mark.parametrize(("command", "logged"), [("watch", ""), ("ship", "ended  BrokenPipeError")])
+@pytest.mark.parametrize(("command", "logged"), [("jobs", ""), ("ship", "end  BrokenPipeError, exit code 1")])
 def test_a_reader_that_has_gone_as_behind_head_is_no_fault(command: str, logged: str, tmp_path: Path) -> None:
     def unread() -> int:
         raise BrokenPipeError

@@ -153,3 +153,8 @@ def test_every_command_explains_itself(console: Console, command: str, language:
     assert said.code == 0
     assert "--json" in said.out
     assert "--lang" in said.out
+
+
+def test_a_missing_or_unknown_word_is_answered_with_what_there_is(console: Console) -> None:
+    refused(console("records"), "ACTION (list, show, debrief, export)", "--help", code=2)
+    refused(console("run", "any", "--colour", "red"), "--colour red", "--help", code=2)

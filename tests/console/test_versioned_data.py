@@ -80,13 +80,18 @@ def test_what_differs_is_listed_and_judged(console: Console, clone: Path) -> Non
     )
     fields = console("jobs", "status", "--data", str(clone), "--json").json
     assert [bool(each["problems"]) for each in fields["changes"]] == [True, False, False, True]
+    assert (fields["judged_on"], fields["not_judged"]) == ("lee-2001-lathe", [])
     said = console("jobs", "status", "--data", str(clone))
     assert said.code == 0 and "from elsewhere.toml" in said.out and "cannot be used" in said.out
     save_job(replace(load_job(EXPERIMENT).job, name="solid", wall_thickness_mm=99.0), jobs / "solid.toml")
     said = console("jobs", "status", "--data", str(clone))
     assert "thicker than the radius" in said.out and "lee-2001-lathe" in said.out
-    said = console("jobs", "status", "--data", str(clone), "--machine", str(clone / "machines" / "ours.toml"))
+    words = ("jobs", "status", "--data", str(clone), "--machine", str(clone / "machines" / "ours.toml"))
+    said = console(*words)
     assert said.code == 0 and "solid.toml" in said.out and "not judged" in said.out
+    fields = console(*words, "--json").json
+    assert fields["judged_on"] is None
+    assert fields["not_judged"] and all(why in said.out for why in fields["not_judged"])
     (jobs / "solid.toml").unlink()
     refused = console("preview", "from elsewhere", "--data", str(clone))
     assert refused.code == 1 and "from elsewhere.toml" in refused.err

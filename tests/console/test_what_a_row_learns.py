@@ -11,6 +11,8 @@ import pytest
 from console.session.learning.lobe_learning import LobeLearning
 from console.session.learning.order_learning import LearnHow, OrderLearning
 from drivers.cutting.planning import Strategy
+from profiles.compensations.certificate import Standing
+from profiles.compensations.learning import Deviation
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, free_state_lobe, target_path
 from profiles.store import load_job, load_machine
@@ -56,3 +58,16 @@ def test_what_is_left_of_a_lobe_is_told_apart_into_this_clamping_and_what_repeat
     assert left.left_um_pp == pytest.approx(0.061 * 55.0)
     assert left.own_um_pp == pytest.approx(0.061 * 55.0, rel=0.12) and left.repeats_um_pp < 0.4
     assert left.force_deviation == pytest.approx(0.05, rel=0.12)
+
+
+def test_the_certificate_has_what_is_on_the_part_and_what_of_it_is_learned_apart() -> None:
+    """The trim of an oval blank was at its limit: 5.5 um stay on the part, of which the table may learn 0.4."""
+    orders, off = orders_after(6.0), Deviation(coefficients_um={2: 5.1 + 0j, 5: 0.9j}, sd_um=0.05)
+    part = part_with(0.02)
+    part.coefficients_um.update({2: 5.5 + 0j, 5: 0.8j})  # type: ignore[attr-defined]
+    shown = {each.order: each for each in orders.certificate(orders.left(part, off), part, off, {}, frozenset())}
+    oval, fifth, beyond = shown[2], shown[5], shown[orders.learned[-1] + 1]
+    assert (oval.on_part_um, oval.tool_off_um, oval.left_um) == pytest.approx((5.5, 5.1, 0.4))
+    assert (fifth.on_part_um, fifth.tool_off_um, fifth.left_um) == pytest.approx((0.8, 0.9, 0.8))
+    assert beyond.standing is Standing.NO_PROMISE and beyond.bound == beyond.bound_gain_1 > 0.95
+    assert beyond.on_part_um is beyond.left_um is None, "it was not measured"

@@ -46,6 +46,10 @@ def test_an_observer_is_shown_name_computer_and_since_when(tmp_path: Path) -> No
     looks(lee)
     after = kim.state.held_by
     assert after is not None and after.name == "lee"
+    (alarm,) = kim.state.alarms  # as on the first row, and raised once
+    assert (alarm.problem.code, alarm.count) == ("owner.ousted", 1)
+    assert f"({after.name}@{after.host})" in load("en").problem(alarm.problem)
+    assert f"{after.name}@{after.host}" in observing(load("en"), kim.state, now)
     assert lee.look().held_by is None
 
 

@@ -190,7 +190,7 @@ def test_a_calculation_without_a_result_is_told_as_the_controller_takes_it(
     found = checked("TA10 TS5 TM20\nX100\nP1=1/P2\nX200", machine)
     finding = only(found, Code.DIVIDED_BY_ZERO)
     assert (finding.lines, finding.severity) == ((6,), Severity.WARNING)
-    assert finding.values["error"] == "a division by 0; the controller goes on with its largest number, 2^47"
+    assert finding.values["error"] == "a division by 0; the controller continues with its largest number, 2^47"
     assert [move.motors[0].target for move in found.moves] == [100, 300]
 
 

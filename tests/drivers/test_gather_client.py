@@ -212,7 +212,7 @@ def test_data_of_another_set_up_are_not_taken_for_ours(bench: Bench, change: str
     plan = bench.gathering.prepare(bench.gathering.motor_channels("#1 actual"), 10)
     lines = {"source": f"I{places.first_source}=$800200", "period": f"I{places.period}=7", "I10": "I10=5000000"}
     bench.client.request(lines[change])
-    with pytest.raises(GatherError, match="begin anew"):
+    with pytest.raises(GatherError, match="start over"):
         bench.gathered(plan)
 
 

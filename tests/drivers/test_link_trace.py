@@ -18,7 +18,7 @@ from drivers.errors import DriverError, LinkError
 from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay
 from drivers.link.memory import MemoryLink
-from drivers.link.tracing import TracedLink, TraceFile
+from drivers.link.tracing import Dialogue, TracedLink, TraceFile
 from drivers.pmac.client import PmacClient
 from profiles.problem import Problem
 
@@ -153,6 +153,18 @@ def test_every_byte_both_ways_can_be_read_back(dialogue: list[tuple[bool, bytes]
     for outward, mark in ((True, ">"), (False, "<")):
         expected = b"".join(data for there, data in dialogue if there is outward)
         assert b"".join(bytes_of(text) for said, text in lines if said == mark) == expected
+
+
+@given(st.binary(max_size=40) | st.text("ab\r\x06\x02\x07\n\x18[", max_size=40).map(str.encode), st.integers(1, 7))
+def test_the_lines_of_a_dialogue_do_not_depend_on_how_the_bytes_arrive(data: bytes, at_once: int) -> None:
+    whole, pieces = list[tuple[float, str, str]](), list[tuple[float, str, str]]()
+    for found, size in ((whole, len(data) or 1), (pieces, at_once)):
+        dialogue = Dialogue(lambda *line, found=found: found.append(line))
+        for place in range(0, len(data), size):
+            dialogue.heard(1.0, "<", data[place : place + size])
+        dialogue.end(1.0, "<")
+    assert whole == pieces
+    assert sum(line.count("[ACK]") for _, _, line in whole) == data.count(b"\x06")
 
 
 def test_a_link_that_breaks_breaks_as_without_a_trace_and_the_trace_says_so() -> None:

@@ -17,6 +17,7 @@ from drivers.commissioning.restoring import left_differing, refuse_other_memory,
 from drivers.commissioning.user_buffer import UserWords, read_place, read_words, word_lines
 from drivers.errors import LinkError, RefusedError
 from drivers.pmac.dialect import DIALECTS
+from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from tests.drivers.commissioned import Commissioned, commissioned
@@ -192,7 +193,12 @@ def test_a_place_outside_of_memory_is_refused_where_its_words_are_wanted(
     with pytest.raises(RefusedError) as caught:
         read_configuration(card.client, card.dialect, whole_card(card.dialect, values=True))
     assert caught.value.problems[0].code == "controller.user_buffer"
-    assert read(card, values=False).user_buffer is None, "what does not need it goes on without"
+    now = read(card, values=False)
+    assert now.user_buffer is None, "what does not need it continues without"
+    monkeypatch.undo()
+    (said,) = differences(read(card, values=False), now, card.machine)
+    shown = answer.removeprefix("$") if card.dialect.name == "pmac" else answer
+    assert (said.code, said.severity, said.found) == ("user_buffer_misplaced", Severity.REFUSAL, shown)
 
 
 def test_an_answer_that_is_no_number_is_out_of_step(

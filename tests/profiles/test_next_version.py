@@ -236,8 +236,9 @@ def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow(
     trace_sd_um = 1.0 * math.sqrt(2 / 360)
     for scatter_um in (0.0, 0.4):
         step = taught(cut, measured, scatter_um=scatter_um)
-        sd_um = math.sqrt(trace_sd_um**2 + 2.0 * scatter_um**2)
-        assert step.expected_half_width_um_pp == pytest.approx(2.0 * 2.45 * sd_um, rel=0.1)
+        # A trace is off in both directions (chi-square of two), a force in the height alone (normal).
+        half_um = math.sqrt((2.45 * trace_sd_um) ** 2 + 2.0 * (1.96 * scatter_um) ** 2)
+        assert step.expected_half_width_um_pp == pytest.approx(2.0 * half_um, rel=0.1)
         # By the job's own lobe, from 27.5 um to 3: T'/T shares the same doubt.
         assert step.contraction is not None
         noise_um = math.sqrt(measured.sd_um[3] ** 2 + 2.0 * scatter_um**2)
@@ -382,7 +383,7 @@ def test_a_version_of_the_first_schema_is_read_and_learned_from() -> None:
         CutWith(path=MODEL, fraction=1.0, version=None), part(left(MODEL, 1.0, 1.0, wants), noise_um=0.01)
     )
     table = json.loads(json.dumps(as_table(made.next)))
-    assert table["schema"] == 3
+    assert table["schema"] == 4
     del table["frozen"], table["part"]["plain"]
     old = from_table({**table, "schema": 1})
     assert (old.path, old.part and old.part.lobe) == (made.next.path, made.next.part and made.next.part.lobe)
@@ -390,7 +391,7 @@ def test_a_version_of_the_first_schema_is_read_and_learned_from() -> None:
     again = taught(cut, part(left(old.path, 1.0, 0.9, wants), noise_um=0.01))
     assert again.contractions[9].arrives == pytest.approx(0.9, abs=0.08)
     with pytest.raises(ProfileError, match=r"schema\.unsupported"):
-        from_table({**table, "schema": 4})
+        from_table({**table, "schema": 5})
 
 
 def test_an_oval_that_two_parts_show_is_learned_and_one_that_turns_is_not() -> None:

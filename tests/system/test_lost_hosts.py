@@ -10,11 +10,15 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from typing import Any
 
 import pytest
 
+from console.session.data.run_reader import runs, story
+from console.session.feed.client import Reader, readers
+from console.session.feed.request import LEAST_HZ
 from console.session.station.owning import take_lock
 from drivers.lathe.ownership import OWNER_ITEM
 from drivers.lathe.standing import NOBODY
@@ -95,6 +99,15 @@ def watching(site: Site) -> Iterator[tuple[PmacClient, Watch]]:
         yield client, Watch(client, site.card.server, client.dialect, (TOOL, SPINDLE, CARRIAGE))
 
 
+def last_state(reader: Reader) -> dict[str, Any]:
+    """Read a feed to the end of its console; return the last state."""
+    with suppress(ConnectionError):
+        while True:
+            reader.take()
+    reader.close()
+    return reader.last
+
+
 def last_lease_s(site: Site) -> float:
     """When the console has sent its last lease."""
     return max(at_s for at_s, data in site.card.words.said if b"M70=" in data)
@@ -155,6 +168,7 @@ def test_a_console_that_is_killed_in_a_cut_leaves_the_tool_out_and_all_at_rest(
 
 def test_a_console_that_was_stopped_for_a_while_renews_nothing_and_tells(site: Site) -> None:
     site.until_in_the_part()
+    (reader,) = readers(site.order.data, LEAST_HZ)
     os.kill(site.process.pid, signal.SIGSTOP)
     _, status = os.waitpid(site.process.pid, os.WUNTRACED)
     assert os.WIFSTOPPED(status)
@@ -171,6 +185,9 @@ def test_a_console_that_was_stopped_for_a_while_renews_nothing_and_tells(site: S
     after = b"".join(data for _, data in site.card.words.said[said:])
     assert code == 1
     assert "did not hear from this console in time" in err
+    assert [alarm["code"] for alarm in last_state(reader)["alarms"]] == ["heartbeat.lapsed"]
+    newest = runs(site.order.data)[0]
+    assert [alarm.problem.code for alarm in story(site.order.data, newest.run_id).alarms] == ["heartbeat.lapsed"]
     # A line may have been under way when it was stopped: a lease that comes late starts nothing.
     assert after.count(b"M70=") <= after.startswith(b"M70=") and b"R\r" not in after
     is_left_off(site)

@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 import profiles.store
+from console.session.program_log import FILE, FOLDER
 from tests.compact import save_compact
 from tests.console.floor import LOGGED
 from tests.preloaded import Preloaded
@@ -71,6 +72,8 @@ def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
     kind, content = last_event(tmp_path)
     assert kind == "ended"
     assert number.name in content
+    log = (tmp_path / FOLDER / FILE).read_text(encoding="utf-8")
+    assert f"end  {number.name}, exit code 1" in log.splitlines()[-1]
 
 
 def test_a_signal_before_anything_moves_ends_with_one_line(tmp_path: Path) -> None:

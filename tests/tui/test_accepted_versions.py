@@ -183,10 +183,11 @@ def test_what_is_expected_of_a_learned_part_is_what_the_part_before_says() -> No
     (row,) = [row for row in page.text.splitlines() if "▸ cam" in row]
     assert f" {told.ront_um:.1f} um" in row and "from the measured part" in page.text
     assert "from the measured part" in page.next_step
-    # Two clampings at 5 % of the force, of which the lobe keeps (1314 - 230) / 1314: 2.45 sd of 55 um p-p.
+    # Two clampings at 5 % of the force, of which the lobe keeps (1314 - 230) / 1314: 1.96 sd of 55 um p-p.
     assert version.part is not None
     clamping_um_pp = 55.0 * 0.05 * 1314.0 / (1314.0 - 230.3)
-    half_um = 2.45 * math.hypot(2.0 * version.part.lobe_sd_um, clamping_um_pp, clamping_um_pp)
+    trace_um_pp = 2.45 * 2.0 * version.part.lobe_sd_um
+    half_um = math.hypot(trace_um_pp, 1.96 * clamping_um_pp, 1.96 * clamping_um_pp)
     assert f"(0.0–{told.ront_um + half_um:.1f})" in page.text
 
 

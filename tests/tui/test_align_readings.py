@@ -272,3 +272,13 @@ def test_what_is_no_reading_is_not_taken(keys: list[str], code: str) -> None:
 def test_readings_are_of_a_clamped_blank() -> None:
     _, orders, codes = typed(UNCLAMPED, "align.clamping")
     assert codes == ["screen.no_readings_now"] and orders == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_readings_far_from_what_is_expected_are_said_before_they_are_taken(language: str) -> None:
+    """Half of the lobe of 60 um that was expected, give or take 12: more than 4 standard deviations."""
+    keys = readings_keys(12, 4.0, -2.0)
+    half = [key if key[0] not in "-0123456789." or key == "12" else f"{0.55 * float(key):.1f}" for key in keys]
+    word = {"en": "standard deviations off", "ko": "표준편차"}[language]
+    far, near = (typed(CLAMPED, *each, language=language)[0] for each in (half, keys))
+    assert word in " ".join(far.split()) and word not in near

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -15,6 +16,7 @@ from console.text.force import force_words
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.run import RunPage
 from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
+from profiles.fingerprint.readings import ClampReadings
 from profiles.problem import Problem
 from profiles.words.sentences import LANGUAGES
 from tests.tui import run_stage
@@ -96,3 +98,16 @@ def test_inspect_says_it_beside_the_measured_half_and_leads_to_jaw_1(language: s
     assert shown_on(InspectPage, right, work=experiment(), language=language).next_step == text(
         "inspect_page.next_half"
     )
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_run_warns_of_indicator_readings_that_nothing_explains(language: str) -> None:
+    text, work = load(language), experiment()
+    angles = tuple(30.0 * place for place in range(12))
+    for lobe_um, said in ((16.0, True), (30.0, False)):
+        pressed = tuple(-lobe_um * math.cos(math.radians(3.0 * angle)) for angle in angles)
+        read = ClampReadings(angle_deg=angles, finger_um=(0.0,) * 12, full_um=pressed, from_jaw_1=True)
+        aligned = run_stage.state()
+        aligned = replace(aligned, alignment=replace(aligned.alignment, readings=read))
+        page = shown_on(RunPage, aligned, work=work, language=language)
+        assert (f"! {text('run_page.check.fingerprint')}" in page.text) == said

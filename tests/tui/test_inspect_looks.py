@@ -347,7 +347,7 @@ def test_the_first_words_are_what_is_left_and_what_to_press(language: str, tmp_p
         return scene
 
     cases: list[tuple[MeasuredPart, str]] = [
-        (PART, text("inspect_page.plain.scatter", left="1.8", scatter="11.6")),
+        (PART, text("inspect_page.plain.scatter", left="1.8", scatter="9.2")),
         (replace(large, job=replace(large.job, roundness_tolerance_um=5.0)), text("inspect_page.plain.missed")),
     ]
     for measured, expected in cases:

@@ -160,7 +160,7 @@ def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path:
     assert "PASS" not in page.text and "half cut: not judged" in page.text
     assert "full compensation next" in page.next_step
     rows = plain(learn_lines(PART.learning, cam(), load("en"), 76))
-    assert "within clamping scatter (± 11.6 um): leave it." in " ".join(rows.split())
+    assert "within clamping scatter (± 9.2 um): leave it." in " ".join(rows.split())
 
 
 def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:

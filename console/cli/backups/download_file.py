@@ -19,7 +19,6 @@ from console.text.columns import broken
 from drivers.commissioning.check import Check
 from drivers.commissioning.downloading import (
     Change,
-    beyond_backups,
     differing,
     may_run,
     planned,
@@ -128,9 +127,6 @@ def _lines(options: Namespace, found: _Downloaded, text: Catalogue) -> list[str]
         return ["", text("download.nothing_to_send")]
     count = len(sent_lines(found.changes))
     done = text("download.not_all" if found.left else "download.done", count=count)
-    new = beyond_backups(found.changes)
-    erase = [text("download.erase", names=", ".join(new))] if new else []
-    after = [text("download.not_saved"), *erase]
-    shown = [line for sentence in after for line in broken(sentence, WIDTH)]
+    after = broken(text("download.not_saved"), WIDTH)
     undo = text("configuration.restore_undo", command=undo_command(options, found.kept))
-    return ["", *broken(done, WIDTH), *check_lines(found.left, text), "", *shown, undo]
+    return ["", *broken(done, WIDTH), *check_lines(found.left, text), "", *after, undo]

@@ -50,7 +50,7 @@ def restore_backup(options: Namespace, card: Card, text: Catalogue) -> int:
     content, backup = load_backup(path)
     refuse_other_controller(backup, card.kind, dialect, printable(str(path)))
     refuse_busy(client, dialect)
-    programs = backup.configuration.programs
+    programs = backup.configuration.sought_programs
     now = read_whole(card, text, "configuration.reading", programs)
     refuse_hidden(now, client.link.address)
     refuse_other_memory(backup, now, client.link.address)

@@ -42,9 +42,9 @@ def main(options: Namespace, text: Catalogue) -> int:
         raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=value)) from error
     with server:
         host, port = server.server_address[:2]
-        print(text("metrics.listening", address=f"http://{host!s}:{port}{PATH}"))
-        sys.stdout.flush()
         try:
+            print(text("metrics.listening", address=f"http://{host!s}:{port}{PATH}"))
+            sys.stdout.flush()
             server.serve_forever()
         except KeyboardInterrupt:  # the usual way to end it
             return 0

@@ -51,8 +51,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     machine = machine_name(options)
     topic = topic_of(options.topic, device_name(machine, bool(options.sim)))
     publisher = Publisher(broker, topic, _Told(broker, topic, options, text))
-    publisher.start()
     try:
+        publisher.start()
         with followed(machine, options, text) as follower:
             for published, state in changes_of(follower, machine, options, text):
                 publisher.show(published, state)

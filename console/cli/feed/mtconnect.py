@@ -49,8 +49,8 @@ def main(options: Namespace, text: Catalogue) -> int:
         raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=value)) from error
     if not is_loopback(address.host):
         print(f"console: {text('warning')}: {text('mtconnect.open', address=bound)}", file=sys.stderr)
-    _tell_address(bound, machine, options, text)
     try:
+        _tell_address(bound, machine, options, text)
         _serve(adapter, machine, options, text)
     except KeyboardInterrupt:  # the usual way to end it
         pass

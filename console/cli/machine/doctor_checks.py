@@ -24,7 +24,7 @@ from drivers.lathe.standing import Standing
 from drivers.link.base import StopWay
 from drivers.pmac.checksums import LineCheck
 from profiles.findings import Severity
-from profiles.machine import real_machine_problems
+from profiles.machine import MACHINE, real_machine_problems
 from profiles.problem import Problem, ProfileError
 
 STOPS = ("proof_heartbeat", "proof_stop_")
@@ -42,7 +42,7 @@ def signature_checks(card: Card) -> list[Check]:
             code=problem.code.partition(".")[2],
             severity=Severity.REFUSAL,
             found=problem.value,
-            wanted=problem.limit,
+            wanted=MACHINE,
         )
         for problem in (() if card.simulated else real_machine_problems(card.machine))
     ]

@@ -6,7 +6,7 @@ import sys
 from argparse import Namespace
 from pathlib import Path
 
-from console.cli.library import machine_of
+from console.cli.library import SIM_LINK, machine_of
 from console.cli.machine.identify_run import reached_machine
 from console.cli.output import agreed, show, tell
 from console.session.cut.retracting import retract_and_switch_tables_off, retracted_by_distance
@@ -24,7 +24,7 @@ from drivers.link.tracing import Tracing
 
 def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> int:
     """Retract, and print where the axes stand; the machine is left at rest, drives off, released."""
-    loaded = machine_of(options)
+    loaded = machine_of(options, SIM_LINK)
     options.sim = False
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"retract {loaded.machine.name}")
     try:

@@ -13,6 +13,7 @@ from console.cli.arguments import (
     WRONG_USAGE,
     add_fail_out_of_tolerance,
     add_job,
+    add_lathe_part,
     add_shared,
     add_strategy,
     compensation,
@@ -33,6 +34,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_shared(parser, text, "sim", *LINK)
     add_strategy(parser, text)
     add_shared(parser, text, *PLANT)
+    add_lathe_part(parser, text)
     parser.add_argument("--identified", metavar="FILE|newest", help=text("help.identified"))
     parts = within(whole_number, 1, MOST_PARTS, "usage.parts", MOST_PARTS)
     parser.add_argument("--learn", metavar="PARTS", type=parts, help=text("help.run.learn"))

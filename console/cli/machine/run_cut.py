@@ -13,7 +13,7 @@ from pathlib import Path
 
 from console.cli.judgement import force_line
 from console.cli.library import data_of
-from console.cli.machine.run_report import result_fields, result_lines
+from console.cli.machine.run_report import lathe_line, result_fields, result_lines
 from console.cli.machine.run_request import RunRequest
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show
@@ -22,11 +22,13 @@ from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
+from console.session.cut.simulated_parts import LATHE
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError
 from console.session.feed.followed_run import FollowedRun, Run
+from console.session.feed.run_alarms import RunAlarms
 from console.session.feed.server import FeedServer
 from console.session.learning.learning import learn
 from console.session.learning.row_result import LearnResult
@@ -79,9 +81,8 @@ def cut_requested(
         timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
     )
     tell_cut_with(options, request, text)
-    recorder = FollowedRun(
-        _followed(request, record), LogRecorder(record.log, partial(_keep_part, record, request))
-    )
+    kept = LogRecorder(record.log, partial(_keep_part, record, request))
+    recorder = FollowedRun(_followed(request, record), kept, RunAlarms(record.log.event))
     feed = FeedServer(data, recorder.observed)
     feed.launch()
     tell = _followed_by(recorder, _teller(options, text, interruption, record, simulated=request.simulated))
@@ -96,13 +97,19 @@ def cut_requested(
     warnings += tell_problems(result.warnings if isinstance(result, LearnResult) else (), text)
     show(
         options,
-        lambda: result_fields(result, warnings),
+        lambda: _fields(request, result, warnings),
         lambda: [*result_lines(result, text), *learn_hint(options, request, text)],
     )
     if isinstance(result, LearnResult):
         return result.last.within_tolerance
     _save_part(request, result)
     return result.within_tolerance
+
+
+def _fields(request: RunRequest, result: RunResult | LearnResult, warnings: list[str]) -> dict[str, object]:
+    """Return a run, and of a simulated one which lathe it was, and which of its parts."""
+    lathe = {} if request.lathe_parts is None else {LATHE: request.lathe_parts.fields()}
+    return {**result_fields(result, warnings), **lathe}
 
 
 def _followed(request: RunRequest, record: RunRecord) -> Run:
@@ -159,6 +166,8 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
     lines = [text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)]
     if not request.address:
         lines.append(force_line(request.job.job, request.machine.machine, text))
+    if request.lathe_parts is not None and request.lathe_parts.parts:
+        lines.append(lathe_line(request.lathe_parts, text))
     if request.fingerprint is not None:
         lines.append(fingerprint_line(request.fingerprint, text))
     # In one piece: a reader that closes after the first line is noticed at the first step, which stops the cut.
@@ -203,6 +212,7 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
             "calibrations": machine.used,
             "inverted": plan.inverted or MODEL,
             **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
+            **({} if request.lathe_parts is None else {LATHE: request.lathe_parts.fields()}),
             "address": "" if request.address is None else str(request.address),
             "warnings": warnings,
         },
@@ -241,7 +251,7 @@ def _recorded(
         duration_s, used = request.plan.cut.duration_s, request.machine.used
         record.add("planned", {"warnings": warnings, "duration_s": duration_s, "calibrations": used})
         result = work()
-        record.add("result", result_fields(result, warnings))
+        record.add("result", _fields(request, result, warnings))
     except BaseException as error:
         # What ended the run matters more than a record that cannot be written.
         with suppress(SessionError):
@@ -298,7 +308,7 @@ def _cut(
         recorder.seen(snapshot)
 
     reached = reach(request.machine, request.address, data, tracing, seen)
-    recorder.stop = reached.stop
+    recorder.stop, recorder.alarms.heartbeat = reached.stop, reached.heartbeat
     try:
         guard(interruption, reached.lathe, reached.clock.now_s)
         with stopping.watching(reached.stop):

@@ -9,8 +9,10 @@ from console.cli.judgement import span_fields
 from console.cli.measured.roundness_report import roundness_fields
 from console.cli.output import fields_of, harmonics_of
 from console.session.cut.run import RunResult
+from console.session.cut.simulated_parts import LatheParts
 from console.session.data.made_parts import FINGERPRINT, tool_lobe_event
 from console.session.force_record import force_event
+from console.session.learning.learning_beside import TRIM_LIMIT_UM
 from console.session.learning.row_result import LearnedPart, LearnResult
 from console.session.stages import Stage
 from console.session.station.alarms import collision_problems
@@ -19,6 +21,7 @@ from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
 from console.text.fingerprint import clamped_fields
 from console.text.force import force_words
+from profiles.compensations.certificate import Standing
 from profiles.compensations.path import PathHarmonic
 from profiles.roundness import RoundnessResult
 
@@ -84,6 +87,7 @@ def _part_fields(part: LearnedPart) -> dict[str, object]:
             "part_gain": part.part_gain,
             "learned_waves": list(part.learned),
             "certificate": certificate_fields(part.certificate),
+            "trim_short": [{"n": n, "short_um": um} for n, um in sorted(part.trim_short.items())],
             "lobe_left": None if part.left is None else asdict(part.left),
             "fingerprint": None if part.clamped is None else clamped_fields(part.clamped, path.target.lobes),
             "frozen": [{"n": each.order, **fields_of(each, "best_um", "grown_um")} for each in part.grown],
@@ -101,7 +105,7 @@ def result_lines(result: RunResult | LearnResult, text: Catalogue) -> list[str]:
         closing = "run.cut_air" if result.plan.stage is Stage.AIR else "run.measure_it"
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
     last = result.parts[-1]
-    certificate = [*certificate_lines(last.certificate, text), *_left_lobe(result, text)]
+    certificate = [*certificate_lines(last.certificate, text), *_left_lobe(result, text), *_own(result, text)]
     return [*_run_lines(result.last, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
 
 
@@ -114,6 +118,27 @@ def _left_lobe(result: LearnResult, text: Catalogue) -> list[str]:
     words = {name: f"{um_pp:.2f}" for name, um_pp in figures.items()}
     force = f"{100.0 * left.force_deviation:+.1f}"
     return [text("learn.left", n=result.plan.job.jaws, part=len(result.parts), force=force, **words)]
+
+
+def _own(result: LearnResult, text: Catalogue) -> list[str]:
+    """Return which orders of the last part are mostly of its own blank, or of what else varies."""
+    number, short = len(result.parts), result.parts[-1].trim_short
+    lines = []
+    for each in result.own:
+        heights = {"left": each.on_part_um, "tool": each.tool_off_um, "rest": each.left_um}
+        words = {name: f"{2.0 * (um or 0.0):.2f}" for name, um in heights.items()}
+        key = "learn.varies" if each.standing is Standing.VARIES else "learn.of_blank"
+        limit = text("learn.trim_limit", most=f"{TRIM_LIMIT_UM:g}") if each.order in short else ""
+        lines.append(text(key, n=each.order, part=number, **words) + limit)
+    return lines
+
+
+def lathe_line(parts: LatheParts, text: Catalogue) -> str:
+    """Return which parts of a simulated lathe are cut, and from the second on how to cut the first again."""
+    first, last = parts.part, parts.part + parts.parts - 1
+    number = f"{first} … {last}" if last > first else f"{first}"
+    said = text("run.lathe_part", lathe=parts.lathe, number=number)
+    return said if first == 1 else f"{said} · {text('run.lathe_part_again')}"
 
 
 def _run_lines(result: RunResult, text: Catalogue) -> list[str]:

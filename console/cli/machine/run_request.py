@@ -3,21 +3,30 @@
 from __future__ import annotations
 
 from argparse import Namespace
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.cli.arguments import INDICATOR
-from console.cli.library import data_of, job_of, machine_of, true_parameters_of
+from console.cli.arguments import DEFAULT_PLANT, INDICATOR
+from console.cli.library import data_of, job_of, lathe_parts_of, machine_of, true_parameters_of
 from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
 from console.session.cut.run import RunPlan, plan_run
+from console.session.cut.simulated_parts import LatheParts
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
 from console.session.data.identified import asked_response
-from console.session.data.learned_store import NONE, accepted, asked_for, chosen, date_problems, versions
+from console.session.data.learned_store import (
+    NONE,
+    accepted,
+    asked_for,
+    chosen,
+    date_problems,
+    lathe_problems,
+    versions,
+)
 from console.session.data.made_parts import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
 from console.session.learning.history import history_of
-from console.session.learning.learning import refuse_unlearnable
+from console.session.learning.learning import COMPARED, refuse_unlearnable
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
 from console.session.station.whereabouts import address_of
@@ -26,7 +35,7 @@ from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import LearnedCompensation, differences
+from profiles.compensations.learned import HoldsFor, LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.files import printable
 from profiles.job import Job
@@ -43,6 +52,7 @@ class RunRequest:
     series, each part of it `felt` by an indicator or not. `part_file` is the file for the trace of the part.
     `fingerprint` is what an indicator has shown of the clamping of a single part. `warnings` are reported before
     anything moves, among them what was learned and is not used in this cut.
+    `lathe_parts` are those of the simulated lathe that it cuts, None where all of its parts are alike.
     """
 
     job: LoadedJob
@@ -56,6 +66,7 @@ class RunRequest:
     warnings: tuple[Problem, ...]
     fingerprint: Fingerprint | None = None
     felt: bool = False
+    lathe_parts: LatheParts | None = None
 
 
 def requested(options: Namespace) -> RunRequest:
@@ -64,11 +75,14 @@ def requested(options: Namespace) -> RunRequest:
     machine = loaded.machine
     address = None if options.sim else address_of(machine, options.link, simulated=False)
     simulated = address is None or isinstance(address, SimulatedAddress)
-    asked = asked_for(job, loaded, options.strategy, simulated=simulated)
+    true = None if address is not None else true_parameters_of(options, machine)
+    lathe = "" if address is not None else DEFAULT_PLANT if true is None else str(true.lathe)
+    asked = asked_for(job, loaded, options.strategy, simulated=simulated, lathe=lathe)
     known = () if options.compensation == NONE else versions(data_of(options), asked)
     learned = chosen(options.compensation, known, asked)
     path, inverted = _path(options, job.job, machine, learned, simulated=simulated)
-    true = None if address is not None else true_parameters_of(options, machine)
+    lathe_parts = _lathe_parts(options, job.job, machine, true) if address is None else None
+    true = true if true is None or lathe_parts is None else replace(true, parts_before=lathe_parts.part - 1)
     history = history_of(learned, known)
     fingerprint = _fingerprint(options, job.job, machine, path, inverted, history, true)
     path = path if fingerprint is None else fingerprint.path
@@ -87,27 +101,40 @@ def requested(options: Namespace) -> RunRequest:
         warnings=(
             *loaded.warnings,
             *date_problems(learned),
-            *_unused(options, job, loaded, simulated=simulated),
+            *lathe_problems(learned, asked),
+            *_unused(options, job, loaded, asked),
             *_contradicted(options, job, loaded, simulated=simulated),
             *plan.warnings,
+            *(() if fingerprint is None else fingerprint.clamped.warnings),
         ),
         fingerprint=fingerprint,
         felt=options.fingerprint is not None,
+        lathe_parts=lathe_parts,
     )
 
 
-def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, *, simulated: bool) -> tuple[Problem, ...]:
+def _lathe_parts(
+    options: Namespace, job: Job, machine: MachineProfile, true: TrueParameters | None
+) -> LatheParts | None:
+    """Return which parts of the lathe are cut: none in air, and in a row two to compare with, too."""
+    parts = 0 if options.stage == Stage.AIR else 1
+    return lathe_parts_of(
+        options, job.name, machine.name, true, parts if options.learn is None else options.learn + COMPARED
+    )
+
+
+def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, asked: HoldsFor) -> tuple[Problem, ...]:
     """Return the notice that a learned version is not used; a learning series begins from the job."""
     if options.compensation != NONE or options.learn is not None or not Strategy(options.strategy).traits.inverts:
         return ()
     try:
-        newest = accepted(job, machine, data_of(options), simulated=simulated)
+        newest = accepted(job, machine, data_of(options), simulated=asked.simulated)
     except ProblemError as error:
         return tuple(error.problems)  # a cut without learned versions does not need them
     if newest is None or newest.is_model:
         return ()
     strategy = newest.holds_for.strategy
-    if differences(newest, asked_for(job, machine, strategy, simulated=simulated)):
+    if differences(newest, replace(asked, strategy=strategy)):
         return ()
     return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
 

@@ -20,6 +20,7 @@ from console.cli.arguments import (
 from console.cli.library import profile_of
 from console.cli.output import SCHEMA
 from console.cli.parser import Parser
+from console.session.ending_signal import has_come
 from console.text.catalogue import Catalogue
 
 DIALECTS = ("pmac", "turbo")
@@ -74,5 +75,6 @@ def main(options: Namespace, text: Catalogue) -> int:
     family = FAMILIES[options.dialect or machine.controller.family]
     lathe = SimulatedLathe(machine, true, family, Path(options.saved) if options.saved else None)
     listeners = Listeners(tcp=options.tcp, ethernet=options.ethernet, pty=options.pty, control=options.control)
-    serve(lathe, listeners, ready, options.speed)
+    if (ended_by := serve(lathe, listeners, ready, options.speed)) is not None:
+        has_come(ended_by)  # the loop handles signals in its own way
     return 0

@@ -64,7 +64,7 @@ def asked_fingerprint(asked: str, cut: AskedCut, *, in_process: bool, simulated:
 
 
 def indicated(job: Job, machine: MachineProfile, true: TrueParameters | None) -> ClampReadings:
-    """Return what an indicator shows on a simulated lathe of its first clamping: that of its first part."""
+    """Return what an indicator shows on a simulated lathe of the clamping of its next part."""
     _, lathe = simulated_context(machine, true)
     lathe.mount(job)
     return lathe.indicate()

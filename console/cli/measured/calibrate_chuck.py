@@ -6,7 +6,7 @@ from argparse import Namespace
 from dataclasses import asdict
 from pathlib import Path
 
-from console.cli.library import data_of, machine_of, naming
+from console.cli.library import DEFAULT_MACHINE, data_of, machine_of, naming
 from console.cli.output import show, tell
 from console.session.data.calibrations import Calibration, date_problems, newest
 from console.session.learning.chuck_calibrating import (
@@ -29,7 +29,11 @@ Rows = list[tuple[str, ...]]
 
 def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
     """Fit a table of measurements of a machine's chuck."""
-    loaded, where, data = machine_of(options), printable(options.file), data_of(options)
+    loaded, where, data = (
+        machine_of(options, f"--machine {DEFAULT_MACHINE}"),
+        printable(options.file),
+        data_of(options),
+    )
     measured = read_table(Path(options.file), options.kind and CalibrationKind(options.kind))
     with naming(where):
         fit = fitted(measured, loaded.machine, affine=options.affine)

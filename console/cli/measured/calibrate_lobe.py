@@ -7,7 +7,7 @@ from argparse import Namespace
 from pathlib import Path
 
 from console.cli.judgement import lobe_place_line
-from console.cli.library import data_of, job_of, machine_of, named, naming
+from console.cli.library import SIM_OPTION, data_of, job_of, machine_of, named, naming
 from console.cli.output import show, tell
 from console.session.learning.calibrating import keep_lobe, lobe_record
 from console.text.catalogue import Catalogue
@@ -21,7 +21,7 @@ from profiles.traces import CAP_BYTES, parse_trace
 
 def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
     """Fit the lobe of a trace; with `--keep` write it to the job, unless something speaks against it."""
-    loaded, machine, where = job_of(options), machine_of(options).machine, printable(options.file)
+    loaded, machine, where = job_of(options), machine_of(options, SIM_OPTION).machine, printable(options.file)
     content = read_regular_file(Path(options.file), cap_bytes=CAP_BYTES, area="trace")
     with naming(where):
         trace = parse_trace(content, where=where)

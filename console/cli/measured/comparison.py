@@ -162,12 +162,13 @@ def _reason(record: Record, text: Catalogue) -> str:
 
 
 def _mark(record: Record) -> str:
-    """Return the mark of a comparison's verdict; a fitted one is in brackets."""
+    """Return the mark of a comparison's verdict; one that is fitted, or one of rivals, is in brackets."""
     if record.holds is None:
         return ""
-    if not record.holds:
-        return f"({NO})" if record.basis is Basis.FITTED else NO
-    return {Basis.COMPUTED: YES, Basis.FITTED: f"({YES})", Basis.CONSTRUCTION: BY_CONSTRUCTION}[record.basis]
+    mark = YES if record.holds else NO
+    if record.basis in (Basis.FITTED, Basis.RIVAL):
+        return f"({mark})"
+    return BY_CONSTRUCTION if record.holds and record.basis is Basis.CONSTRUCTION else mark
 
 
 def _counted(sections: Sequence[Section], text: Catalogue) -> str:
@@ -180,6 +181,7 @@ def _counted(sections: Sequence[Section], text: Catalogue) -> str:
         all=len(own),
         construction=sum(record.basis is Basis.CONSTRUCTION for record in judged),
         fitted=sum(record.basis is Basis.FITTED for record in judged),
+        rival=sum(record.basis is Basis.RIVAL for record in judged),
     )
 
 

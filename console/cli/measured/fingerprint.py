@@ -5,9 +5,18 @@ from __future__ import annotations
 import shlex
 import sys
 from argparse import Namespace
+from dataclasses import replace
 from pathlib import Path
 
-from console.cli.arguments import DEFAULT_PLANT, PLANT, WRONG_USAGE, add_job, add_shared, add_strategy
+from console.cli.arguments import (
+    DEFAULT_PLANT,
+    PLANT,
+    WRONG_USAGE,
+    add_job,
+    add_lathe_part,
+    add_shared,
+    add_strategy,
+)
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 
@@ -17,6 +26,7 @@ def add(parser: Parser, text: Catalogue) -> None:
     add_job(parser, text)
     parser.add_argument("file", metavar="FILE", nargs="?", help=text("help.fingerprint.file"))
     add_shared(parser, text, "sim", *PLANT)
+    add_lathe_part(parser, text)
     add_strategy(parser, text)
     parser.add_argument("--out", metavar="FILE", help=text("help.fingerprint.out"))
 
@@ -39,19 +49,23 @@ def main(options: Namespace, text: Catalogue) -> int:
 
 def _take(options: Namespace, text: Catalogue) -> None:
     """Write what the indicator of the simulated lathe shows of the clamping that the same options cut on."""
-    from console.cli.library import job_of, machine_of, true_parameters_of
+    from console.cli.library import SIM_OPTION, job_of, lathe_parts_of, machine_of, true_parameters_of
     from console.cli.measured.asked_fingerprint import indicated
     from console.cli.output import show
     from profiles.files import printable, write_atomically
     from profiles.fingerprint.readings import readings_text
 
-    job, machine = job_of(options), machine_of(options).machine
+    job, machine = job_of(options), machine_of(options, SIM_OPTION).machine
     true = true_parameters_of(options, machine)
+    parts = lathe_parts_of(options, job.job.name, machine.name, true)
+    if true is not None and parts is not None:
+        true = replace(true, parts_before=parts.part - 1)
     readings = indicated(job.job, machine, true)
     write_atomically(Path(options.out), readings_text(readings).encode("ascii"), overwrite=False)
     words = ["console", "run", options.job, "--sim"]
     if true is not None:  # a seed that was not given was drawn
         words += ["--plant", options.plant or DEFAULT_PLANT, "--seed", str(true.seed)]
+    words += [] if options.lathe_part is None else ["--lathe-part", str(options.lathe_part)]
     words += [] if options.clamping_sd is None else ["--clamping-sd", f"{options.clamping_sd:g}"]
     command = shlex.join([*words, "--strategy", options.strategy, "--fingerprint", options.out])
     count, file = len(readings.angle_deg), printable(options.out)
@@ -63,18 +77,19 @@ def _take(options: Namespace, text: Catalogue) -> None:
 
 
 def _judge(options: Namespace, text: Catalogue) -> None:
-    from console.cli.library import data_of, job_of, machine_of
+    from console.cli.library import SIM_OPTION, data_of, job_of, machine_of
     from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
-    from console.cli.output import show
+    from console.cli.output import show, tell
     from console.session.data.calibrated_chuck import calibrated
     from console.text.fingerprint import deflection_lines, fingerprint_fields, fingerprint_line
     from drivers.cutting.strategy import Strategy
 
-    job, machine = job_of(options).job, calibrated(machine_of(options), data_of(options)).machine
+    job, machine = job_of(options).job, calibrated(machine_of(options, SIM_OPTION), data_of(options)).machine
     cut = AskedCut(job=job, machine=machine, strategy=Strategy(options.strategy))
     found = asked_fingerprint(options.file, cut, in_process=False, simulated=True)
+    warnings = tell(found.clamped.warnings, text)
     show(
         options,
-        lambda: fingerprint_fields(found, job.jaws),
+        lambda: {**fingerprint_fields(found, job.jaws), "warnings": warnings},
         lambda: [*deflection_lines(found.felt.deflection, text), fingerprint_line(found, text)],
     )

@@ -26,6 +26,7 @@ from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
 from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
+from drivers.simulator.plant.which_lathe import options_of
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
 from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
@@ -195,7 +196,7 @@ def _kept_lines(
     if options.machine:
         words += ["--machine", options.machine]
     if version.holds_for.simulated:
-        words.append("--sim")
+        words += ["--sim", *options_of(version.holds_for.lathe)]
     file = printable(str(kept))
     return ["", text("learned.kept", version=version.version, file=file, command=shlex.join(words))]
 

@@ -150,10 +150,10 @@ def finding_sentence(finding: ProgramFinding, text: Catalogue) -> str:
     if not finding.lines:
         return sentence
     key = "check.line" if len(finding.lines) == 1 else "check.lines"
-    return f"{text(key, lines=_places(finding.lines))}: {sentence}"
+    return f"{text(key, lines=_places(finding.lines, text))}: {sentence}"
 
 
-def _places(lines: Sequence[int]) -> str:
+def _places(lines: Sequence[int], text: Catalogue) -> str:
     """Return line numbers, consecutive ones as a range, up to a limit; those of included files with their own."""
     ranges: list[tuple[int, int]] = []
     for line in lines:
@@ -161,13 +161,14 @@ def _places(lines: Sequence[int]) -> str:
             ranges[-1] = (ranges[-1][0], line)
         else:
             ranges.append((line, line))
-    shown = [f"{first}-{last}" if last > first else _named(first) for first, last in ranges[:MOST_RANGES]]
+    shown = [_range(first, last, text) for first, last in ranges[:MOST_RANGES]]
     return ", ".join([*shown, "..."] if len(ranges) > MOST_RANGES else shown)
 
 
-def _named(line: int) -> str:
-    source = printable(_source(line))
-    return f"{line:d} ({source})" if source else f"{line:d}"
+def _range(first: int, last: int, text: Catalogue) -> str:
+    source = printable(_source(first))
+    place = text("check.place", line=f"{first:d}-{last:d}" if last > first else f"{first:d}")
+    return f"{place} ({source})" if source else place
 
 
 def _source(line: int) -> str:

@@ -1,21 +1,27 @@
-"""`console jobs`: the saved jobs, and what differs from the commit of a data folder under git."""
+"""`console jobs`: the saved jobs, which of them a machine can cut, and what differs from the commit."""
 
 from __future__ import annotations
 
 from argparse import Namespace
+from dataclasses import replace
 
 from console.cli.arguments import add_shared
-from console.cli.library import data_of
+from console.cli.library import data_of, judged_of
 from console.cli.output import fields_of, show
 from console.cli.parser import Parser
 from console.cli.part.listed import Listed, fields_of_entry, listed, sentences
+from console.session.configuration import Origin
 from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from console.text.lobe import lobe_number
 from profiles.files import printable
+from profiles.findings import refusals
 from profiles.job import NO_LOBE
 from profiles.lobe.lobe_conditions import lobe_source
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from profiles.rules import check
 from profiles.store import LoadedJob, list_jobs, load_job
 
 STATUS = "status"
@@ -24,27 +30,51 @@ STATUS = "status"
 def add(parser: Parser, text: Catalogue) -> None:
     """Add what is to be shown, and the machine on which changed jobs are judged."""
     parser.add_argument("action", metavar="status", nargs="?", choices=(STATUS,), help=text("help.jobs.status"))
-    add_shared(parser, text, "machine")
+    add_shared(parser, text, "machine", command="jobs")
 
 
 def main(options: Namespace, text: Catalogue) -> int:
-    """List every job by the name that other commands take, an unreadable one with its reason; or what differs."""
+    """List every job by the name that other commands take, an unreadable one with its reason; or what differs.
+
+    Jobs are judged by the rules on the machine that `--machine` names; a configured one makes the list no longer.
+    """
     if options.action == STATUS:
         from console.cli.part.jobs_status import show_status
 
         show_status(options, text)
         return 0
     found = listed(list_jobs(jobs_folder(data_of(options))), load_job)
-    show(options, lambda: {"jobs": [_fields(each, text) for each in found]}, lambda: _lines(found, text))
+    machine = judged_of(options).machine if _names_machine(options) else None
+    show(
+        options,
+        lambda: {
+            **({} if machine is None else {"judged_on": machine.name}),
+            "jobs": [_fields(each, machine, text) for each in found],
+        },
+        lambda: _lines(found, machine, text),
+    )
     return 0
 
 
-def _fields(each: Listed[LoadedJob], text: Catalogue) -> dict[str, object]:
+def _names_machine(options: Namespace) -> bool:
+    found = options.configuration.settings.get("machine")
+    return found is not None and found.origin is Origin.OPTION
+
+
+def _refused(loaded: LoadedJob, machine: MachineProfile | None) -> tuple[Problem, ...]:
+    """Return why a job cannot be cut on a machine, each with the name of its file."""
+    found = () if machine is None else refusals(check(loaded.job, machine))
+    return tuple(replace(each.problem, where=printable(str(loaded.path))) for each in found)
+
+
+def _fields(each: Listed[LoadedJob], machine: MachineProfile | None, text: Catalogue) -> dict[str, object]:
     _, loaded = each
     fields = fields_of_entry(each, text)
     if not isinstance(loaded, LoadedJob):
         return fields
     job = loaded.job
+    if machine is not None:
+        fields["problems"] = [text.problem(problem) for problem in _refused(loaded, machine)]
     return {
         **fields,
         "title": job.name,
@@ -61,11 +91,19 @@ def _fields(each: Listed[LoadedJob], text: Catalogue) -> dict[str, object]:
     }
 
 
-def _lines(found: list[Listed[LoadedJob]], text: Catalogue) -> list[str]:
-    """Return a row for each job, then why some cannot be read."""
+def _lines(found: list[Listed[LoadedJob]], machine: MachineProfile | None, text: Catalogue) -> list[str]:
+    """Return a row for each job, then why some cannot be read, or not be cut on the machine."""
     rows = [tuple(text(f"jobs.{name}") for name in ("name", "material", "size", "lobe", "speed", "source"))]
     rows += [_row(each, text) for each in found]
-    return [*table(rows), *sentences(found, text)]
+    if machine is None:
+        return [*table(rows), *sentences(found, text)]
+    refused = [_refused(loaded, machine) if isinstance(loaded, LoadedJob) else None for _, loaded in found]
+    said = ["" if why is None else text("jobs.refused" if why else "jobs.fits") for why in refused]
+    # In place of the source: a row is wide enough.
+    rows = [(*row[:-1], cell) for row, cell in zip(rows, [text("jobs.fitting"), *said], strict=True)]
+    reasons = [text.problem(problem) for why in refused if why for problem in why]
+    on = text("jobs.all_judged_on", machine=printable(machine.name))
+    return [*table(rows), *sentences(found, text), *reasons, on]
 
 
 def _row(each: Listed[LoadedJob], text: Catalogue) -> tuple[str, ...]:

@@ -35,6 +35,7 @@ def show_status(options: Namespace, text: Catalogue) -> None:
         lambda: {
             **fields_of(status, "commit", "branch", "upstream", "ahead", "behind"),
             "judged_on": machine.name if isinstance(machine, MachineProfile) else None,
+            "not_judged": _not_judged(machine, text),
             "changes": [
                 {
                     "path": change.path,
@@ -78,6 +79,11 @@ def _problems(change: Change, data: Path, machine: MachineProfile | ProfileError
     return ()
 
 
+def _not_judged(machine: MachineProfile | ProfileError, text: Catalogue) -> list[str]:
+    """Return why jobs were not judged by the rules of a machine; nothing where they were."""
+    return [text.problem(each) for each in machine.problems] if isinstance(machine, ProfileError) else []
+
+
 def _head(status: CloneStatus, text: Catalogue) -> list[str]:
     commit = text("jobs.no_commit") if status.commit is None else status.commit[:COMMIT_DIGITS]
     lines = [text("jobs.at_commit", commit=commit, branch=printable(status.branch or "–"))]
@@ -97,7 +103,7 @@ def _lines(
         for change, problems in judged
     ]
     if isinstance(machine, ProfileError):
-        on = [text("jobs.not_judged"), *(text.problem(each) for each in machine.problems)]
+        on = [text("jobs.not_judged"), *_not_judged(machine, text)]
     else:
         on = [text("jobs.judged_on", machine=printable(machine.name))]
     return [*table(rows), *(text.problem(each) for _, problems in judged for each in problems), *on]

@@ -41,9 +41,9 @@ def ship_once(options: Namespace, text: Catalogue) -> None:
 def follow_on(options: Namespace, text: Catalogue) -> None:
     """Send until the user ends it; print a line for each pass that has sent anything, and of what is refused."""
     require_extra("psycopg", "shop")
-    if not options.json:
-        print(text("ship.following", seconds=f"{options.every:g}"))
     try:
+        if not options.json:
+            print(text("ship.following", seconds=f"{options.every:g}"))
         for found in follow(data_of(options), options.shop, period_s=options.every, told=_progress(text)):
             if isinstance(found, Problem):
                 print(f"console: {text('warning')}: {_clock()}  {text.problem(found)}", file=sys.stderr)

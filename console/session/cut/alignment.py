@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from enum import StrEnum
+from functools import lru_cache
 
 from profiles.chucking.force import force_as_measured, same_force
 from profiles.findings import Severity
@@ -24,6 +25,7 @@ from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
+from profiles.same_objects import SameObjects
 
 _BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": "mm", "overhang_mm": "mm"}
 """Properties of a clamping besides its force, with their units."""
@@ -208,6 +210,15 @@ def retuned(alignment: Alignment, at: str) -> Alignment:
 
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
     """Return why a step is not yet done for this job; empty when it is."""
+    return _by_step(SameObjects(alignment, job))[step]  # a page asks for each ten times a second
+
+
+@lru_cache(maxsize=8)
+def _by_step(of: SameObjects[Alignment, Job]) -> dict[AlignStep, tuple[Problem, ...]]:
+    return {step: _step_problems(of.one, step, of.other) for step in AlignStep}
+
+
+def _step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
     match step:
         case AlignStep.VERIFY:
             settings = alignment.settings
@@ -227,12 +238,12 @@ def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Prob
 
 def problems(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     """Return every reason why the alignment is not valid for this job."""
-    return tuple(problem for step in AlignStep for problem in step_problems(alignment, step, job))
+    return tuple(problem for found in _by_step(SameObjects(alignment, job)).values() for problem in found)
 
 
 def current_step(alignment: Alignment, job: Job) -> AlignStep | None:
     """Return the first step that is not done, None when all are."""
-    return next((step for step in AlignStep if step_problems(alignment, step, job)), None)
+    return next((step for step, found in _by_step(SameObjects(alignment, job)).items() if found), None)
 
 
 def force_problems(job: Job) -> tuple[Problem, ...]:

@@ -35,6 +35,7 @@ def compensation_problems(
     stage: Stage,
     *,
     simulated: bool,
+    lathe: str = "",
     inverts: ChosenResponse | None = None,
 ) -> tuple[Problem, ...]:
     """Return why a part may not be cut with this compensation (None: the model's) in this stage.
@@ -42,6 +43,7 @@ def compensation_problems(
     `inverts` is the identified response of a cut without one, None the model's: codes `run.two_inverses` and those
     of `response_problems`.
 
+    `lathe` is which simulated lathe it is, "" where that is not known.
     `loaded` is the file of the job, None for one that was edited: codes `learned.edited`, those of `differences`,
     and `stage.strategy`.
     """
@@ -49,7 +51,9 @@ def compensation_problems(
     if compensation is not None and loaded is None:
         problems = (Problem(code="learned.edited", key=str(compensation.version)),)
     elif compensation is not None and loaded is not None:
-        problems = differences(compensation, asked_for(loaded, machine, strategy, simulated=simulated))
+        problems = differences(
+            compensation, asked_for(loaded, machine, strategy, simulated=simulated, lathe=lathe)
+        )
     if inverts is not None and compensation is not None:
         both = Problem(code="run.two_inverses", key=str(compensation.version), value=inverts.name)
         problems = (*problems, both)
@@ -60,7 +64,7 @@ def compensation_problems(
     return problems
 
 
-def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
+def with_accepted(work: Work, data: Path, *, simulated: bool, lathe: str = "") -> Work:
     """Return the work on a newly opened job, with its newest accepted version.
 
     Where that version does not fit this cut, or cannot be read, use the model and report it.
@@ -72,11 +76,11 @@ def with_accepted(work: Work, data: Path, *, simulated: bool) -> Work:
     if newest is None:
         return work
     used = using(work, newest)
-    problems = chosen_problems(used, simulated=simulated)
+    problems = chosen_problems(used, simulated=simulated, lathe=lathe)
     return replace(work, set_aside=problems) if problems else used
 
 
-def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
+def with_news(work: Work, data: Path, *, simulated: bool, lathe: str = "") -> Work:
     """Return the work with a notice of a newer version accepted since, as by `console learn` elsewhere.
 
     The choice made stays. Files that cannot be read are reported where the version is used.
@@ -85,7 +89,7 @@ def with_news(work: Work, data: Path, *, simulated: bool) -> Work:
         newest = accepted(work.loaded, work.machine, data, simulated=simulated)
     except ProblemError:
         return work
-    if newest is None or work.edited or chosen_problems(using(work, newest), simulated=simulated):
+    if newest is None or work.edited or chosen_problems(using(work, newest), simulated=simulated, lathe=lathe):
         return work
     used = 0 if work.compensation is None else work.compensation.version
     if newest.version <= used or (used == 0 and work.set_aside):
@@ -122,7 +126,7 @@ def without_learned(work: Work) -> Work:
     return replace(work, compensation=None, set_aside=aside)
 
 
-def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
+def chosen_problems(work: Work, *, simulated: bool, lathe: str = "") -> tuple[Problem, ...]:
     """Return why the current job may not be cut with the chosen compensation and stage."""
     return compensation_problems(
         work.compensation,
@@ -131,6 +135,7 @@ def chosen_problems(work: Work, *, simulated: bool) -> tuple[Problem, ...]:
         Strategy(work.strategy),
         Stage(work.stage),
         simulated=simulated,
+        lathe=lathe,
         inverts=work.inverts,
     )
 

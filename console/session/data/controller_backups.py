@@ -106,7 +106,7 @@ def compare_backup(client: Controller, dialect: Dialect, machine: MachineProfile
 
     _, backup = load_backup(path)
     refuse_other_family(backup.configuration, dialect, printable(str(path)))
-    now = read_configuration(client, dialect, whole_card(dialect, programs=backup.configuration.programs))
+    now = read_configuration(client, dialect, whole_card(dialect, programs=backup.configuration.sought_programs))
     return Compared(
         date=backup.date,
         checks=in_order(differences(backup.configuration, now, machine)),

@@ -15,8 +15,10 @@ FOLDER = "learned"
 NONE, NEWEST = "none", "newest"
 
 
-def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulated: bool) -> HoldsFor:
-    """Return what a compensation must match to be used in this cut."""
+def asked_for(
+    job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulated: bool, lathe: str = ""
+) -> HoldsFor:
+    """Return what a compensation must match to be used in this cut; `lathe` is "" where it is not known."""
     return HoldsFor(
         job=job.job.name,
         job_sha256=job.sha256,
@@ -24,6 +26,7 @@ def asked_for(job: LoadedJob, machine: LoadedMachine, strategy: str, *, simulate
         machine_sha256=machine.sha256,
         simulated=simulated,
         strategy=strategy,
+        lathe=lathe,
     )
 
 
@@ -74,6 +77,13 @@ def date_problems(learned: LearnedCompensation | None) -> tuple[Problem, ...]:
     if learned is None:
         return ()
     return ahead_problems("learned.date_ahead", [learned.date], key=str(learned.version))
+
+
+def lathe_problems(learned: LearnedCompensation | None, asked: HoldsFor) -> tuple[Problem, ...]:
+    """Return `learned.lathe_unknown` for a version of simulated parts that does not say on which lathe."""
+    if learned is None or learned.is_model or learned.holds_for.lathe or not asked.lathe:
+        return ()
+    return (Problem(code="learned.lathe_unknown", key=str(learned.version), value=asked.lathe),)
 
 
 def _load(file: Path) -> LearnedCompensation:

@@ -11,7 +11,8 @@ from statistics import linear_regression
 from console.session.cut.engine import Step
 from console.session.cut.recording import PartName, Recorder
 from console.session.feed.observed import RUN, Observed, ShownCut
-from console.session.station.alarms import AT_REST, IN_PROGRAM, with_faults
+from console.session.feed.run_alarms import RunAlarms
+from console.session.station.alarms import AT_REST, IN_PROGRAM
 from console.session.station.state import Activity, StationState, StopState
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
@@ -52,8 +53,9 @@ class FollowedRun:
     Everything that the cutting thread calls returns at once.
     """
 
-    def __init__(self, run: Run, recorder: Recorder) -> None:
+    def __init__(self, run: Run, recorder: Recorder, alarms: RunAlarms | None = None) -> None:
         self.stop: StopPath | None = None
+        self.alarms = alarms or RunAlarms()
         self._run, self._recorder = run, recorder
         self._state = StationState(machine=run.machine.name, simulated=run.simulated, standing=Standing.OBSERVER)
         self._polls: deque[Snapshot] = deque(maxlen=POLLS)
@@ -69,6 +71,7 @@ class FollowedRun:
         """Take a status poll."""
         if not self._polls or self._polls[-1] is not snapshot:
             self._polls.append(snapshot)
+            self.alarms.see(snapshot, AT_REST if self._cut is None else IN_PROGRAM)
 
     def part(self, name: PartName) -> None:
         """Pass on the name of the cuts that follow."""
@@ -100,7 +103,7 @@ class FollowedRun:
     def observed(self, now_s: Callable[[], float] = time.monotonic) -> Observed:
         """Return this moment, in the thread of the feed. Simulated time that is not real has no age.
 
-        Alarms are the axis faults of the newest poll; whatever else ends a run ends this process, and the feed.
+        Whatever ends a run without an alarm ends this process, and the feed.
         """
         polls, state, cut, run = list(self._polls), self._state, self._cut, self._run
         newest = polls[-1] if polls else None
@@ -110,11 +113,9 @@ class FollowedRun:
             stopped = StopState(reason=stop.reason, killed=stop.killed, sent_s=at_s)
             activity = Activity.STOPPED if stop.proven else Activity.STOPPING
             state = replace(state, stop=stopped, activity=activity)
-        if newest is not None:
-            during = AT_REST if cut is None else IN_PROGRAM
-            state = replace(state, alarms=with_faults((), newest.axis_faults, at_s, during))
+        state = replace(state, snapshot=newest, at_s=at_s, alarms=self.alarms.standing)
         return Observed(
-            state=replace(state, snapshot=newest, spindle_rpm=_rpm(polls, run.machine), at_s=at_s),
+            state=replace(state, spindle_rpm=_rpm(polls, run.machine)),
             machine=run.machine,
             now_s=at_s,
             program=RUN,

@@ -7,6 +7,7 @@ sleeps. One that does not read is dropped once the few lines have filled up that
 from __future__ import annotations
 
 import asyncio
+import math
 import os
 import socket
 from collections.abc import Callable
@@ -89,6 +90,9 @@ class FeedServer:
                 await _say(writer, self._newest(began_s))
                 left_s = began_s + period_s - asyncio.get_running_loop().time()
                 await _pause(waiting, left_s)
+        except asyncio.CancelledError:  # the console ends; who reads seldom learns of what ended it, too
+            writer.write(self._newest(math.inf))
+            raise
         finally:
             asked.cancel()
             asked.add_done_callback(_ended)

@@ -34,6 +34,7 @@ from profiles.fingerprint.this_clamping import (
     felt,
     known_lobe,
     ratio_of,
+    unexpected,
     with_added,
 )
 from profiles.job import Job
@@ -156,6 +157,17 @@ def of_mean_clamping(
     orders, ratio = clamped_orders(path, lobes), made.ratio(lobes)
     left = {n: c / ratio_of(n, lobes, ratio) if n in orders else c for n, c in part.coefficients_um.items()}
     return replace(cut, path=path, clamped=made.read), replace(part, coefficients_um=left)
+
+
+def expected_of(
+    readings: ClampReadings, job: Job, machine: MachineProfile, learned: LearnedCompensation | None = None
+) -> tuple[Problem, ...]:
+    """Return a warning of readings that are far from what job, chuck and the newest part let expect.
+
+    `job` has jaw 1 where it is. Raises `ProfileError`: what the readings do not show.
+    """
+    known = _replayed(job, machine, () if learned is None else (learned,)).clamped(REPEATS_SD_UM)
+    return unexpected(known, felt(readings, job), job.jaws)
 
 
 def ratio_read(read: ClampedRead, lobes: int) -> complex:

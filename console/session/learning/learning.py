@@ -65,6 +65,7 @@ AIR_ENOUGH_UM_PP = 1.0
 """Number of air passes; more while the lobe error is above this: a small motion starts within its friction."""
 
 AIR_TURNS = 30
+COMPARED = 2  # parts that a row begins with: one without compensation, and one without a lobe
 MOST_GAIN = 1.0 / PROCESS_GAINS[0]  # of the lobe: what arrives in part is asked for in full
 MOVED_UM = 1.0
 """Change of the target, at an order that a blank disturbs too, from which the tool learns it in air anew."""
@@ -269,7 +270,7 @@ class _Learner:
             collisions=outcome.collisions,
             certificate=certificate,
             clamped=self._lobe.clamped,
-            trim_short_um=watch.short_um,
+            trim_short=watch.short_um,
             left=self._lobe.left,
         )
 
@@ -305,7 +306,7 @@ class _Learner:
         steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
         self._path = learned_part(kept, part, tool, self._response, gain, steps)
         orders.step(path, self._path)
-        certificate = orders.certificate(left, found, gains, self._watch.frozen)
+        certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen)
         return tuple(sorted({*high, *missed})), certificate
 
     def _folded(self, trim_um: complex, tool_off: Deviation) -> CutPath:

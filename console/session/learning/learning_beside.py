@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 
 from console.session.errors import SessionError
 from drivers.cutting.planning import CutPlan
@@ -83,8 +83,10 @@ class CutLearner:
             TrimResponse(nominal=nominal_response(Strategy.PVT, lathe.machine, order * rate_hz))
             for order in (job.jaws, self._beside)
         )
-        self._found: list[tuple[float, HarmonicFit, complex, float]] = []
-        self._short_um = self.short_um = 0.0  # by how much the trim was at its limit: now, and in the middle
+        self._found: list[tuple[float, HarmonicFit, complex, Mapping[int, float]]] = []
+        # By how much the trim of an order was at its limit: now, and in the middle.
+        self._short_um: Mapping[int, float] = {}
+        self.short_um: Mapping[int, float] = {}
         self._over = False
         self._failed: DriverError | ProfileError | None = None
         self.trim_um, self.oval_um = 0j, 0j
@@ -111,24 +113,25 @@ class CutLearner:
         # Before the tool is in the part no chip presses it: a trim of that would be wrong in the cut.
         if self._over or batch.past_middle_mm < self._in_part_mm:
             return
-        self._short_um = 0.0
+        self._short_um = {}
         error_um = found.coefficients_um
         if self._trims:
             lobe_um = error_um[self._job.jaws]
             self._response = self._response.seen(self.trim_um, lobe_um)
-            self.trim_um = self._next(self.trim_um, lobe_um, self._response.value)
+            self.trim_um = self._next(self._job.jaws, self.trim_um, lobe_um, self._response.value)
         if self._oval:
-            self._oval_response = self._oval_response.seen(self.oval_um, error_um[self._beside])
-            self.oval_um = self._next(self.oval_um, error_um[self._beside], self._oval_response.value)
+            oval_um = error_um[self._beside]
+            self._oval_response = self._oval_response.seen(self.oval_um, oval_um)
+            self.oval_um = self._next(self._beside, self.oval_um, oval_um, self._oval_response.value)
         if self._trims or self.oval_um:
             self._lathe.program.trim(self.trim_um, self.oval_um)
 
-    def _next(self, trim_um: complex, error_um: complex, response: complex) -> complex:
+    def _next(self, order: int, trim_um: complex, error_um: complex, response: complex) -> complex:
         """Return the next trim; one beyond the limit of the program stays there, and is told after the cut."""
         needed_um = trimmed(trim_um, error_um, response, TRIM_GAIN, MOST_NEEDED_UM)
         if abs(needed_um) <= MOST_TRIM_UM:
             return needed_um
-        self._short_um = max(self._short_um, abs(needed_um) - MOST_TRIM_UM)
+        self._short_um = {**self._short_um, order: abs(needed_um) - MOST_TRIM_UM}
         return needed_um * (1.0 - ROUNDED) * MOST_TRIM_UM / abs(needed_um)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:

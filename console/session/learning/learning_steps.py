@@ -12,7 +12,7 @@ from typing import Any
 from console.session.cut.alignment import Alignment, JawAngle, aligned_job
 from console.session.cut.run import FILTER_UPR
 from console.session.data.identified import kept_file, response_in
-from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
+from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, lathe_problems, versions
 from console.session.data.made_parts import (
     AS_FILED,
     CUT_JAW,
@@ -51,6 +51,7 @@ from profiles.trace_files.header import header_of
 from profiles.traces import Trace
 
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
+LATHE = "lathe"  # header line of a simulated trace: on which lathe
 OVERTONES = (1, 2, 3)
 LEAST_EXTRA = 2
 
@@ -138,7 +139,7 @@ def taught_by(
     filed, (strategy, stage) = job.job, _followed(made)
     if made.changed:  # along the cut: which of it a trace has measured is not known
         raise SessionError(Problem(code="learned.changed_in_cut", value=made.changed))
-    asked = asked_for(job, machine, strategy, simulated=is_simulated(trace))
+    asked = asked_for(job, machine, strategy, simulated=is_simulated(trace), lathe=trace.meta.get(LATHE, ""))
     known = versions(data, asked)
     inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
@@ -157,7 +158,7 @@ def taught_by(
         step=step,
         made=made,
         stage=stage,
-        warnings=(*date_problems(version), *part.warnings, *step.warnings),
+        warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=_causes(trace, part, cut, filed, made, scatter, tool_um),
     )

@@ -18,7 +18,14 @@ from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
 from drivers.cutting.strategy import Strategy
 from drivers.identification.following import follows_by_order
 from profiles.compensations.causes import OVAL
-from profiles.compensations.certificate import Certified, Standing, certified, is_promised, promised_orders
+from profiles.compensations.certificate import (
+    Certified,
+    Shown,
+    Standing,
+    certified,
+    is_promised,
+    promised_orders,
+)
 from profiles.compensations.learning import SIGNIFICANT, Deviation, coefficient_of
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.optimal_gain import (
@@ -140,6 +147,7 @@ class OrderLearning:
         self,
         left_um: Mapping[int, complex],
         part: PartHarmonics,
+        tool_off: Deviation,
         gains: Mapping[int, float],
         frozen: frozenset[int],
     ) -> tuple[Certified, ...]:
@@ -147,18 +155,21 @@ class OrderLearning:
         beyond = self.learned[-1] + 1
         found = []
         for n in (*self.learned, *(() if is_promised(self.follows(beyond), LEAST_FOLLOWED) else (beyond,))):
-            left = left_um.get(n, part.coefficients_um.get(n, 0j))
-            found.append(
-                certified(n, gains.get(n, 0.0), left, self.follows(n), self._standing(n, left, part, frozen))
+            shown = Shown(
+                on_part_um=part.coefficients_um.get(n),
+                left_um=left_um.get(n),
+                tool_off_um=tool_off.coefficients_um.get(n),
             )
+            standing = self._standing(n, shown.left_um, part, frozen)
+            found.append(certified(n, gains.get(n, 0.0), shown, self.follows(n), standing))
         return tuple(found)
 
-    def _standing(self, n: int, left: complex, part: PartHarmonics, frozen: frozenset[int]) -> Standing:
+    def _standing(self, n: int, left_um: complex | None, part: PartHarmonics, frozen: frozenset[int]) -> Standing:
         if n not in self.learned:
             return Standing.NO_PROMISE
         if n in frozen:
             return Standing.GREW
-        return Standing.LEARNED if n in part.sd_um and self.teaches(n, left, part) else Standing.NOISE
+        return Standing.LEARNED if left_um is not None and self.teaches(n, left_um, part) else Standing.NOISE
 
 
 def _highest(job: Job) -> int:

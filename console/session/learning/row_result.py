@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 
 from console.session.cut.run import RunPlan, RunResult
 from console.session.cut.telemetry import CutFigures
-from console.session.learning.learning_beside import TRIM_LIMIT_UM
+from console.session.learning.learning_beside import TRIM_LIMIT_UM, blank_orders
 from console.session.learning.lobe_learning import LeftLobe
-from profiles.compensations.certificate import Certified
+from profiles.compensations.certificate import Certified, Standing
 from profiles.compensations.learning import REPEATS_SD_UM, Deviation, Grown
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.this_clamping import Clamped
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult
+
+LARGE_UM_PP = 1.0
+"""Error of the tool, p-p, from which the report says in words whence it came; a choice."""
 
 ONE_SIDED = 1.645  # standard deviations, 95 %
 CERTAIN_GAIN_UM = 2.0 * ONE_SIDED * math.sqrt(2.0) * REPEATS_SD_UM
@@ -27,8 +31,8 @@ class LearnedPart:
 
     `tool_off` is the tool error in the middle of the cut, `air_um` the lobe error in each air pass before this
     part, peak to peak. `learned` are the harmonics that the part has changed for the next one, `grown` those no
-    longer learned. `left` is what of its lobe repeats. `clamped` is its fingerprint, `trim_short_um` how much more
-    trim it needed than there is.
+    longer learned. `left` is what of its lobe repeats. `clamped` is its fingerprint, `trim_short` how much more
+    trim than there is it needed, um by order.
     """
 
     roundness: RoundnessResult
@@ -43,7 +47,7 @@ class LearnedPart:
     collisions: tuple[str, ...]
     certificate: tuple[Certified, ...] = ()
     clamped: Clamped | None = None
-    trim_short_um: float = 0.0
+    trim_short: Mapping[int, float] = field(default_factory=dict)
     left: LeftLobe | None = None
 
 
@@ -70,13 +74,33 @@ class LearnResult:
         )
 
     @property
-    def warnings(self) -> tuple[Problem, ...]:
-        """Return what was not learned.
+    def own(self) -> tuple[Certified, ...]:
+        """Return the orders of the last part that are mostly of its own blank, or of what else varies."""
+        blank = blank_orders(self.plan.job.jaws)
+        return tuple(
+            each
+            for each in self.parts[-1].certificate
+            if (each.order in blank or each.standing is Standing.VARIES)
+            and 2.0 * (each.tool_off_um or 0.0) >= max(LARGE_UM_PP, each.on_part_um or 0.0)
+        )
 
-        Harmonics: `learning.grew`; parts that needed more trim: `learning.trim_short`; a last part that is not
-        certainly rounder than the first: `learning.no_gain`.
+    @property
+    def warnings(self) -> tuple[Problem, ...]:
+        """Return what was hard to believe, and what was not learned.
+
+        Fingerprints that chance hardly explains: `learning.surprise`; harmonics: `learning.grew`; parts that
+        needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
+        `learning.no_gain`.
         """
-        return (*map(_grew, self.parts[-1].grown), *_short_of_trim(self.parts), *_no_gain(self.parts))
+        grown = map(_grew, self.parts[-1].grown)
+        return (*_surprised(self.parts), *grown, *_short_of_trim(self.parts), *_no_gain(self.parts))
+
+
+def _surprised(parts: tuple[LearnedPart, ...]) -> Iterator[Problem]:
+    """Return the parts whose fingerprint was hard to believe."""
+    for n, part in enumerate(parts, start=1):
+        for each in () if part.clamped is None else part.clamped.warnings:
+            yield Problem(code="learning.surprise", key=str(n), value=each.value, limit=each.limit)
 
 
 def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
@@ -97,7 +121,11 @@ def _grew(each: Grown) -> Problem:
 
 
 def _short_of_trim(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
-    needed = {n: TRIM_LIMIT_UM + each.trim_short_um for n, each in enumerate(parts, start=1) if each.trim_short_um}
+    needed = {
+        n: TRIM_LIMIT_UM + max(each.trim_short.values())
+        for n, each in enumerate(parts, start=1)
+        if each.trim_short
+    }
     return tuple(
         Problem(code="learning.trim_short", key=str(n), value=f"{um:.1f} um", limit=f"{TRIM_LIMIT_UM:g} um")
         for n, um in needed.items()

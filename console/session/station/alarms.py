@@ -30,6 +30,7 @@ COLLISION_CODES = tuple(_CODES.values())
 FAULT = "machine.fault"  # axis faults reported by the controller; `value` names them, separated by commas
 AT_REST = "rest"  # the `key` of faults that stopped nothing, because nothing was under control
 IN_PROGRAM = "program"  # that of faults in a cut
+OUSTED = "owner.ousted"
 HOME_LOST = ("controller.was_reset", "controller.home_lost")
 """Lost positions: active until every axis is homed again."""
 
@@ -40,7 +41,7 @@ CONDITIONS = frozenset(
         "stops.connection_lost",
         "owner.held",
         "owner.beside",
-        "owner.ousted",
+        OUSTED,
         "heartbeat.lost",
         "trial.active",
         "trial.stands",
@@ -99,6 +100,16 @@ def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) ->
             again = replace(alarm, problem=problem, count=alarm.count + 1, acknowledged=False, active=True)
             return (*alarms[:place], again, *alarms[place + 1 :])
     return (*alarms, Alarm(problem=problem, priority=priority, at_s=at_s))
+
+
+def restated(alarms: Alarms, problem: Problem) -> Alarms:
+    """Return the alarms with more known of one that stands: it is neither raised again nor unseen again."""
+    return tuple(
+        replace(alarm, problem=problem)
+        if alarm.active and (alarm.problem.code, alarm.problem.key) == (problem.code, problem.key)
+        else alarm
+        for alarm in alarms
+    )
 
 
 def acknowledged(alarms: Alarms) -> Alarms:

@@ -39,7 +39,9 @@ from profiles.store import LoadedMachine
 
 
 class Shop(Workshop, Protocol):
-    """The workshop of a lathe on which people train."""
+    """The workshop of a lathe on which people train; its `name` says which one it is."""
+
+    name: str
 
     def truth(self) -> Truth:
         """Return what is so at the lathe, for a debrief."""
@@ -126,6 +128,7 @@ class StationContext:
         machine = self.loaded_machine.machine
         self._state = StationState(
             simulated=self.shop is not None,
+            lathe="" if self.shop is None else self.shop.name,
             machine=machine.name,
             standing=Standing.OBSERVER,
             alignment=Alignment(on=mounted_on(machine)),
@@ -159,9 +162,11 @@ class StationContext:
         """Publish who controls the machine."""
         ownership = self.lathe.ownership
         if ownership is None:
-            self.tell(standing=Standing.OWNER)
+            standing, holder = Standing.OWNER, self._state.holder
         else:
-            self.tell(standing=ownership.standing, holder=ownership.holder)
+            standing, holder = ownership.standing, ownership.holder
+        if (standing, holder) != (self._state.standing, self._state.holder):  # it seldom changes
+            self.tell(standing=standing, holder=holder)
 
     def alarm(self, problem: Problem, priority: Priority = Priority.HIGH) -> None:
         """Raise an alarm."""
@@ -196,7 +201,8 @@ class StationContext:
 
     def end_alarms(self, *codes: str) -> None:
         """End these alarms, whose cause is gone."""
-        self.change_alarms(lambda alarms: cleared(alarms, *codes))
+        if self._state.alarms:  # most polls find none
+            self.change_alarms(lambda alarms: cleared(alarms, *codes))
 
     def alarmed(self, code: str) -> bool:
         """Whether an alarm of this code is present."""

@@ -21,7 +21,7 @@ from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_pa
 from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
-from console.session.learning.fingerprint import fingerprinted, refuse_unusable
+from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
 from console.session.learning.history import history_of
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
@@ -65,15 +65,7 @@ def arm(context: StationContext, command: Arm) -> None:
         load(own, plan, lambda *_: None, aligned=True)
     finally:
         context.tell(loading_until_s=None)
-    jaw, learned = context.state.alignment.jaw, command.compensation
-    made = MadeWith(
-        compensation=NONE if learned is None else str(learned.version),
-        strategy=strategy.value,
-        stage=Stage(command.stage).value,
-        inverted=MODEL if command.inverts is None else command.inverts.name,
-        cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
-        fingerprint=fingerprint,
-    )
+    made = _made(context, command, fingerprint)
     _open_record(context, command, plan, made)
     context.plan = plan
     armed = Armed(
@@ -85,10 +77,24 @@ def arm(context: StationContext, command: Arm) -> None:
         made=made,
         loaded=command.loaded,
         bounds=bounds_of(plan, job, context.machine, _response(command, context.machine)),
+        warnings=() if fingerprint is None else fingerprint.clamped.warnings,
     )
     if percent is not None:
         context.note("override_restored", percent=percent)
     context.tell(armed=armed, force=_checked_before(context, job, command.loaded))
+
+
+def _made(context: StationContext, command: Arm, fingerprint: Fingerprint | None) -> MadeWith:
+    """Return how the part will have been cut."""
+    jaw, learned = context.state.alignment.jaw, command.compensation
+    return MadeWith(
+        compensation=NONE if learned is None else str(learned.version),
+        strategy=command.strategy.value,
+        stage=Stage(command.stage).value,
+        inverted=MODEL if command.inverts is None else command.inverts.name,
+        cut_jaw_1_deg=AS_FILED if jaw is None else str(jaw.angle_deg),
+        fingerprint="" if fingerprint is None else fingerprint.made,
+    )
 
 
 def _checked_before(context: StationContext, job: Job, loaded: LoadedJob | None) -> ForceCheck | None:
@@ -127,6 +133,7 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
         command.strategy,
         Stage(command.stage),
         simulated=context.shop is not None,
+        lathe=context.state.lathe,
         inverts=command.inverts,
     )
     if command.inverts is not None:
@@ -134,8 +141,8 @@ def _learned(context: StationContext, command: Arm) -> tuple[Problem, ...]:
     return problems if learned is None else (*problems, *stored_problems(learned, context.records))
 
 
-def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, str]:
-    """Plan the cut, by the fingerprint of the clamping where one was taken, and return what that says.
+def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, Fingerprint | None]:
+    """Plan the cut, by the fingerprint of the clamping where one was taken, and return that.
 
     Nothing has been sent, so every objection is a refusal.
     """
@@ -148,21 +155,22 @@ def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, 
     try:
         if path is None:
             path = inverted_path(job, machine, strategy, command.inverts)
-        path, said = _clamped(context, command, job, path)
-        return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn), said
+        found = _clamped(context, command, job, path)
+        path = path if found is None else found.path
+        return planned(job, machine, strategy, stage, path, watchdog=watchdog, from_turn=turn), found
     except ProblemError as refused:
         raise SessionError(*refused.problems) from refused
 
 
-def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | None) -> tuple[CutPath | None, str]:
-    """Return the path for this clamping and what its fingerprint says, the same path where none was taken."""
+def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | None) -> Fingerprint | None:
+    """Return the fingerprint of this clamping with its path, None where none was taken."""
     readings, learned, strategy = context.state.alignment.readings, command.compensation, command.strategy
     if readings is None or not strategy.traits.inverts or Stage(command.stage) is Stage.AIR:
-        return path, ""
+        return None
     refuse_unusable(strategy, Stage(command.stage), readings, simulated=context.shop is not None)
     known = () if learned is None else versions(context.records, learned.holds_for)
     inverted = None if command.inverts is None else command.inverts.response
-    found = fingerprinted(
+    return fingerprinted(
         readings,
         job,
         command.job,
@@ -172,7 +180,6 @@ def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | No
         history=history_of(learned, known),
         inverted=inverted,
     )
-    return found.path, found.made
 
 
 def disarm(context: StationContext, _: Disarm) -> None:

@@ -151,7 +151,7 @@ class SpindleWatch:
 
     def __init__(self, counts_per_rev: float) -> None:
         self._counts_per_rev = counts_per_rev
-        self._polls: list[tuple[float, float]] = []  # times in s, turns
+        self._polls: list[tuple[float, float]] = []  # times in s, counts
         self._homed = False
 
     def see(self, snapshot: Snapshot) -> float | None:
@@ -161,8 +161,14 @@ class SpindleWatch:
             self._homed = homed
             self.forget()  # the zero of the counts has moved, not the spindle
         self._polls = [poll for poll in self._polls if snapshot.at_s - AVERAGED_S <= poll[0] < snapshot.at_s]
-        self._polls.append((snapshot.at_s, snapshot.spindle.position / self._counts_per_rev))
-        return 60.0 * linear_regression(*zip(*self._polls, strict=True)).slope if len(self._polls) > 1 else None
+        self._polls.append((snapshot.at_s, snapshot.spindle.position))
+        if len(self._polls) < 2:
+            return None
+        times_s, counts = zip(*self._polls, strict=True)
+        if counts.count(counts[0]) == len(counts):
+            return 0.0  # the line through them is level
+        turns = [each / self._counts_per_rev for each in counts]
+        return 60.0 * linear_regression(times_s, turns).slope
 
     def forget(self) -> None:
         """Discard earlier polls: they belong to another motion."""

@@ -107,7 +107,8 @@ class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
     `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
-    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs.
+    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs, `warnings`
+    what its fingerprint has against it.
     """
 
     job: Job
@@ -118,6 +119,7 @@ class Armed:
     made: MadeWith
     loaded: LoadedJob | None = None
     bounds: Bounds = UNCHANGEABLE
+    warnings: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -179,7 +181,8 @@ class StationState:
     cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
     cut at all, as of the last time its settings were read. `standing` is this console's role at the
     machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
-    `onlookers` how many others of this data folder look on while this one controls. `jogs` counts the jogs that
+    `onlookers` how many others of this data folder look on while this one controls. `lathe` is which simulated
+    lathe it is, empty for a real machine. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known,
     `ends_at_most` whether it may end long before.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
@@ -197,6 +200,7 @@ class StationState:
     held_by: Signature | None = None
     onlookers: int = 0
     simulated: bool = True
+    lathe: str = ""
     machine: str = ""
     address: str = ""
     controller: str = ""

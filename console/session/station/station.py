@@ -311,7 +311,9 @@ class Station:
             # A fault of the console itself must stop the machine too.
             self._failed(SessionError(fault_problem(fault)))
         else:
-            context.tell(activity=Activity.READY if context.lathe.stop.reason is None else Activity.STOPPING)
+            after = Activity.READY if context.lathe.stop.reason is None else Activity.STOPPING
+            if context.state.activity is not after:  # most often a poll of a machine that is ready
+                context.tell(activity=after)
 
     def _failed(self, error: ProblemError) -> None:
         context, lost = self._context, isinstance(error, LinkError)

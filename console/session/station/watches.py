@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections import deque
 
 from console.session.cut.alignment import handed_over
-from console.session.station.alarms import COLLISION_CODES, HOME_LOST, Priority, collision_problems, with_faults
+from console.session.station.alarms import (
+    COLLISION_CODES,
+    HOME_LOST,
+    OUSTED,
+    Priority,
+    collision_problems,
+    with_faults,
+)
 from console.session.station.context import StationContext
 from console.session.station.progress import CutStage
 from console.session.station.state import MOVING, Activity, StationState
@@ -81,9 +88,9 @@ def watch_axes(context: StationContext, snapshot: Snapshot) -> None:
     """Report who controls the machine, and axis faults not reported elsewhere."""
     if context.state.standing is Standing.OUSTED:  # the alignment made here is no longer known
         context.tell(alignment=handed_over(context.state.alignment, context.local_time()))
-        if not context.alarmed("owner.ousted"):
+        if not context.alarmed(OUSTED):
             context.tell(armed=None)
-            context.alarm(Problem(code="owner.ousted", value=str(snapshot.owner)))
+            context.alarm(Problem(code=OUSTED, value=str(snapshot.owner)))
     if snapshot.homed:
         context.end_alarms(*HOME_LOST)
     now_s = context.clock.now_s()

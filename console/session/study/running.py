@@ -14,6 +14,7 @@ from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from console.session.ending_signal import held_back
 from console.session.errors import SessionError
 from console.session.study.cells import MADE, Cell, Row, packed
 from console.session.study.journal import Journal, journal
@@ -97,7 +98,8 @@ def _handed_out(left: Sequence[Cell], opens: Opens, kept: Journal, tell: Callabl
         try:
             while waiting or under_way:
                 while waiting and len(under_way) < AHEAD * workers.count:
-                    under_way[workers.executor.submit(make, packed(waiting[0]))] = waiting[0]
+                    with held_back():  # a process that begins has to be told what to begin with
+                        under_way[workers.executor.submit(make, packed(waiting[0]))] = waiting[0]
                     waiting.popleft()
                 done, _ = wait(under_way, return_when=FIRST_COMPLETED)
                 for future in done:

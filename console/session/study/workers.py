@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from multiprocessing import active_children, get_context
 from typing import Any
 
+from console.session.ending_signal import ENDING_SIGNALS
 from console.session.errors import SessionError
 from console.session.extras import require_extra
 from profiles.files import printable
@@ -53,6 +54,7 @@ def processes(count: int) -> Iterator[Workers]:
 def _ends_with(parent: int) -> None:
     """End this process with its parent, and leave Ctrl-C to that."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING_SIGNALS)  # held back while it began
     with suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(PR_SET_PDEATHSIG, signal.SIGKILL)
     if os.getppid() != parent:  # it ended before

@@ -84,6 +84,7 @@ def _simulated(text: Catalogue, question: Question) -> list[Line]:
 
 def _shown(text: Catalogue, question: Question, width: int) -> list[Line]:
     """Return the deflection that all readings show, with its confidence, or why they show none."""
+    from console.session.learning.fingerprint import expected_of
     from profiles.fingerprint.deflection import deflection_of
 
     units = question.units
@@ -92,7 +93,8 @@ def _shown(text: Catalogue, question: Question, width: int) -> list[Line]:
     if job is None:
         return rows
     try:
-        shown = deflection_of(typing.readings(simulated=question.state.simulated, inch=units.is_inch), job)
+        readings = typing.readings(simulated=question.state.simulated, inch=units.is_inch)
+        shown, unlikely = deflection_of(readings, job), expected_of(readings, job, question.machine)
     except ProfileError as refused:
         said = [text.problem(each) for each in refused.problems]
         return [*rows, *(row for each in said for row in wrapped(each, width, Token.WARNING))]
@@ -104,4 +106,4 @@ def _shown(text: Catalogue, question: Question, width: int) -> list[Line]:
     rows.append(line(("→ ", Token.OK), (words, Token.STRONG)))
     if shown.upright:
         rows += wrapped(text("align_page.clamp_upright"), width, Token.DIM)
-    return rows
+    return [*rows, *(row for each in unlikely for row in wrapped(text.problem(each), width, Token.WARNING))]

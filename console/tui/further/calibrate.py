@@ -34,6 +34,7 @@ PAGES = {"calibrate.page_up": -1, "calibrate.page_down": 1}
 OF_DRAFT = ("calibrate.undo", "calibrate.drop", "calibrate.keep", "calibrate.offset")
 WRITES = ("calibrate.new", "calibrate.import", "calibrate.keep")
 STATISTICS = "scipy.stats"
+NO_FACTS = ChuckFacts()
 
 
 class CalibratePage(Page):
@@ -185,7 +186,7 @@ class CalibratePage(Page):
         elif row is not None:
             self._facts = self._details.answer((row.file, self._visits), lambda: kept_facts(row))
         else:
-            self._facts = ChuckFacts()
+            self._facts = NO_FACTS
 
     @property
     def _draft_here(self) -> Draft | None:

@@ -75,6 +75,7 @@ class SettingsPage(Page):
         self._mode = Mode.SETTINGS
         self._setting = self._action = 0
         self._above = 0
+        self._shown_for: tuple[object, ...] = ()
 
     def act(self, action: str) -> None:
         """Select a setting or an action, change it, type a key."""
@@ -119,8 +120,15 @@ class SettingsPage(Page):
         self.set_class(self._mode is not Mode.SETTINGS, "-keys")
         if self._mode is Mode.TYPING and self.screen.focused is not self._entry:
             self.screen.set_focus(self._entry, scroll_visible=False)
-        self._show_settings()
-        self._show_keys()
+        ui, sizes = self.ui, (self._list.size, self._about.size, self._keys.size, self._key.size)
+        chosen = (self._mode, self._setting, self._action)
+        before, self._shown_for = self._shown_for, (*chosen, ui.text, ui.appearance, ui.configuration, *sizes)
+        if before != self._shown_for:
+            self._show_settings()
+            self._show_keys()
+        if self._mode is Mode.TYPING:
+            left = self._keys.region.x - self.region.x
+            self._entry.styles.offset = (left + 3, 2 + self._action - self._above)
 
     def fit(self) -> None:
         """Show the actions beside the settings on a wide terminal."""
@@ -211,6 +219,3 @@ class SettingsPage(Page):
         self._keys.show([setting_lines.key_head(text), *shown], text("settings.keys"), place)
         about = setting_lines.key_about(text, self._chosen, own, max(self._key.size.width, 1))
         self._key.show(clipped(about, self._key.size.height, text("panel.more")), text("settings.action"))
-        if self._mode is Mode.TYPING:
-            left = self._keys.region.x - self.region.x
-            self._entry.styles.offset = (left + 3, 2 + self._action - self._above)

@@ -43,7 +43,8 @@ def renamed(ui: UiContext, entry: LibraryEntry, name: str, taken: frozenset[str]
         from console.session.cut.compensated import with_accepted
 
         work = replace(opened(load_job(str(path)), ui.machine), strategy=before.strategy, stage=before.stage)
-        ui.work = with_accepted(work, ui.data, simulated=ui.control.state.simulated)
+        state = ui.control.state
+        ui.work = with_accepted(work, ui.data, simulated=state.simulated, lathe=state.lathe)
     ui.say("screen.job_renamed", key=printable(entry.name), value=printable(name))
     return path
 

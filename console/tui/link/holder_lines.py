@@ -20,9 +20,8 @@ def observing(text: Catalogue, state: StationState, clock: datetime) -> str:
         return text("frame.looks_on", holder=state.holder)
     since = _since(by.minute, clock)
     if by.host == BY_SSH or is_address(by.host):
-        client = "?" if by.host == BY_SSH else by.host
-        return text("frame.looks_on_far", name=by.name, client=client, since=since)
-    return text("frame.looks_on_named", name=by.name, host=by.host or "?", since=since)
+        return text("frame.looks_on_far", name=by.name, client=by.shown_host, since=since)
+    return text("frame.looks_on_named", name=by.name, host=by.shown_host, since=since)
 
 
 def is_address(host: str) -> bool:

@@ -308,7 +308,9 @@ class AlignPage(Page):
         first = align_lines.step_now(state.alignment, job) is AlignStep.JAW
         room = PICTURE_ROWS if first and height > 2 * PICTURE_ROWS else height - len(rows)
         picture = picture_lines(text, seen, jaws, room, width)
-        shown = align_lines.why_lines(text, state, job, machine, width, height - len(picture))
+        shown, left = rows, height - len(picture)
+        if len(rows) > left:
+            shown = align_lines.why_lines(text, state, job, machine, width, left)
         self._why.show([*picture, *shown], self._why_title(state, job))
 
     def _ask_target(self, key: str) -> None:

@@ -316,9 +316,11 @@ class JogKeys:
     def _overrun(self, state: StationState) -> Overrun | None:
         """Return how far the axis may still go after a held key is released, mm or degrees; None: step only."""
         axis, repeat, releases = self._axis(state), self.repeat, self.ui.releases
+        if repeat is None:
+            return None
         step = self._steps.of(axis)
         step_s = jog_s(self.ui.machine.machine, axis, step)
-        if repeat is None or step_s > LONGEST_STEP_S:
+        if step_s > LONGEST_STEP_S:
             return None
         heard = None if self.tier is not Tier.RELEASE or releases is None else releases.round_trip_s
         return overrun(repeat, step, step_s, heard)

@@ -331,8 +331,8 @@ class JobsPage(Page):
             # Loads numerics, which the first page does without.
             from console.session.cut.compensated import with_accepted
 
-            work, simulated = opened(loaded, self.ui.machine), self.ui.control.state.simulated
-            self.ui.work = with_accepted(work, self.ui.data, simulated=simulated)
+            work, state = opened(loaded, self.ui.machine), self.ui.control.state
+            self.ui.work = with_accepted(work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
             self.ui.said = self.ui.work.set_aside
         self.ui.draft, self.ui.copying = None, copying
         self.ui.go(PageName.SETUP)

@@ -74,7 +74,8 @@ def _why_no_lobe(lobe: PartLobe, name: str, work: Work | None) -> tuple[Problem,
 def _take_lobe(ui: UiContext, lobe: PartLobe, work: Work, run_id: str | None) -> None:
     """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
     written = accept_lobe(lobe, work.machine.machine, ui.data)
-    ui.work = with_accepted(opened(written, work.machine), ui.data, simulated=ui.control.state.simulated)
+    state, fresh = ui.control.state, opened(written, work.machine)
+    ui.work = with_accepted(fresh, ui.data, simulated=state.simulated, lathe=state.lathe)
     if run_id is not None:
         ui.said = record_kept(ui.data, run_id, LOBE_TAKEN, lobe_event(written))
 
@@ -125,7 +126,8 @@ def step_compensation(ui: UiContext) -> None:
     if work.compensation is not None and not work.set_aside:
         ui.work = without_learned(work)
         return
-    newest = _newest(work, ui.data, simulated=ui.control.state.simulated)
+    state = ui.control.state
+    newest = _newest(work, ui.data, simulated=state.simulated, lathe=state.lathe)
     ui.work = using(work, newest)
     ui.said = date_problems(newest)
 
@@ -168,19 +170,19 @@ def _offered_responses(work: Work, data: Path, *, simulated: bool) -> tuple[Chos
         return ()  # the model can always be chosen again
 
 
-def why_no_compensation(work: Work, data: Path, *, simulated: bool) -> tuple[Problem, ...]:
+def why_no_compensation(work: Work, data: Path, *, simulated: bool, lathe: str = "") -> tuple[Problem, ...]:
     """Return why `step_compensation` would raise for this work; reads the versions of its job."""
     try:
         if work.compensation is None or work.set_aside:
-            _newest(work, data, simulated=simulated)
+            _newest(work, data, simulated=simulated, lathe=lathe)
     except ProblemError as error:
         return tuple(error.problems)
     return ()
 
 
-def _newest(work: Work, data: Path, *, simulated: bool) -> LearnedCompensation:
+def _newest(work: Work, data: Path, *, simulated: bool, lathe: str) -> LearnedCompensation:
     _refuse_edited(work)
-    asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated)
+    asked = asked_for(work.loaded, work.machine, work.strategy, simulated=simulated, lathe=lathe)
     known = versions(data, asked)
     if not known:
         raise SessionError(Problem(code="learned.none_yet", key=work.loaded.job.name))
@@ -201,4 +203,5 @@ def step_stage(ui: UiContext) -> None:
 def say_what_does_not_hold(ui: UiContext) -> None:
     """Report why the open job may not be cut with the present choices, if so."""
     if ui.work is not None:
-        ui.said = chosen_problems(ui.work, simulated=ui.control.state.simulated)
+        state = ui.control.state
+        ui.said = chosen_problems(ui.work, simulated=state.simulated, lathe=state.lathe)

@@ -205,7 +205,8 @@ class PreviewPage(ChartPage):
         if view.work is None:
             return (Problem(code="screen.nothing_to_cut"),)
         if action == "preview.learned":
-            return why_no_compensation(view.work, self.ui.data, simulated=view.state.simulated)
+            state = view.state
+            return why_no_compensation(view.work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
         if action == "preview.response":
             return why_no_response(view.work, self.ui.data, simulated=view.state.simulated)
         if action in _CHOICES or action == "preview.program" or self._reading:
@@ -220,7 +221,7 @@ class PreviewPage(ChartPage):
         seen, strategy = known_of(work), Strategy(work.strategy)
         if seen is None:
             words = text(f"preview_page.{_waiting_word(work)}")
-        elif chosen_problems(work, simulated=view.state.simulated):
+        elif chosen_problems(work, simulated=view.state.simulated, lathe=view.state.lathe):
             words = text("preview_page.next_choose")
         elif preview_lines.refused(seen, strategy):
             words = text("preview_page.next_refused")
@@ -247,7 +248,7 @@ class PreviewPage(ChartPage):
 
     def _lines_in_full(self, work: Work, width: int, *, simulated: bool) -> list[Line]:
         text, seen, strategy = self.ui.text, known_of(work), Strategy(work.strategy)
-        chosen = chosen_problems(work, simulated=simulated)
+        chosen = chosen_problems(work, simulated=simulated, lathe=self.ui.control.state.lathe)
         found = () if seen is None else preview_lines.findings_of(seen, strategy)
         aside = [Finding(severity=Severity.WARNING, problem=problem) for problem in work.set_aside]
         against = preview_lines.problem_lines((*chosen, *work.preview_problems), text, width)
@@ -286,7 +287,7 @@ class PreviewPage(ChartPage):
             self._strategy.border_subtitle = self._chosen_words(work, view.state)
 
     def _chosen_words(self, work: Work, state: StationState) -> str:
-        against = chosen_problems(work, simulated=state.simulated)
+        against = chosen_problems(work, simulated=state.simulated, lathe=state.lathe)
         key = "made_not" if against else "made_aside" if work.set_aside else "made"
         return self.ui.text(f"preview_page.{key}", made=chosen_words(self.ui.text, work))
 

@@ -139,10 +139,10 @@ class RunPage(Page):
 
     def _take_news(self) -> None:
         """Check once, when the page is shown again, whether a newer version was accepted meanwhile."""
-        work = self.ui.work
+        work, state = self.ui.work, self.ui.control.state
         if not self._asked and work is not None:
             self._asked = True
-            self.ui.work = with_news(work, self.ui.data, simulated=self.ui.control.state.simulated)
+            self.ui.work = with_news(work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
 
     def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
         """Whether these panels know their size. If not, they are filled as soon as they have a layout."""

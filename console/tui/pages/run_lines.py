@@ -17,6 +17,7 @@ from console.session.cut.alignment import (
 )
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import Interlock, of_job, of_lobe
+from console.session.learning.fingerprint import expected_of
 from console.session.stages import Stage
 from console.session.station.jogging import tool_radius_mm
 from console.session.station.progress import CutProgress, CutStage
@@ -48,7 +49,7 @@ from profiles.chucking.advice import Stands, force_span
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 
 LABEL_WIDTH = 13
 
@@ -110,7 +111,7 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     elif work is not None:
         job, strategy = work.job, Strategy(work.strategy)
         if work.compensation is not None or work.inverts is not None or work.stage != Stage.FULL:
-            chosen = chosen_problems(work, simulated=state.simulated)
+            chosen = chosen_problems(work, simulated=state.simulated, lathe=state.lathe)
     else:
         yield Interlock(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
         return
@@ -121,6 +122,7 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     if chosen is not None or aside:
         yield Interlock(name="learned", problems=chosen or (), warnings=aside)
     yield from _force_check(state, work)
+    yield from _fingerprint_check(state, work, job, machine, strategy)
     yield Interlock(name="aligned", problems=problems(state.alignment, job))
 
 
@@ -138,6 +140,26 @@ def _force_check(state: StationState, work: Work | None) -> Iterator[Interlock]:
     against = state.force.contradicts(job) if stage == Stage.FULL and strategy.traits.inverts else None
     if against is not None:
         yield Interlock(name="force", warnings=(against,))
+
+
+def _fingerprint_check(
+    state: StationState, work: Work | None, job: Job, machine: MachineProfile, strategy: Strategy
+) -> Iterator[Interlock]:
+    """Warn of indicator readings far from what is expected: of job and chuck, once armed of all parts so far."""
+    readings = state.alignment.readings
+    if readings is None or not strategy.traits.inverts:
+        return
+    if state.armed is not None:
+        unlikely = state.armed.warnings
+    elif work is not None and work.stage == Stage.AIR:
+        return
+    else:
+        try:
+            unlikely = expected_of(readings, aligned_job(job, state.alignment), machine)
+        except ProfileError:  # arming refuses them with the reason
+            return
+    if unlikely:
+        yield Interlock(name="fingerprint", warnings=unlikely)
 
 
 def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:

@@ -251,16 +251,16 @@ class DataGathering:
         for index, value in target.items():
             if found[index] != value:
                 detail = f"{self._where}: I{index} is {found[index]:g}, {value} was set"
-                raise GatherError(f"{detail}; somebody else sets up gathering: begin anew when it is done")
+                raise GatherError(f"{detail}; somebody else sets up gathering: start over when it is done")
         if servo_cycle_ms(found[_SERVO_TIME]) != plan.cycle_ms:
-            raise GatherError(f"{self._where}: I10 is {found[_SERVO_TIME]:g}, it was changed; begin anew")
+            raise GatherError(f"{self._where}: I10 is {found[_SERVO_TIME]:g}, it was changed; start over")
         scaled = [channel for channel in plan.channels if _CHANNEL.fullmatch(channel.name)]
         for channel, now in zip(scaled, self.motor_channels(*(each.name for each in scaled)), strict=True):
             if now.scale != channel.scale:
                 detail = (
                     f"{self._where}: {channel.name} has {1 / now.scale:g} steps a {now.unit.split('/')[0]} now"
                 )
-                raise GatherError(f"{detail}, {1 / channel.scale:g} before; Ix08 or Ix09 was changed: begin anew")
+                raise GatherError(f"{detail}, {1 / channel.scale:g} before; Ix08 or Ix09 was changed: start over")
 
     def _reserve(self, plan: GatherPlan) -> None:
         long_words = plan.long_words + SPARE_LONG_WORDS

@@ -10,9 +10,9 @@ import math
 import operator
 from collections.abc import Callable, Mapping
 
-BY_ZERO = "a division by 0; the controller goes on with its largest number, 2^47"
-REMAINDER_BY_ZERO = "a remainder of a division by 0; the controller goes on with 0"
-NO_VALUE = " has no value; the controller goes on with 0"
+BY_ZERO = "a division by 0; the controller continues with its largest number, 2^47"
+REMAINDER_BY_ZERO = "a remainder of a division by 0; the controller continues with 0"
+NO_VALUE = " has no value; the controller continues with 0"
 
 SATURATION = 2.0**47  # The magnitude of the controller's result of a division by zero
 

@@ -47,4 +47,4 @@ class EvaluationError(PmacError):
 
 
 class NoResultError(EvaluationError):
-    """A division by zero, SQRT(-1) or LN(0): the controller goes on with a substitute."""
+    """A division by zero, SQRT(-1) or LN(0): the controller continues with a substitute."""

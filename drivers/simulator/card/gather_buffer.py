@@ -88,7 +88,7 @@ class GatherBuffer:
         self.by_cycle = any(each.space == output.space and each.address in places_of_outputs for each in chosen)
         self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
         if not self._has_room:
-            raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER begins anew")
+            raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER starts over")
         self._period, self._cycle = period, 0
         self._listable = self.running = True
 

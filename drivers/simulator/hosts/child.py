@@ -87,13 +87,11 @@ class Child:
             if left_s <= 0.0:
                 raise TimeoutError("no answer")
             self._channel.settimeout(left_s)
-            data, lines, _, _ = socket.recv_fds(self._channel, CHUNK, 1)
-            came = [FrozenCopy(socket.socket(fileno=line)) for line in lines]
             if copies is None:
-                for copy in came:
-                    copy.close()
+                data = self._channel.recv(CHUNK)  # a copy that nobody asked for is closed by the system
             else:
-                copies += came
+                data, lines, _, _ = socket.recv_fds(self._channel, CHUNK, 1)
+                copies += [FrozenCopy(socket.socket(fileno=line)) for line in lines]
             if not data:
                 raise ConnectionError("ended")
             self._kept += data

@@ -32,12 +32,13 @@ if TYPE_CHECKING:
 class SimulatorProcess:
     """One running simulator. It is used from one thread, and ends with the process that started it."""
 
-    def __init__(self, child: Child, address: SerialAddress) -> None:
+    def __init__(self, child: Child, address: SerialAddress, name: str = "") -> None:
         """Use `start` instead."""
-        self.address = address
+        self.address, self.name = address, name
         self._child = child
         self._over = ""
         self._frozen: dict[str, FrozenCopy] = {}
+        self._looked: tuple[dict[str, Any], WorkshopView] | None = None
 
     @classmethod
     def start(
@@ -68,12 +69,13 @@ class SimulatorProcess:
         child: Child | None = None
         try:
             child = Child(arguments)
-            device = str(child.read(timeout_s)["ready"])
+            said = child.read(timeout_s)
+            device, name = str(said["ready"]), str(said["lathe"])
         except (OSError, ValueError, KeyError) as error:
             reason = child.end(error) if child else plain(error)
             where = printable(str(machine_path))
             raise LinkError(Problem(code="simulator.not_started", where=where, value=reason)) from error
-        return cls(child, SerialAddress(device=device))
+        return cls(child, SerialAddress(device=device), name)
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for a job. Raises LinkError: `simulator.gone`, `simulator.refused`."""
@@ -95,8 +97,13 @@ class SimulatorProcess:
     def look(self) -> WorkshopView:
         """Return what an operator sees at the chuck. Raises LinkError: `simulator.gone`."""
         said = self._ask("look")
+        before = self._looked
+        if before is not None and said == before[0]:
+            return before[1]
         dials = None if said["dials"] is None else Dials(**said["dials"])
-        return WorkshopView(**{**said, "collisions": tuple(said["collisions"]), "dials": dials})
+        view = WorkshopView(**{**said, "collisions": tuple(said["collisions"]), "dials": dials})
+        self._looked = said, view
+        return view
 
     def indicate(self, places: int | None = None) -> ClampReadings:
         """Return what an indicator on the part shows of its clamping, see `SimulatedWorkshop.indicate`.

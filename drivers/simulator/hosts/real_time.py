@@ -42,12 +42,23 @@ class Host(Protocol):
         """Forward the controller's replies, and resume reading when it has room again; never wait."""
 
 
-def ending_signals() -> asyncio.Event:
-    """Return an event that SIGINT, SIGTERM and SIGHUP set from now on."""
-    ended = asyncio.Event()
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        asyncio.get_running_loop().add_signal_handler(number, ended.set)
-    return ended
+class Ending:
+    """SIGINT, SIGTERM and SIGHUP from now on: `number` is the first that came, None before."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+        self._came = asyncio.Event()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as under `nohup`
+                asyncio.get_running_loop().add_signal_handler(number, self._set, number)
+
+    async def wait(self) -> None:
+        """Return once a signal has come."""
+        await self._came.wait()
+
+    def _set(self, number: int) -> None:
+        self.number = self.number or number
+        self._came.set()
 
 
 class WallClock:

@@ -18,7 +18,7 @@ from drivers.simulator.hosts.control_address import PREFIX, ControlAddress
 from drivers.simulator.hosts.control_socket import ControlHost, listen_for_control
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.pty import PtyHost
-from drivers.simulator.hosts.real_time import Host, Pace, ending_signals, keep_time
+from drivers.simulator.hosts.real_time import Ending, Host, Pace, keep_time
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import Problem
 
@@ -33,18 +33,22 @@ class Listeners:
     control: ControlAddress | None = None
 
 
-def serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0) -> None:
-    """Serve until SIGINT, SIGTERM or SIGHUP; simulated time runs `speed` times as fast as real time.
+def serve(
+    lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float = 1.0
+) -> int | None:
+    """Serve until SIGINT, SIGTERM or SIGHUP, and return which; simulated time is `speed` times as fast as real.
 
     Once all of them accept connections, `ready` is called with each address, such as `tcp:127.0.0.1:1025`.
 
     Raises LinkError: `link.cannot_listen`.
     """
-    asyncio.run(_serve(lathe, listeners, ready, speed))
+    return asyncio.run(_serve(lathe, listeners, ready, speed))
 
 
-async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float) -> None:
-    ended = ending_signals()
+async def _serve(
+    lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[str], None], speed: float
+) -> int | None:
+    ended = Ending()
     hosts: set[Host] = set()
     with ExitStack() as opened:
         addresses = [address async for address in listen(lathe, listeners, hosts, opened)]
@@ -53,6 +57,7 @@ async def _serve(lathe: SimulatedLathe, listeners: Listeners, ready: Callable[[s
         await keep_time(lathe.wait, hosts, ended.wait(), pace=Pace(speed))
         for connected in tuple(hosts):
             connected.flush()
+    return ended.number
 
 
 async def listen(

@@ -46,7 +46,7 @@ class ShopDials:
     """The dials of one lathe. They remember: an indicator its play, an ear and a micrometer their last reading."""
 
     def __init__(self, true: TrueParameters) -> None:
-        self._chance = true.chance("dials")
+        self._chance = true.chance_of_part("dials")
         self._play_um: float | None = None
         self._heard_um = 0.0  # depth at which the present contact is heard
         self._met_mm: float | None = None  # radius of the surface before the tool, last seen clear of it

@@ -102,7 +102,7 @@ def _tool(
     start_counts = true.tool_start_mm * tool.counts_per_mm
     ends = ends_at(true.tool_ends_mm, tool.counts_per_mm)
     noise_counts = true.encoder_noise_um / 1000.0 * tool.counts_per_mm
-    scale = NoisyScale(noise_counts, true.chance("encoder").randrange(2**32)) if noise_counts else Scale()
+    scale = NoisyScale(noise_counts, true.chance_of_part("encoder").randrange(2**32)) if noise_counts else Scale()
     gains, lag_s = _gains(tool.motor, setting, true.notch_reading), true.current_lag_s
     loads = _presliding(machine, true, load) if true.presliding_um and true.coulomb_friction_n else load
     mode = None

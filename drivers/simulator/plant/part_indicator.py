@@ -35,6 +35,8 @@ class PartIndicator:
         self._noise_um, self._play_um = true.indicator_noise_um, 0.5 * true.indicator_backlash_um
         self._graduation_um = true.indicator_graduation_um
         self._off_deg = self._chance.gauss(0.0, true.gauge_mark_sd_deg)
+        if true.parts_before:
+            self._chance = true.chance_of_part("part indicator")
         self._finger_fraction = true.finger_force_fraction
 
     def readings(

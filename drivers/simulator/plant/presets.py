@@ -16,6 +16,7 @@ from typing import Any
 
 from drivers.simulator.plant.spreads import drawn, spread_fields
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, set_up_by_hand
+from drivers.simulator.plant.which_lathe import IDEAL, which_lathe
 from profiles.axis.notch import Reading
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem, spelled
 from profiles.files import printable, read_toml
@@ -132,10 +133,10 @@ def plant_named(
     """
     by_hand = mounted_by_hand or name_or_path == MOUNTED
     number = SystemRandom().randrange(SEEDS) if seed is None else seed
-    values, where = _values("ideal" if name_or_path == MOUNTED else name_or_path, number)
-    true = replace(
-        _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where), seed=number
-    )
+    plant = IDEAL if name_or_path == MOUNTED else name_or_path
+    values, where = _values(plant, number)
+    true = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
+    true = replace(true, seed=number, lathe=which_lathe(plant, number))
     if clamping_sd_percent is not None:
         true = replace(true, clamping_force_spread=clamping_sd_percent / 100.0)
     return set_up_by_hand(true, machine, Random(number)) if by_hand else true

@@ -7,11 +7,12 @@ simulated hardware has these. Differences are there to be found and learned; by 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from random import Random
 
 from drivers.placed import Placed
 from drivers.simulator.plant.cut_process import CutProcess
+from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
 from drivers.simulator.plant.workpiece import ROUND, Blank, Form
 from profiles.axis.notch import Reading
 from profiles.chucking.grip import loss_n
@@ -87,9 +88,8 @@ class TrueParameters:
     again with a standard deviation of `gauge_mark_sd_deg`, since the part is put on the gauge by hand.
 
     `seed` determines all random effects: the noises, the forces of clampings, the phases of ripple and wander.
-
-    `tool_ends_mm` and `carriage_ends_mm`, from their flags, are the mechanical ends of these axes; None is without
-    an end.
+    Where `parts_before` were clamped on it, it goes on as after these. `lathe` is which one it is by name. The
+    mechanical ends of two axes, `tool_ends_mm` and `carriage_ends_mm`, are from their flags; None is without.
 
     The starts are the machine's positions at power-up, from its flags and its index, which the controller does not
     know. `coast_s` is the time constant with which the carriage and an ideal spindle coast when their amplifiers
@@ -160,6 +160,8 @@ class TrueParameters:
     gauge_mark_known: bool = True
     gauge_mark_sd_deg: float = 0.0
     seed: int = 0
+    parts_before: int = 0
+    lathe: WhichLathe | None = field(default=None, compare=False)
     tool_start_mm: float = 1.0
     carriage_start_mm: float = 2.0
     spindle_start_turns: float = 0.3456
@@ -193,6 +195,10 @@ class TrueParameters:
     def chance(self, what: str) -> Random:
         """Return the random generator for `what`: the same for the same seed, whatever else is drawn."""
         return Random(f"{self.seed} {what}")
+
+    def chance_of_part(self, what: str) -> Random:
+        """Return the same for what takes any number of draws on a part: of its own for each but the first."""
+        return self.chance(f"{what} after {self.parts_before} parts" if self.parts_before else what)
 
     def scale_wrong_mm(self, tool_mm: float) -> float:
         """Return how much further in the tool is than its scale reads, at a place of its travel."""
@@ -285,6 +291,7 @@ def ideal(machine: MachineProfile) -> TrueParameters:
     """Return a lathe that equals its profile; spindle and carriage are at their commanded positions."""
     tool, spindle = machine.tool, machine.spindle
     return TrueParameters(
+        lathe=WhichLathe(plant=IDEAL, seed=0),
         moving_mass_kg=tool.moving_mass_kg,
         damping_n_s_per_m=tool.damping_n_s_per_m,
         force_n_per_v=tool.loop_gain_n_per_v,

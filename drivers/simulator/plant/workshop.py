@@ -52,8 +52,14 @@ class Gauge:
         self._noise_um = true.gauge_noise_um
         self._mark_known = true.gauge_mark_known
         self._mark_sd_deg = true.gauge_mark_sd_deg
+        self._lathe = {} if true.lathe is None else {"lathe": str(true.lathe)}
         self._chance = true.chance("gauge")
         self._generator = np.random.default_rng(self._chance.randrange(2**32))
+
+    def pass_over(self, parts: int) -> None:
+        """Draw what so many parts take, each measured once, released."""
+        for _ in range(parts):
+            self.trace(np.zeros(ANGLES), 0.0, FREE)
 
     def trace(self, deviation_um: Floats, nominal_radius_mm: float, state: str) -> Trace:
         """Return the trace of a section that deviates by `deviation_um` from its nominal radius, shape (3600,)."""
@@ -74,6 +80,7 @@ class Gauge:
             "radius_mm": f"{nominal_radius_mm:g}",
             "direction": "spindle",
             "start_mark": "spindle index" if self._mark_known else "unknown",
+            **self._lathe,
         }
         return Trace(angle_deg=angle_deg, deviation_um=read_um, meta=meta)
 
@@ -98,7 +105,8 @@ class SimulatedWorkshop:
         self._clampings, self._blanks = true.chance("clampings"), true.chance("blanks")
         self._fingers = true.chance("fingers")
         self._pressed: tuple[Job, float, float] | None = None  # the job, both forces of its clamping over its own
-        self._parts = 0  # clamped since the machine was cold
+        self._parts = true.parts_before  # clamped since the machine was cold
+        self._pass_over(true.parts_before)
         self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
         self._released: Workpiece | None = None
@@ -107,6 +115,15 @@ class SimulatedWorkshop:
         self._past_middle_mm: tuple[float, ...] = ()
         self._free_end_mm = true.jaw_face_mm
         self._torque_n_m = 0.0
+
+    def _pass_over(self, parts: int) -> None:
+        """Draw what so many parts take, so that the next one is what it would be after these."""
+        true = self._true
+        for _ in range(parts):
+            true.force_factor(self._clampings)
+            true.finger_factor(self._fingers)
+            true.form(self._blanks)
+        self._gauge.pass_over(parts)
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for `job`; one whose lobe nobody knows yet springs back as the model has it."""

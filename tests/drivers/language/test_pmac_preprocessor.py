@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.preprocessor import MOST_CHARACTERS, MOST_LINES, preprocess
+from drivers.pmac.preprocessor import MOST_CHARACTERS, MOST_LINES, Place, preprocess
 from drivers.pmac.program_text import RefusedLine, read_program
 
 FILES = {
@@ -91,10 +91,22 @@ def test_a_program_is_read_with_its_directives_carried_out() -> None:
     refused: list[RefusedLine] = []
     read = read_program(text, refused, include=include)
     assert read.lines == ("P1=20", "OPEN PROG 5 CLEAR", "X(20)", "X10 bad", "F(20)", "CLOSE")
-    assert read.places == {5: (4, 5)}
-    assert [(line.place, line.where, line.text) for line in refused] == [(4, "4, speeds.h:4", "X10 bad")]
+    assert read.places == {5: (Place(4, "speeds.h:3"), 5)}
+    assert [(line.place, line.where, line.text) for line in refused] == [
+        (Place(4, "speeds.h:4"), "4, speeds.h:4", "X10 bad")
+    ]
     with pytest.raises(PmacError, match=r"line 4, speeds\.h:4"):
         read_program(text, include=include)
+
+
+def test_a_number_is_the_line_of_the_text_itself_and_of_no_included_file() -> None:
+    places = [3, Place(3), Place(3, "a.h:1"), Place(3, "a.h:2"), Place(4, "a.h:1")]
+    same = [[one == other for other in places] for one in places]
+    of_the_text = [True, True, False, False, False]
+    assert same[0] == same[1] == of_the_text
+    assert [row.count(True) for row in same[2:5]] == [1, 1, 1]
+    assert all((one != other) is not (one == other) for one in places for other in places)
+    assert len(set(places)) == 4 and Place(3) + 1 == 4
 
 
 def test_a_text_of_refused_lines_names_the_first_of_them_with_its_file() -> None:

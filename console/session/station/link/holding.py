@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from console.session.station.alarms import OUSTED, restated
 from console.session.station.context import StationContext
 from drivers.lathe.standing import NOBODY
+from profiles.problem import Problem
 
 READ_EVERY_S = 1.0
 READINGS = 5  # of one console: it signs directly after its claim, or not at all
@@ -34,4 +36,8 @@ class HolderWatch:
         now_s = context.clock.now_s()
         if context.state.held_by is None and self._readings < READINGS and now_s >= self._next_s:
             self._readings, self._next_s = self._readings + 1, now_s + READ_EVERY_S
-            context.tell(held_by=context.lathe.signed_by(state.holder))
+            by = context.lathe.signed_by(state.holder)
+            context.tell(held_by=by)
+            if by is not None:  # an alarm names whoever took control as the first row does
+                taken = Problem(code=OUSTED, value=f"{state.holder} ({by.name}@{by.shown_host})")
+                context.change_alarms(lambda alarms: restated(alarms, taken))

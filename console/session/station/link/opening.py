@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from datetime import datetime
 from pathlib import Path
 
 from console.session.data.calibrated_chuck import warnings_of
@@ -101,4 +101,4 @@ def _context(
 
 
 def _local_time() -> str:
-    return datetime.now().astimezone().strftime("%H:%M")
+    return time.strftime("%H:%M")

@@ -1,0 +1,55 @@
+"""Parts of a simulated lathe over several commands: the record says which part of a job comes next on it.
+
+Each command starts the lathe anew. With the same seed it is the same lathe, which goes on with the next blank and
+the next clamping: a second part with the same ones would show nothing that the first has not.
+"""
+
+from __future__ import annotations
+
+import sqlite3
+from dataclasses import dataclass
+from pathlib import Path
+
+from console.session.data.record_file import FILE_NAME, record_error, rows
+from drivers.simulator.plant.which_lathe import WhichLathe
+
+LATHE = "lathe"
+TIMEOUT_S = 1.0
+
+_HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"
+_NEXT = """
+SELECT max(json_extract(setup, '$.lathe.part') + json_extract(setup, '$.lathe.parts')) FROM runs
+WHERE simulated = 1 AND job = ? AND machine = ?
+AND json_extract(setup, '$.lathe.plant') = ? AND json_extract(setup, '$.lathe.seed') = ? AND EXISTS (
+    SELECT 1 FROM events WHERE events.run_id = runs.run_id
+    AND events.kind = 'step' AND json_extract(events.data, '$.step') = 'align'
+)
+"""
+"""A blank is clamped as the machine is aligned: what was refused before that has taken none."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LatheParts:
+    """The parts of a run: so many, from `part` on, of one job on one lathe; 0 for a cut in air."""
+
+    lathe: WhichLathe
+    part: int
+    parts: int = 1
+
+    def fields(self) -> dict[str, object]:
+        """Return it as the record and JSON have it."""
+        return {"plant": self.lathe.plant, "seed": self.lathe.seed, "part": self.part, "parts": self.parts}
+
+
+def next_part(data: Path, job: str, machine: str, lathe: WhichLathe) -> int:
+    """Return the number of the next part of a job on a lathe, from 1: after all that were clamped there.
+
+    Raises SessionError: `record.unreadable`; as `rows`.
+    """
+    try:
+        if not rows(data, _HAS_SETUP, (), TIMEOUT_S):
+            return 1
+        ((following,),) = rows(data, _NEXT, (job, machine, lathe.plant, lathe.seed), TIMEOUT_S)
+    except sqlite3.Error as error:
+        raise record_error("record.unreadable", data / FILE_NAME, error) from error
+    return int(following or 1)

@@ -1,0 +1,120 @@
+"""Single commands on the simulated lathe are parts in a row, and what they teach holds for that lathe alone."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from console.session.cut.compensated import chosen_problems, using, with_accepted
+from console.session.data.learned_store import accepted
+from console.session.work import opened
+from profiles.store import load_job, load_machine
+from tests.system.lathe_sites import compact_text
+
+Console = Callable[..., Any]
+JobFile = Callable[..., Path]
+
+SIX = ("--sim", "--plant", "realistic", "--seed", "6")
+
+
+@pytest.fixture
+def ring(job_file: JobFile) -> str:
+    """Experiment 1 over a few turns."""
+    return str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1"))
+
+
+@pytest.fixture
+def machine(tmp_path: Path) -> str:
+    """A lathe with short ways, so that most of the time is the cut."""
+    path = tmp_path / "lathe.toml"
+    path.write_text(compact_text("pmac"), encoding="utf-8")
+    return str(path)
+
+
+def test_each_command_cuts_the_next_part_and_the_first_can_be_had_again(
+    console: Console, ring: str, job_file: JobFile, machine: str, tmp_path: Path
+) -> None:
+    def cut(*words: str) -> tuple[int, float]:
+        found = console("run", ring, "--machine", machine, *SIX, "--strategy", "none", "--json", *words).json
+        assert (found["lathe"]["plant"], found["lathe"]["seed"], found["lathe"]["parts"]) == ("realistic", 6, 1)
+        return found["lathe"]["part"], found["before"]["RONt_um"]
+
+    job_file(cut_length_mm="0.3", feed_mm_per_rev="0.1")
+    assert console("run", ring, "--machine", machine, *SIX).code == 1, "too short: no blank was clamped for it"
+    job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")
+    (one, first_um), (two, second_um) = cut(), cut()
+    assert (one, two) == (1, 2) and first_um != second_um
+    assert cut("--lathe-part", "1") == (1, first_um)
+    assert cut("--data", str(tmp_path / "fresh")) == (1, first_um), "of another data folder: its own history"
+    said = console("run", ring, "--machine", machine, *SIX, "--strategy", "none")
+    assert "realistic, seed 6: part 3 of this job" in said.out and "--lathe-part 1" in said.out
+
+
+def test_a_number_needs_a_lathe_that_can_be_had_again(console: Console, ring: str) -> None:
+    for words in (("--sim", "--lathe-part", "2"), ("--lathe-part", "2"), (*SIX, "--lathe-part", "0")):
+        said = console("run", ring, *words)
+        assert said.code == 2 and "internal" not in said.err and "--lathe-part" in said.err
+
+
+def test_lathes_whose_parts_are_alike_are_not_counted(console: Console, ring: str, machine: str) -> None:
+    found = console("run", ring, "--machine", machine, "--sim", "--strategy", "none", "--json").json
+    assert "lathe" not in found
+
+
+@pytest.fixture
+def learned(console: Console, ring: str, machine: str, tmp_path: Path) -> str:
+    """A version that was learned from a part of the realistic lathe with seed 6."""
+    rows = [f"{a},{3.0 if a % 120 < 60 else -3.0}" for a in range(360)]
+    head = ("state: free", "simulated: yes", "direction: spindle", "start_mark: spindle index")
+    cut = ("compensation: none", "strategy: cam", "stage: full", "lathe: realistic, seed 6")
+    path = tmp_path / "square.csv"
+    path.write_text("\n".join([*(f"# {line}" for line in (*head, *cut)), "angle_deg,deviation_um", *rows]))
+    said = console("learn", str(path), "--job", ring, "--machine", machine, "--keep")
+    assert said.code == 0 and "--plant realistic --seed 6" in said.out
+    return str(path)
+
+
+@pytest.mark.parametrize(
+    ("language", "other"), [("en", "was learned on another simulated lathe"), ("ko", "다른 시뮬레이션 선반")]
+)
+def test_what_another_lathe_has_taught_is_refused_with_both_named(
+    console: Console, ring: str, machine: str, learned: str, language: str, other: str
+) -> None:
+    words = (
+        "run",
+        ring,
+        "--machine",
+        machine,
+        "--strategy",
+        "cam",
+        "--compensation",
+        "newest",
+        "--lang",
+        language,
+    )
+    said = console(*words, "--sim", "--plant", "realistic", "--seed", "9")
+    assert (said.code, said.out) == (1, "") and other in said.err
+    assert "realistic, seed 6" in said.err and "realistic, seed 9" in said.err and "--seed" in said.err
+    same = console(*words, *SIX, "--json")
+    assert same.code == 0, same
+
+
+def test_a_screen_on_another_lathe_sets_it_aside_and_does_not_arm_with_it(
+    console: Console, ring: str, machine: str, learned: str, data_folder: Path
+) -> None:
+    data = data_folder / "trilobe"
+    work = opened(load_job(ring), load_machine(machine))
+    there = with_accepted(work, data, simulated=True, lathe="realistic, seed 6")
+    assert there.compensation is not None and not there.set_aside
+    here = with_accepted(work, data, simulated=True, lathe="realistic, seed 9")
+    assert here.compensation is None
+    assert [(each.code, each.limit, each.value) for each in here.set_aside] == [
+        ("learned.other_lathe", "realistic, seed 6", "realistic, seed 9")
+    ]
+    newest = accepted(work.loaded, work.machine, data, simulated=True)
+    assert newest is not None
+    problems = chosen_problems(using(work, newest), simulated=True, lathe="realistic, seed 9")
+    assert [each.code for each in problems] == ["learned.other_lathe"]
