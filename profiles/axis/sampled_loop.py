@@ -109,8 +109,8 @@ class SampledLoop:
         """Return numerator and denominator of the closed loop in falling powers of z, as long as each other.
 
         The extra delay is left out, unless `delayed`, where it is linear between two periods. With B = Bn / (z c)
-        and F = Fn / (z^2 c), where c = z - 1 with an integrator and 1 without, it is N Fn / (z (z^2 c D + N Bn)). A
-        notch filter counts as a part of the plant.
+        and F = Fn / (z^2 c), where c = z - 1 with an integrator and 1 without, it is N Fn / (z (z^2 c D + N Bn)).
+        A notch filter counts as a part of the plant.
         """
         gains, period_s = self.gains, self.period_s
         plant_above, plant_below = self.plant_polynomials()
