@@ -83,8 +83,7 @@ def requested(options: Namespace) -> RunRequest:
     path, inverted = _path(options, job.job, machine, learned, simulated=simulated)
     lathe_parts = _lathe_parts(options, job.job, machine, true) if address is None else None
     true = true if true is None or lathe_parts is None else replace(true, parts_before=lathe_parts.part - 1)
-    history = history_of(learned, known)
-    fingerprint = _fingerprint(options, job.job, machine, path, inverted, history, true)
+    fingerprint = _fingerprint(options, job.job, machine, path, inverted, history_of(learned, known), true)
     path = path if fingerprint is None else fingerprint.path
     made = "" if fingerprint is None else fingerprint.made
     plan = _plan(options, job, machine, path, inverted, learned, made, simulated=simulated)
