@@ -40,7 +40,7 @@ IN_LINE_DEG = 12.0
 """Phase of e / P, in degrees of the harmonic, up to which it is real: 4 degrees of spindle with three jaws."""
 
 CERTAIN_SD = 2.0
-"""Standard deviations from which a lobe certainly stands elsewhere."""
+"""Standard deviations from which a lobe certainly stands elsewhere; it is named where that explains the most."""
 
 MOST_OF_FORCE = 0.25
 WRONG_WAY = 2.0
@@ -89,18 +89,17 @@ def causes(
     cut: CutWith,
     job: Job,
     *,
-    scatter_um: float,
     tool_um: complex = 0j,
     placed: bool = True,
 ) -> tuple[Cause, ...]:
     """Return why a part of this job, cut in this way, is not round, the largest first; at least one.
 
-    `scatter_um` is the standard deviation of the lobe's amplitude from one clamping to the next, `tool_um` the
-    tool against its path in the cut at the order of the lobe, infeed positive, 0 where it was not observed. Where
-    the part is not `placed`, its angles are not known at the spindle, and nothing is said that rests on them.
+    `tool_um` is the tool against its path in the cut at the order of the lobe, infeed positive, 0 where it was
+    not observed. Where the part is not `placed`, its angles are not known at the spindle, and nothing is said that
+    rests on them.
     """
     ront_um, seen = part.ront_um(), _coefficients(part)
-    lobe = _of_lobe(part, cut, job, scatter_um, tool_um) if placed else _unplaced(part, job)
+    lobe = _of_lobe(part, cut, job, tool_um) if placed else _unplaced(part, job)
     others = _of_others(part, job, seen)
     if tool_um and placed:
         others.append(Cause(kind=CauseKind.TOOL, um_pp=2.0 * abs(tool_um), order=job.jaws))
@@ -113,7 +112,7 @@ def causes(
     return tuple(sorted(standing, key=lambda each: each.um_pp, reverse=True))
 
 
-def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float, tool_um: complex) -> Cause | None:
+def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, tool_um: complex) -> Cause | None:
     """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise.
 
     It explains no more than what is left: the tool may have hidden a part of it.
@@ -128,13 +127,13 @@ def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float, too
     in_line = abs(math.remainder(math.degrees(cmath.phase(ratio)), 180.0)) <= IN_LINE_DEG
     if in_line:
         return _in_line(ratio.real, cut.fraction, lobes, um_pp)
-    if abs(abs(whole_um / path_um) - 1.0) <= SAME_HEIGHT:
-        deg = -math.degrees(cmath.phase(whole_um / path_um)) / lobes
-        sd_deg = math.degrees(math.hypot(seen_sd_um, scatter_um) / abs(whole_um)) / lobes
-        if abs(deg) > CERTAIN_SD * sd_deg:
-            return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
-        if abs(ratio.real) > abs(ratio.imag):
-            return _in_line(ratio.real, cut.fraction, lobes, um_pp)
+    higher, turned_rad = abs(whole_um / path_um) - 1.0, -cmath.phase(whole_um / path_um)
+    if abs(higher) <= SAME_HEIGHT:
+        sd_rad = seen_sd_um / abs(whole_um)  # of the trace: the force of a clamping turns nothing
+        if abs(turned_rad) <= CERTAIN_SD * sd_rad or 2.0 * abs(math.sin(0.5 * turned_rad)) < abs(higher):
+            return _in_line(higher, cut.fraction, lobes, um_pp)
+        deg, sd_deg = (math.degrees(each) / lobes for each in (turned_rad, sd_rad))
+        return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
     return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
 
 

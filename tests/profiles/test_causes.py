@@ -40,7 +40,6 @@ def said(
     *,
     fraction: float = 1.0,
     noise_um: float = 0.1,
-    scatter_um: float = 0.0,
     tool_um: complex = 0j,
     placed: bool = True,
 ) -> tuple[Cause, ...]:
@@ -51,7 +50,7 @@ def said(
     target = target_path(job)
     cut = CutWith(path=CutPath(target=target, command=target), fraction=fraction, version=None)
     part = part_harmonics(trace, job, filter_upr=FILTER_UPR)
-    return causes(part, cut, job, scatter_um=scatter_um, tool_um=tool_um, placed=placed)
+    return causes(part, cut, job, tool_um=tool_um, placed=placed)
 
 
 @given(off_deg=st.floats(-50.0, 50.0), jaws=st.sampled_from([2, 3, 4]))
@@ -141,14 +140,17 @@ def test_the_largest_comes_first_and_the_smallest_are_left_out() -> None:
     assert [each.kind for each in found] == [CauseKind.OVAL, CauseKind.FORCE]
 
 
-def test_an_angle_within_two_standard_deviations_is_none_and_the_height_explains_the_lobe() -> None:
-    """Turned by 0.46 deg and 10 % high, 5.5 um p-p, of clampings that differ by 1.5 um: 1 deg of spindle."""
+def test_an_angle_is_named_where_it_is_certain_and_explains_more_than_the_height() -> None:
+    """Turned by 0.46 deg and 10 % high: of 27.5 um that is 0.7 um across and 2.75 um along."""
     job = filed()
-    left_um = lobe_um(job, larger=1.1, further_deg=0.46) - lobe_um(job)
-    for scatter_um, kind in ((1.5, CauseKind.FORCE), (0.0, CauseKind.ANGLE)):
-        first, *_ = said(left_um, job, scatter_um=scatter_um)
-        assert first.kind is kind
-        assert first.value == pytest.approx(0.1 if kind is CauseKind.FORCE else 0.46, abs=0.01)
+    first, *_ = said(lobe_um(job, larger=1.1, further_deg=0.46) - lobe_um(job), job)
+    assert first.kind is CauseKind.FORCE and first.value == pytest.approx(0.1, abs=0.01)
+    first, *_ = said(lobe_um(job, larger=1.02, further_deg=2.0) - lobe_um(job), job)
+    assert first.kind is CauseKind.ANGLE and first.value == pytest.approx(2.0, abs=0.05)
+    assert abs(first.value) > 2.0 * first.sd
+    for seed_um in (0.15, 0.2):  # 0.1 um is what a lathe does not repeat
+        off_um = seed_um * np.sin(3.0 * np.radians(ANGLE_DEG - job.lobe_phase_deg))
+        assert all(each.kind is not CauseKind.ANGLE for each in said(off_um, job, noise_um=0.01))
 
 
 def test_what_the_tool_has_hidden_of_the_lobe_is_not_left() -> None:
