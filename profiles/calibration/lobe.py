@@ -20,7 +20,7 @@ from profiles.lobe.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
 from profiles.problem import Problem
 from profiles.roundness import seen_oval_um_pp
-from profiles.trace_files.header import TraceHeader, header_of
+from profiles.trace_files.header import DIRECTIONS, TraceHeader, header_of
 from profiles.traces import Trace
 
 # Value of the header line `start_mark` when the angles of the trace begin at the spindle index.
@@ -152,7 +152,15 @@ def _reasons(fit: LobeFit, header: TraceHeader, phase_deg: float | None) -> Iter
         value, limit = _um(fit.lobe.amplitude_um), _um(fit.lobe.sd_um)
         yield Problem(code="lobe.not_significant", value=value, limit=limit)
     if phase_deg is None:
-        yield Problem(code="lobe.phase_unknown", limit="direction, jaw_1_deg")
+        yield Problem(code="lobe.phase_unknown", limit=", ".join(_missing(header)))
+
+
+def _missing(header: TraceHeader) -> Iterable[str]:
+    """Return the lines without which the angles of a trace have no place on the spindle."""
+    if header.direction is None:
+        yield f"# direction: {' | '.join(DIRECTIONS)}"
+    if header.start_mark != INDEX and header.jaw_1_deg is None:
+        yield f"# start_mark: {INDEX} | jaw 1"
 
 
 def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:

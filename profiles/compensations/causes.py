@@ -39,6 +39,9 @@ SAME_HEIGHT = 0.2
 IN_LINE_DEG = 12.0
 """Phase of e / P, in degrees of the harmonic, up to which it is real: 4 degrees of spindle with three jaws."""
 
+CERTAIN_SD = 2.0
+"""Standard deviations from which a lobe certainly stands elsewhere; it is named where that explains the most."""
+
 MOST_OF_FORCE = 0.25
 WRONG_WAY = 2.0
 """e / (s P) of a tool that moves the wrong way; anything nearer to it than to 1 counts."""
@@ -86,22 +89,21 @@ def causes(
     cut: CutWith,
     job: Job,
     *,
-    scatter_um: float,
     tool_um: complex = 0j,
     placed: bool = True,
 ) -> tuple[Cause, ...]:
     """Return why a part of this job, cut in this way, is not round, the largest first; at least one.
 
-    `scatter_um` is the standard deviation of the lobe's amplitude from one clamping to the next, `tool_um` the
-    tool against its path in the cut at the order of the lobe, infeed positive, 0 where it was not observed. Where
-    the part is not `placed`, its angles are not known at the spindle, and nothing is said that rests on them.
+    `tool_um` is the tool against its path in the cut at the order of the lobe, infeed positive, 0 where it was
+    not observed. Where the part is not `placed`, its angles are not known at the spindle, and nothing is said that
+    rests on them.
     """
     ront_um, seen = part.ront_um(), _coefficients(part)
-    lobe, others = _of_lobe(part, cut, job, scatter_um, tool_um), _of_others(part, job, seen)
+    lobe = _of_lobe(part, cut, job, tool_um) if placed else _unplaced(part, job)
+    others = _of_others(part, job, seen)
     if tool_um and placed:
         others.append(Cause(kind=CauseKind.TOOL, um_pp=2.0 * abs(tool_um), order=job.jaws))
     if not placed:
-        lobe = None if lobe is None else replace(lobe, kind=CauseKind.UNPLACED, um_pp=_left_um_pp(part, job))
         others = [replace(each, kind=CauseKind.OVAL) if each.kind is CauseKind.JAW else each for each in others]
     found = [each for each in (lobe, *others) if each is not None]
     standing = [each for each in found if each.um_pp >= LEAST_OF_RONT * ront_um]
@@ -110,26 +112,41 @@ def causes(
     return tuple(sorted(standing, key=lambda each: each.um_pp, reverse=True))
 
 
-def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, scatter_um: float, tool_um: complex) -> Cause | None:
-    """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise."""
+def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, tool_um: complex) -> Cause | None:
+    """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise.
+
+    It explains no more than what is left: the tool may have hidden a part of it.
+    """
     lobes, path_um = job.jaws, cut.path.target.harmonics[0].coefficient
-    off_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um + tool_um
-    seen_sd_um, um_pp = math.hypot(part.sd_um[lobes], REPEATS_SD_UM), 2.0 * abs(off_um)
+    left_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um
+    off_um, seen_sd_um = left_um + tool_um, _seen_sd_um(part, job)
+    um_pp = 2.0 * min(abs(off_um), abs(left_um))
     if abs(off_um) <= SIGNIFICANT * seen_sd_um or not path_um:
         return None
     whole_um, ratio = path_um + off_um, off_um / path_um
     in_line = abs(math.remainder(math.degrees(cmath.phase(ratio)), 180.0)) <= IN_LINE_DEG
     if in_line:
         return _in_line(ratio.real, cut.fraction, lobes, um_pp)
-    if abs(abs(whole_um / path_um) - 1.0) <= SAME_HEIGHT:
-        deg = -math.degrees(cmath.phase(whole_um / path_um)) / lobes
-        sd_deg = math.degrees(math.hypot(seen_sd_um, scatter_um) / abs(whole_um)) / lobes
+    higher, turned_rad = abs(whole_um / path_um) - 1.0, -cmath.phase(whole_um / path_um)
+    if abs(higher) <= SAME_HEIGHT:
+        sd_rad = seen_sd_um / abs(whole_um)  # of the trace: the force of a clamping turns nothing
+        if abs(turned_rad) <= CERTAIN_SD * sd_rad or 2.0 * abs(math.sin(0.5 * turned_rad)) < abs(higher):
+            return _in_line(higher, cut.fraction, lobes, um_pp)
+        deg, sd_deg = (math.degrees(each) / lobes for each in (turned_rad, sd_rad))
         return Cause(kind=CauseKind.ANGLE, um_pp=um_pp, order=lobes, value=deg, sd=sd_deg)
     return Cause(kind=CauseKind.LOBE, um_pp=um_pp, order=lobes)
 
 
-def _left_um_pp(part: PartHarmonics, job: Job) -> float:
-    return 2.0 * abs(part.coefficients_um[job.jaws])
+def _unplaced(part: PartHarmonics, job: Job) -> Cause | None:
+    """Return what is left of the lobe by its height alone, None where that is noise."""
+    left_um = abs(part.coefficients_um[job.jaws])
+    if left_um <= SIGNIFICANT * _seen_sd_um(part, job):
+        return None
+    return Cause(kind=CauseKind.UNPLACED, um_pp=2.0 * left_um, order=job.jaws)
+
+
+def _seen_sd_um(part: PartHarmonics, job: Job) -> float:
+    return math.hypot(part.sd_um[job.jaws], REPEATS_SD_UM)
 
 
 def _in_line(ratio: float, fraction: float, lobes: int, um_pp: float) -> Cause:

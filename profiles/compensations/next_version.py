@@ -117,7 +117,8 @@ class LearningStep:
 
     The expected lobe has a 95 % half-width from the noise of the trace and the scatter of two clampings.
     `contractions` are those of the harmonics, by order, that two parts determine. `reasons` are why it must not
-    be kept, `warnings` do not forbid it.
+    be kept, `warnings` do not forbid it. Where the part is not `placed` on the spindle, nothing is learned, and
+    nothing said that rests on its angles: only its RONt and the height of its lobe are true.
     """
 
     next: LearnedCompensation
@@ -128,6 +129,7 @@ class LearningStep:
     reasons: tuple[Problem, ...]
     warnings: tuple[Problem, ...] = ()
     certificate: tuple[Certified, ...] = ()
+    placed: bool = True
 
     @property
     def expected_ront_um(self) -> float:
@@ -222,16 +224,17 @@ def _step(
 ) -> LearningStep:
     """Return a learning step, and what is expected of the next part: lower by the additional depth of the tool."""
     deeper = {n: cut.spared_um.get(n, 0j) + changes.get(n, 0j) for n in {*cut.spared_um, *changes}}
-    lobes = following.path.target.lobes
+    lobes, placed = following.path.target.lobes, part.is_placed
     return LearningStep(
         next=replace(following, expected_ront_um=part.ront_um(deeper)),
-        learned=steps.learned,
-        contractions=contractions,
+        learned=steps.learned if placed else (),
+        contractions=contractions if placed else {},
         expected_lobe_um_pp=2.0 * abs(part.coefficients_um[lobes] - deeper[lobes]),
         expected_half_width_um_pp=half_width_um_pp(part.sd_um[lobes], scatter_um),
-        reasons=(*part.reasons, *reasons),
-        warnings=warnings,
-        certificate=steps.certificate,
+        reasons=(*part.reasons, *(reasons if placed else ())),
+        warnings=warnings if placed else (),
+        certificate=steps.certificate if placed else (),
+        placed=placed,
     )
 
 

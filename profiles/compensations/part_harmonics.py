@@ -26,6 +26,8 @@ from profiles.traces import Trace
 _OF_A_PLAIN_CUT = ("lobe.not_significant", "lobe.compensated", "lobe.simulated")
 """Reasons why a part does not show the lobe of its job; a path may still be learned from it."""
 
+_UNPLACED = ("lobe.phase_unknown", "learned.jaw_assumed")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PartHarmonics:
@@ -47,6 +49,11 @@ class PartHarmonics:
     radius_mm: float
     reasons: tuple[Problem, ...] = ()
     warnings: tuple[Problem, ...] = ()
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether its angles are known on the spindle."""
+        return not any(reason.code in _UNPLACED for reason in self.reasons)
 
     def ront_um(self, less_um: Mapping[int, complex] | None = None) -> float:
         """Return RONt of the part, or of one that is lower by Re(c exp(j n angle)) for each n of `less_um`."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -176,6 +177,26 @@ def test_a_part_of_which_too_little_is_known_teaches_nothing(
     said = console("learn", learned, "--job", ring, "--keep")
     assert said.code == 1 and told in said.err
     assert len(console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]) == 1
+
+
+@pytest.mark.parametrize(
+    ("language", "named", "missing"),
+    [("en", "next part", "# start_mark: unknown"), ("ko", "다음 공작물", "")],
+)
+def test_a_part_without_a_place_on_the_spindle_promises_nothing_even_without_keep(
+    console: Console, ring: str, learned: str, language: str, named: str, missing: str
+) -> None:
+    path = Path(learned)
+    placed = console("learn", learned, "--job", ring, "--lang", language)
+    assert placed.code == 0 and named in placed.out
+    path.write_text(path.read_text().replace("# start_mark: spindle index", missing))
+    said = console("learn", learned, "--job", ring, "--lang", language)
+    assert said.code == 1 and named not in said.out and "RONt" in said.out
+    assert "# start_mark: spindle index | jaw 1" in said.err and "# direction" not in said.err
+    found = console("learn", learned, "--job", ring, "--json")
+    assert found.code == 1 and (found.json["next"], found.json["expected"]) == (None, None)
+    assert found.json["learned_waves"] == [] and found.json["causes"][0]["kind"] == "unplaced"
+    assert found.json["measured"]["lobe_um_pp"] == pytest.approx(4.0 / math.pi * 6.0, abs=0.1)
 
 
 def test_the_last_part_is_meant_unless_somebody_says_another() -> None:

@@ -59,15 +59,19 @@ def test_sizes_are_told_to_what_a_gauge_resolves() -> None:
 
 
 def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
-    metas: tuple[dict[str, str], ...] = (
-        {},
-        {"direction": "cw"},
-        {"jaw_1_deg": "0"},
-        {"start_mark": "spindle index"},
+    direction, mark = "# direction: spindle | cw | ccw", "# start_mark: spindle index | jaw 1"
+    metas: tuple[tuple[dict[str, str], str], ...] = (
+        ({}, f"{direction}, {mark}"),
+        ({"direction": "cw"}, mark),
+        ({"direction": "cw", "start_mark": "unknown"}, mark),
+        ({"jaw_1_deg": "0"}, direction),
+        ({"start_mark": "jaw 1"}, direction),
+        ({"start_mark": "spindle index"}, direction),
     )
-    for meta in metas:
+    for meta, missing in metas:
         lobe = found(92.0, meta)
         assert (codes(lobe), lobe.phase_deg) == (["lobe.phase_unknown"], None)
+        assert lobe.reasons[0].limit == missing
         assert lobe.fit.error_um_pp == pytest.approx(55.0, abs=0.02)
         with pytest.raises(ValueError):
             with_lobe(JOB, lobe, chuck="", tool="")

@@ -36,7 +36,10 @@ from profiles.traces import parse_trace, read_trace_file
 
 
 def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, text: Catalogue) -> None:
-    """Learn from the trace of a part; with `--keep` store the next version."""
+    """Learn from the trace of a part; with `--keep` store the next version.
+
+    A part without a place on the spindle is reported as it was measured, and refused.
+    """
     content, data, where = read_trace_file(Path(options.file)), data_of(options), printable(options.file)
     trace = parse_trace(content, where=where)
     if options.sim and trace.meta.get(SIMULATED[0]) != SIMULATED[1]:
@@ -56,7 +59,8 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             extra=options.extra or (),
         )
     following, reasons = found.step.next, found.step.reasons
-    warnings = tell((*machine.warnings, *found.warnings, *(() if options.keep else reasons)), text)
+    refused = bool(reasons) and (options.keep or not found.step.placed)
+    warnings = tell((*machine.warnings, *found.warnings, *(() if refused else reasons)), text)
     kept = store(data, following) if options.keep and not reasons else None
     if kept is not None:
         warnings += tell(_recorded(data, content, following), text)
@@ -69,7 +73,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             *_kept_lines(following, kept, asked, options, text),
         ],
     )
-    if options.keep and reasons:
+    if refused:
         raise SessionError(*reasons)
 
 
@@ -123,18 +127,21 @@ def _refuse_unused(options: Namespace) -> None:
 
 
 def _step_fields(found: Taught) -> dict[str, object]:
-    """Return a learning step; what cannot be determined from two parts is null."""
+    """Return a learning step; what cannot be determined from two parts, or not without angles, is null."""
     step = found.step
-    lobes = step.next.path.target.lobes
+    lobes, part = step.next.path.target.lobes, step.next.part
+    assert part is not None
+    expected = {
+        "lobe_um_pp": step.expected_lobe_um_pp,
+        "half_width_um_pp": step.expected_half_width_um_pp,
+        "RONt_um": step.expected_ront_um,
+    }
     return {
         "cut_with": found.made.header(),
-        "next": as_table(step.next),
+        "measured": {"lobe_um_pp": 2.0 * part.lobe.amplitude_um, "RONt_um": part.ront_um},
+        "next": as_table(step.next) if step.placed else None,
         "learned_waves": list(step.learned),
-        "expected": {
-            "lobe_um_pp": step.expected_lobe_um_pp,
-            "half_width_um_pp": step.expected_half_width_um_pp,
-            "RONt_um": step.expected_ront_um,
-        },
+        "expected": expected if step.placed else None,
         "contraction": None if step.contraction is None else _contraction_fields(step.contraction, lobes),
         "certificate": certificate_fields(step.certificate),
         "causes": [asdict(cause) for cause in found.causes],
@@ -180,8 +187,12 @@ def _step_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
         ("RONt", f"{part.ront_um:.2f}", f"{step.expected_ront_um:.2f}", "um"),
         (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
     ]
-    lines = [f"{_subject(holds, text)}: {head}", "", *table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
-    lines += ["", *certificate_lines(step.certificate, text)]
+    lines = [f"{_subject(holds, text)}: {head}", ""]
+    if step.placed:
+        lines += [*table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
+        lines += ["", *certificate_lines(step.certificate, text)]
+    else:
+        lines += table([(name, measured, unit) for name, measured, _, unit in rows], numeric=(1,))
     causes = [f"  {cause_words(cause, text)}" for cause in found.causes]
     return [*lines, "", text("cause.title"), *causes] if fails else lines
 

@@ -47,7 +47,6 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedJob, LoadedMachine
-from profiles.trace_files.header import header_of
 from profiles.traces import Trace
 
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
@@ -160,17 +159,14 @@ def taught_by(
         stage=stage,
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
-        causes=_causes(trace, part, cut, filed, made, scatter, tool_um),
+        causes=_causes(part, cut, filed, made, tool_um),
     )
 
 
-def _causes(
-    trace: Trace, part: PartHarmonics, cut: CutWith, filed: Job, made: MadeWith, scatter: float, tool_um: complex
-) -> tuple[Cause, ...]:
+def _causes(part: PartHarmonics, cut: CutWith, filed: Job, made: MadeWith, tool_um: complex) -> tuple[Cause, ...]:
     """Return why a part is not round; `tool_um` is turned to where the file of its job has jaw 1."""
-    placed = header_of(trace.meta)[0].phase_known
     tool_um *= cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made)))
-    return causes(part, cut, filed, scatter_um=scatter, tool_um=tool_um, placed=placed)
+    return causes(part, cut, filed, tool_um=tool_um, placed=part.is_placed)
 
 
 def _turned_deg(filed: Job, made: MadeWith) -> float:
