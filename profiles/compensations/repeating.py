@@ -11,12 +11,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
-from profiles.compensations.learning import coefficient_of
-from profiles.compensations.optimal_gain import repeats
+from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, coefficient_of
+from profiles.compensations.optimal_gain import repeats, scatter_um
 from profiles.compensations.path import CutPath, LobedPath
 
 ENOUGH_PARTS = 3
 """Parts from which an order is judged: two that agree by less than F = 19 are no evidence that it varies."""
+
+LEAST_UM = SIGNIFICANT * REPEATS_SD_UM
+"""Scatter of an order from which it varies: less than that no lathe repeats, and to learn it does no harm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +45,7 @@ class Repeating:
     def varying(self, lobes: int) -> frozenset[int]:
         """Return the orders that do not repeat; multiples of the lobe are of the chuck, which holds each part."""
         judged = {n: parts for n, parts in self.shown_um.items() if n % lobes and len(parts) >= ENOUGH_PARTS}
-        return frozenset(n for n, parts in judged.items() if not repeats(parts))
+        return frozenset(n for n, parts in judged.items() if scatter_um(parts) > LEAST_UM and not repeats(parts))
 
     def withdrawn(self, path: CutPath, orders: Iterable[int]) -> CutPath:
         """Return a path with each of these orders as the first part had it."""

@@ -26,6 +26,7 @@ def test_an_order_has_to_stand_out_of_its_scatter_over_three_parts() -> None:
     assert seen(5, 1.0 + 0.2j, 1.0 + 0j, 1.0 - 0.2j).varying(3) == frozenset()
     assert seen(5, *third).varying(3) == {5}
     assert seen(5, *third[:2]).varying(3) == frozenset(), "two parts are no evidence"
+    assert seen(5, *(0.2 * third)).varying(3) == frozenset(), "no lathe repeats 0.2 um"
     assert seen(6, *third).varying(3) == frozenset(), "the chuck holds each part alike"
 
 
