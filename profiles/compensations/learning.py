@@ -155,12 +155,21 @@ class Grown:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Best:
-    """The best residual of a harmonic, an amplitude with its standard deviation, and the path of that pass."""
+    """The best residual of a harmonic, in um with its standard deviation, and the path of that pass."""
 
-    left_um: float
+    left: complex
     sd_um: float
     target: complex
     command: complex
+
+    @property
+    def left_um(self) -> float:
+        """Its amplitude."""
+        return abs(self.left)
+
+    def is_exceeded(self, left_um: float, sd_um: float, allowed_um: float = 0.0) -> bool:
+        """Whether a residual with this standard deviation is certainly larger."""
+        return not left_um <= self.left_um + allowed_um + SIGNIFICANT * math.hypot(sd_um, self.sd_um)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,23 +193,40 @@ class Watch:
         best, grown = dict(self.best), list(self.grown)
         for n, coefficient in self.learned(left_um).items():
             now = Best(
-                left_um=abs(coefficient),
-                sd_um=math.hypot(sd_um(n), REPEATS_SD_UM),
+                left=coefficient,
+                sd_um=_once_sd_um(sd_um(n)),
                 target=coefficient_of(path.target, n),
                 command=coefficient_of(path.command, n),
             )
             before = best.get(n)
             if before is None or now.left_um < before.left_um:
                 best[n] = now
-            elif not now.left_um <= before.left_um + allowed_um(n) + SIGNIFICANT * math.hypot(
-                now.sd_um, before.sd_um
-            ):
+            elif before.is_exceeded(now.left_um, now.sd_um, allowed_um(n)):
                 grown.append(Grown(order=n, best_um=before.left_um, grown_um=now.left_um))
         return replace(self, best=best, grown=tuple(grown))
 
     def afresh(self) -> Watch:
         """Return a new watch for passes not comparable with those so far; frozen harmonics stay frozen."""
         return replace(self, best={n: each for n, each in self.best.items() if n in self.frozen})
+
+    def not_back(self, left_um: Mapping[int, complex], sd_um: Callable[[int], float]) -> frozenset[int]:
+        """Return the frozen harmonics that a pass with their best path leaves certainly otherwise than their best.
+
+        Learning is not why they have grown, or not alone: the same path leaves something else.
+        """
+        seen = {n: c - self.best[n].left for n, c in left_um.items() if n in self.frozen}
+        return frozenset(
+            n
+            for n, off_um in seen.items()
+            if abs(off_um) > SIGNIFICANT * math.hypot(_once_sd_um(sd_um(n)), self.best[n].sd_um)
+        )
+
+    def released(self, orders: frozenset[int]) -> Watch:
+        """Return the watch without what it knows of these harmonics: they are learned again, and watched anew."""
+        return Watch(
+            best={n: each for n, each in self.best.items() if n not in orders},
+            grown=tuple(each for each in self.grown if each.order not in orders),
+        )
 
     @property
     def frozen(self) -> frozenset[int]:
@@ -220,6 +246,11 @@ class Watch:
                 {n: each.command - coefficient_of(path.command, n) for n, each in back.items()}
             ),
         )
+
+
+def _once_sd_um(sd_um: float) -> float:
+    """Return the standard deviation of a harmonic in one pass, from that of its fit."""
+    return math.hypot(sd_um, REPEATS_SD_UM)
 
 
 def coefficient_of(path: LobedPath, order: int) -> complex:

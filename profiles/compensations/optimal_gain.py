@@ -71,8 +71,17 @@ def repeats(parts_um: Sequence[complex]) -> bool:
     if count < 2:
         return False
     mean = sum(parts_um) / count
-    scatter = sum(abs(each - mean) ** 2 for each in parts_um) / (count - 1) + REPEATS_SD_UM**2
+    scatter = scatter_um(parts_um) ** 2 + REPEATS_SD_UM**2
     return count * abs(mean) ** 2 > _fisher(count - 1) * scatter
+
+
+def scatter_um(parts_um: Sequence[complex]) -> float:
+    """Return the standard deviation of an order over some parts; 0 for fewer than two."""
+    count = len(parts_um)
+    if count < 2:
+        return 0.0
+    mean = sum(parts_um) / count
+    return math.sqrt(sum(abs(each - mean) ** 2 for each in parts_um) / (count - 1))
 
 
 def _fisher(pairs: int) -> float:

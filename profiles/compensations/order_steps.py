@@ -20,6 +20,7 @@ from profiles.compensations.optimal_gain import (
     lobe_prior_um,
     optimal_gain,
     repeats,
+    scatter_um,
 )
 
 STEP_UM = 1e-6  # a path step below this is only the rounding of its file
@@ -75,7 +76,7 @@ class OrderRules:
             clamped_um = self.scatter * self.lobe_um
         else:
             prior_um, clamped_um = PRIOR_OTHERS_UM, self.scatter * abs(seen.path_um + seen.error_um)
-        varies_um = 0.0 if seen.order in self.chucked else _scatter_um(seen.shown_um)
+        varies_um = 0.0 if seen.order in self.chucked else scatter_um(seen.shown_um)
         scatter = Scatter(
             prior_um=prior_um, part_um=math.hypot(seen.sd_um, clamped_um, varies_um), response=spread
         )
@@ -121,10 +122,3 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
             changes[seen.order] = -seen.path_um
         certificate.append(certified(seen.order, gain, seen.shown, rules.follows(seen.order), standing))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))
-
-
-def _scatter_um(shown_um: Sequence[complex]) -> float:
-    if len(shown_um) < 2:
-        return 0.0
-    mean = sum(shown_um) / len(shown_um)
-    return math.sqrt(sum(abs(each - mean) ** 2 for each in shown_um) / (len(shown_um) - 1))

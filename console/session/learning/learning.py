@@ -244,6 +244,7 @@ class _Learner:
         self._path, path = self._lobe.clamp(self._path, readings, self._response)
         plan = self._planned(self._job, self._strategy, Stage.FULL, path, trimmed=True)
         self._cutting = path
+        self._orders.begin(self._path, self._watch)
         watch = CutLearner(
             self._context.lathe,
             self._job,
@@ -291,7 +292,7 @@ class _Learner:
         self._refuse_worse(found, tool_off)
         path = self._folded(trim_um, tool_off)
         left = self._lobe.of_mean(orders.left(found, tool_off), path)
-        self._watch = self._watch.judged(path, left, orders.sd_um(found, path))
+        self._watch = orders.judged(self._watch, path, left, found)
         high = self._watch.learned({n: c for n, c in left.items() if orders.teaches(n, c, found)})
         missed = self._watch.learned(orders.of_tool(tool_off))
         errors = {n: c - missed.get(n, 0j) for n, c in high.items()}
@@ -302,7 +303,7 @@ class _Learner:
         high = {n: c - missed.get(n, 0j) + tabled.get(n, 0j) for n, c in high.items()}
         part = Deviation(mean_um=found.mean_um, coefficients_um=high)
         tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=tabled)
-        kept = self._watch.kept(path)
+        kept = orders.withdrawn(self._watch.kept(path))
         steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
         self._path = learned_part(kept, part, tool, self._response, gain, steps)
         orders.step(path, self._path)

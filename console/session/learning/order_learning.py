@@ -26,7 +26,7 @@ from profiles.compensations.certificate import (
     is_promised,
     promised_orders,
 )
-from profiles.compensations.learning import SIGNIFICANT, Deviation, coefficient_of
+from profiles.compensations.learning import SIGNIFICANT, Deviation, Watch, coefficient_of
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
@@ -38,6 +38,7 @@ from profiles.compensations.optimal_gain import (
 from profiles.compensations.order_steps import STEP_UM
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath
+from profiles.compensations.repeating import Repeating
 from profiles.job import Job
 from profiles.machine import MachineProfile
 
@@ -78,6 +79,9 @@ class OrderLearning:
             LEAST_SAMPLES_A_LOBE * self._lobes, max(ENOUGH_A_TURN, SAMPLES_A_PERIOD * self.fitted[-1])
         )
         self._steps_um: dict[int, list[float]] = {}
+        self._repeating: Repeating | None = None
+        self._grown_in_air: frozenset[int] = frozenset()
+        self.varying: frozenset[int] = frozenset()  # orders that do not repeat from part to part
 
     @property
     def trims_oval(self) -> bool:
@@ -99,7 +103,10 @@ class OrderLearning:
         return {
             n: c
             for n, c in tool_off.coefficients_um.items()
-            if n in self.learned and not self.of_blank(n) and (n % self._lobes == 0 or abs(c) > least_um)
+            if n in self.learned
+            and n not in self.varying
+            and not self.of_blank(n)
+            and (n % self._lobes == 0 or abs(c) > least_um)
         }
 
     def left(self, part: PartHarmonics, tool_off: Deviation) -> dict[int, complex]:
@@ -107,6 +114,39 @@ class OrderLearning:
         blank = {n: c for n, c in tool_off.coefficients_um.items() if self.of_blank(n)}
         found = part.coefficients_um
         return {n: found[n] - blank.get(n, 0j) for n in self.learned if n in found}
+
+    def begin(self, path: CutPath, watch: Watch) -> None:
+        """Take the path of the first part, and what has grown in air: there is no blank that it could be of."""
+        if self._repeating is None:
+            self._repeating, self._grown_in_air = Repeating(begun=path), watch.frozen
+
+    def judged(self, watch: Watch, path: CutPath, left_um: Mapping[int, complex], part: PartHarmonics) -> Watch:
+        """Return the watch after a part that was cut with this path, and find which orders vary from part to part.
+
+        An order that is not back at its best, though that is what was cut, did not grow by learning: it is judged
+        anew. Not so the lobe, which is not trimmed either while it is not learned.
+        """
+        assert self._repeating is not None
+        sd_um = self.sd_um(part, path)
+        watch = watch.released(watch.not_back(left_um, sd_um) - self._grown_in_air - {self._lobes})
+        self._repeating = self._repeating.seen({n: self._plain_um(n, c, path) for n, c in left_um.items()})
+        self.varying = self._repeating.varying(self._lobes) - watch.frozen
+        steady = {n: c for n, c in left_um.items() if n not in self.varying}
+        return watch.released(self.varying).judged(path, steady, sd_um)
+
+    def _plain_um(self, order: int, left_um: complex, path: CutPath) -> complex:
+        """Return what a part would have left of an order with nothing learned.
+
+        Where a blank moves the tool, what it has left is without the error of the tool: as if that had followed.
+        """
+        assert self._repeating is not None
+        if self.of_blank(order):
+            return left_um + self._repeating.target_moved_um(path, order)
+        return left_um + self.follows(order).response * self._repeating.command_moved_um(path, order)
+
+    def withdrawn(self, path: CutPath) -> CutPath:
+        """Return a path without what was learned of the orders that vary."""
+        return path if self._repeating is None else self._repeating.withdrawn(path, self.varying)
 
     def sd_um(self, part: PartHarmonics, path: CutPath) -> Callable[[int], float]:
         """Return the standard deviation of an order of a part: what jaws make is as uncertain as their force."""
@@ -120,6 +160,8 @@ class OrderLearning:
 
         From then on its gain weighs it against that noise, so that a small rest of a large step is not left.
         """
+        if order in self.varying:
+            return False
         begun = self._how.optimal and any(step_um > STEP_UM for step_um in self._steps_um.get(order, ()))
         return begun or abs(left_um) > SIGNIFICANT * part.sd_um[order]
 
@@ -169,6 +211,8 @@ class OrderLearning:
             return Standing.NO_PROMISE
         if n in frozen:
             return Standing.GREW
+        if n in self.varying and left_um is not None and abs(left_um) > SIGNIFICANT * part.sd_um[n]:
+            return Standing.VARIES
         return Standing.LEARNED if left_um is not None and self.teaches(n, left_um, part) else Standing.NOISE
 
 
