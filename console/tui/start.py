@@ -9,6 +9,7 @@ import sys
 import time
 from argparse import Namespace
 from contextlib import closing, suppress
+from dataclasses import replace
 from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
@@ -81,7 +82,7 @@ def main(options: Namespace, text: Catalogue) -> int:
         return WRONG_USAGE
     attempt = _attempt(options, data, text) if taken is None else taken.attempt
     begins = None if taken is None else taken.begins
-    place = taken.address if taken is not None else _lathe_of(attempt) or requested or address
+    place = taken.address if taken is not None else _lathe_of(attempt) or _going_on(requested) or address
     appearance = _appearance(options.configuration, text)
     link = LinkThread(
         machine.machine.name,
@@ -159,6 +160,11 @@ def _lathe_of(attempt: Attempt | None) -> SimulatedAddress | None:
         return None
     lesson = attempt.lesson
     return SimulatedAddress(plant=lesson.plant_of(attempt.seed), seed=attempt.seed, blind=lesson.blind)
+
+
+def _going_on(requested: SimulatedAddress | None) -> SimulatedAddress | None:
+    """Return the lathe that was asked for, with its next part: only that of a lesson begins anew each time."""
+    return None if requested is None else replace(requested, goes_on=True)
 
 
 def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:

@@ -71,7 +71,8 @@ class SimulatedAddress:
 
     Set up by hand, with the simulated hardware of `plant` (a name or a file). Random effects use `seed`, and the
     chucking force varies from clamping to clamping with a standard deviation of `clamping_sd_percent`, of the
-    plant's own with None. A `blind` one shows dials instead of the truth. It begins at power-up, or `placed`.
+    plant's own with None. A `blind` one shows dials instead of the truth. It begins at power-up, or `placed`. One
+    that `goes_on` has its next part, after those that the record has of this plant and seed; else its first.
     """
 
     plant: str = "realistic"
@@ -79,6 +80,7 @@ class SimulatedAddress:
     clamping_sd_percent: float | None = None
     blind: bool = False
     placed: Placed | None = None
+    goes_on: bool = False
 
     def __str__(self) -> str:
         return "sim:"

@@ -10,6 +10,7 @@ import argparse
 import asyncio
 import socket
 import time
+from dataclasses import replace
 from functools import partial
 
 from drivers.placed import placed_of
@@ -32,10 +33,11 @@ def main() -> None:
     parser.add_argument("--clamping-sd", type=float, metavar="PERCENT", help="of the chucking force")
     parser.add_argument("--blind", action="store_true", help="show dials instead of the truth")
     parser.add_argument("--placed", type=placed_of, metavar="JSON", help="where it begins, instead of power-up")
+    parser.add_argument("--parts-before", type=int, default=0, metavar="N", help="clamped on it already")
     options = parser.parse_args()
     machine = load_machine(options.machine).machine
     true = plant_named(options.plant, machine, options.seed, options.clamping_sd, mounted_by_hand=True)
-    placed = options.placed
+    placed, true = options.placed, replace(true, parts_before=options.parts_before)
     true = true if placed is None else begun_at(true, placed)
     lathe = SimulatedLathe(machine, true, blind=options.blind)
     if placed is not None:

@@ -87,6 +87,11 @@ class SimulatedLathe:
         self._dials = ShopDials(true) if blind else None
         self._debt_cycles = 0.0
 
+    @property
+    def parts(self) -> int:
+        """How many blanks were clamped on it so far."""
+        return self._floor.parts
+
     def connect(self) -> Port:
         """Connect a host. Raises LinkError: `link.refused`, the cable is cut."""
         if self.lines.cut:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.session.cut.simulated_parts import next_part
 from console.session.data.learned_store import asked_for, store
 from console.session.data.made_parts import cuts_of, parts_made
 from console.session.errors import SessionError
@@ -32,6 +33,7 @@ from console.session.station.progress import CutStage
 from console.session.station.state import Armed, MeasuredPart, StationState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
+from drivers.simulator.plant.which_lathe import WhichLathe
 from profiles.compensations.learned import LearnedCompensation, model_again
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, write_trace
@@ -113,6 +115,22 @@ def learned(shop: Shop) -> LearnedCompensation:
     return version
 
 
+def test_a_command_on_the_same_lathe_cuts_the_part_after_those_of_the_screens(shop: Shop) -> None:
+    lathe, names = WhichLathe(plant="steady", seed=SEED), (shop.job.job.name, shop.machine.machine.name)
+    assert next_part(shop.data, *names, lathe) == 1
+    shop.armed()
+    assert next_part(shop.data, *names, lathe) == 2
+    shop.floor.do(Disarm())
+    shop.armed()
+    assert next_part(shop.data, *names, lathe) == 2, "the same blank, armed once more"
+    shop.floor.do(Disarm())
+    shop.floor.sim.mount(shop.job.job)
+    shop.armed()
+    assert next_part(shop.data, *names, lathe) == 3
+    assert next_part(shop.data, "another", names[1], lathe) == 1
+    assert next_part(shop.data, None, names[1], lathe) == 3
+
+
 @pytest.mark.long
 def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
     shop: Shop, console: Console, tmp_path: Path
@@ -191,6 +209,8 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
     assert shop.refused(compensation=one, loaded=replace(shop.job, sha256="f" * 64)) == ["learned.job_changed"]
     real = replace(one, holds_for=replace(one.holds_for, simulated=False))
     assert "learned.elsewhere" in shop.refused(compensation=real)
+    other = replace(one, holds_for=replace(one.holds_for, lathe="steady, seed 12"))
+    assert "learned.other_lathe" in shop.refused(compensation=other)
     assert shop.refused(stage=Stage.PARTIAL, strategy=Strategy.PAPER) == ["stage.strategy"]
     beyond = replace(one.path.target, amplitude_um=80.0)
     (file,) = shop.data.glob("learned/**/version-*.json")

@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.cli.commands import build
+from console.cli.machine.run_request import requested
 from console.session.cut.compensated import chosen_problems, using, with_accepted
 from console.session.data.learned_store import accepted
+from console.session.station.reaching import reach
 from console.session.work import opened
+from console.text.catalogue import load
+from drivers.link.address import SimulatedAddress
+from drivers.link.tracing import Tracing
 from profiles.store import load_job, load_machine
 from tests.system.lathe_sites import compact_text
 
@@ -34,23 +41,49 @@ def machine(tmp_path: Path) -> str:
     return str(path)
 
 
-def test_each_command_cuts_the_next_part_and_the_first_can_be_had_again(
-    console: Console, ring: str, job_file: JobFile, machine: str, tmp_path: Path
-) -> None:
-    def cut(*words: str) -> tuple[int, float]:
+@pytest.fixture
+def cut(console: Console, ring: str, machine: str) -> Callable[..., tuple[int, float]]:
+    """Cut a part without compensation; return its number and its roundness."""
+
+    def one(*words: str) -> tuple[int, float]:
         found = console("run", ring, "--machine", machine, *SIX, "--strategy", "none", "--json", *words).json
         assert (found["lathe"]["plant"], found["lathe"]["seed"], found["lathe"]["parts"]) == ("realistic", 6, 1)
         return found["lathe"]["part"], found["before"]["RONt_um"]
 
+    return one
+
+
+def test_each_command_cuts_the_next_part(cut: Callable[..., tuple[int, float]]) -> None:
+    (one, first_um), (two, second_um) = cut(), cut()
+    assert (one, two) == (1, 2) and first_um != second_um
+
+
+@pytest.mark.long
+def test_the_first_can_be_had_again_and_what_was_refused_has_taken_none(
+    console: Console,
+    ring: str,
+    job_file: JobFile,
+    machine: str,
+    tmp_path: Path,
+    data_folder: Path,
+    cut: Callable[..., tuple[int, float]],
+) -> None:
     job_file(cut_length_mm="0.3", feed_mm_per_rev="0.1")
     assert console("run", ring, "--machine", machine, *SIX).code == 1, "too short: no blank was clamped for it"
     job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")
-    (one, first_um), (two, second_um) = cut(), cut()
-    assert (one, two) == (1, 2) and first_um != second_um
+    one, first_um = cut()
+    assert one == 1
     assert cut("--lathe-part", "1") == (1, first_um)
     assert cut("--data", str(tmp_path / "fresh")) == (1, first_um), "of another data folder: its own history"
+    data, there = data_folder / "trilobe", SimulatedAddress(plant="realistic", seed=6, goes_on=True)
+    for address, parts in ((there, 1), (replace(there, goes_on=False), 0), (replace(there, seed=7), 0)):
+        reached = reach(load_machine(machine), address, data, Tracing(None, ""))
+        try:
+            assert reached.shop is not None and (reached.shop.parts, reached.shop.name[:9]) == (parts, "realistic")
+        finally:
+            reached.close()
     said = console("run", ring, "--machine", machine, *SIX, "--strategy", "none")
-    assert "realistic, seed 6: part 3 of this job" in said.out and "--lathe-part 1" in said.out
+    assert "realistic, seed 6: part 2 of this job" in said.out and "--lathe-part 1" in said.out
 
 
 def test_a_number_needs_a_lathe_that_can_be_had_again(console: Console, ring: str) -> None:
@@ -83,23 +116,12 @@ def learned(console: Console, ring: str, machine: str, tmp_path: Path) -> str:
 def test_what_another_lathe_has_taught_is_refused_with_both_named(
     console: Console, ring: str, machine: str, learned: str, language: str, other: str
 ) -> None:
-    words = (
-        "run",
-        ring,
-        "--machine",
-        machine,
-        "--strategy",
-        "cam",
-        "--compensation",
-        "newest",
-        "--lang",
-        language,
-    )
-    said = console(*words, "--sim", "--plant", "realistic", "--seed", "9")
+    words = ["run", ring, "--machine", machine, "--strategy", "cam", "--compensation", "newest"]
+    said = console(*words, "--sim", "--plant", "realistic", "--seed", "9", "--lang", language)
     assert (said.code, said.out) == (1, "") and other in said.err
     assert "realistic, seed 6" in said.err and "realistic, seed 9" in said.err and "--seed" in said.err
-    same = console(*words, *SIX, "--json")
-    assert same.code == 0, same
+    there = requested(build(load("en")).parse_args([*words, *SIX]))
+    assert there.plan.compensation == 1
 
 
 def test_a_screen_on_another_lathe_sets_it_aside_and_does_not_arm_with_it(

@@ -65,7 +65,7 @@ def _take(options: Namespace, text: Catalogue) -> None:
     words = ["console", "run", options.job, "--sim"]
     if true is not None:  # a seed that was not given was drawn
         words += ["--plant", options.plant or DEFAULT_PLANT, "--seed", str(true.seed)]
-    words += [] if options.lathe_part is None else ["--lathe-part", str(options.lathe_part)]
+    words += [] if parts is None else ["--lathe-part", str(parts.part)]
     words += [] if options.clamping_sd is None else ["--clamping-sd", f"{options.clamping_sd:g}"]
     command = shlex.join([*words, "--strategy", options.strategy, "--fingerprint", options.out])
     count, file = len(readings.angle_deg), printable(options.out)

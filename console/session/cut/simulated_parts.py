@@ -19,13 +19,16 @@ TIMEOUT_S = 1.0
 _HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"
 _NEXT = """
 SELECT max(json_extract(setup, '$.lathe.part') + json_extract(setup, '$.lathe.parts')) FROM runs
-WHERE simulated = 1 AND job = ? AND machine = ?
+WHERE simulated = 1 AND machine = ? AND coalesce(?, job) = job
 AND json_extract(setup, '$.lathe.plant') = ? AND json_extract(setup, '$.lathe.seed') = ? AND EXISTS (
-    SELECT 1 FROM events WHERE events.run_id = runs.run_id
-    AND events.kind = 'step' AND json_extract(events.data, '$.step') = 'align'
+    SELECT 1 FROM events WHERE events.run_id = runs.run_id AND (
+        events.kind = 'armed' OR (events.kind = 'step' AND json_extract(events.data, '$.step') = 'align')
+    )
 )
 """
-"""A blank is clamped as the machine is aligned: what was refused before that has taken none."""
+"""A command clamps a blank as it aligns the machine, on the screens it is there before a cut is armed: what was
+refused earlier has taken none.
+"""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,15 +44,15 @@ class LatheParts:
         return {"plant": self.lathe.plant, "seed": self.lathe.seed, "part": self.part, "parts": self.parts}
 
 
-def next_part(data: Path, job: str, machine: str, lathe: WhichLathe) -> int:
-    """Return the number of the next part of a job on a lathe, from 1: after all that were clamped there.
+def next_part(data: Path, job: str | None, machine: str, lathe: WhichLathe) -> int:
+    """Return the number of the next part of a job (None: of any) on a lathe, from 1: after all clamped there.
 
     Raises SessionError: `record.unreadable`; as `rows`.
     """
     try:
         if not rows(data, _HAS_SETUP, (), TIMEOUT_S):
             return 1
-        ((following,),) = rows(data, _NEXT, (job, machine, lathe.plant, lathe.seed), TIMEOUT_S)
+        ((following,),) = rows(data, _NEXT, (machine, job, lathe.plant, lathe.seed), TIMEOUT_S)
     except sqlite3.Error as error:
         raise record_error("record.unreadable", data / FILE_NAME, error) from error
     return int(following or 1)

@@ -43,6 +43,10 @@ class Shop(Workshop, Protocol):
 
     name: str
 
+    @property
+    def parts(self) -> int:
+        """How many blanks were clamped on it so far."""
+
     def truth(self) -> Truth:
         """Return what is so at the lathe, for a debrief."""
 

@@ -37,6 +37,7 @@ from drivers.link.tapping import TappedLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
+from drivers.simulator.plant.which_lathe import which_lathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
@@ -142,7 +143,7 @@ def reach(
     with ExitStack() as opened:
         process: SimulatorProcess | None = None
         if isinstance(address, SimulatedAddress):
-            process = _started(loaded.path, address)
+            process = _started(loaded, address, data)
             opened.callback(process.close)
             address = process.address
         link, reopening = _renewable(address, process)
@@ -183,16 +184,28 @@ def _friction_of(loaded: LoadedMachine, data: Path, *, simulated: bool) -> Calla
     return found
 
 
-def _started(path: Path, address: SimulatedAddress) -> SimulatorProcess:
+def _started(loaded: LoadedMachine, address: SimulatedAddress, data: Path) -> SimulatorProcess:
     """Start the simulated lathe of a profile. Raises LinkError: `simulator.not_started`."""
     return SimulatorProcess.start(
-        path,
+        loaded.path,
+        parts_before=_parts_before(loaded, address, data),
         seed=address.seed,
         plant=address.plant,
         clamping_sd_percent=address.clamping_sd_percent,
         blind=address.blind,
         placed=address.placed,
     )
+
+
+def _parts_before(loaded: LoadedMachine, address: SimulatedAddress, data: Path) -> int:
+    """Return how many parts a lathe that goes on has had; 0 where the record does not say: a screen must open."""
+    if not address.goes_on or address.seed is None:
+        return 0
+    from console.session.cut.simulated_parts import next_part
+
+    with suppress(OSError, ProblemError):
+        return next_part(data, None, loaded.machine.name, which_lathe(address.plant, address.seed)) - 1
+    return 0
 
 
 def _owning(lathe: Lathe, address: str, data: Path) -> Owning:

@@ -35,6 +35,7 @@ class SimulatorProcess:
     def __init__(self, child: Child, address: SerialAddress, name: str = "") -> None:
         """Use `start` instead."""
         self.address, self.name = address, name
+        self.parts = 0  # clamped so far
         self._child = child
         self._over = ""
         self._frozen: dict[str, FrozenCopy] = {}
@@ -51,12 +52,13 @@ class SimulatorProcess:
         clamping_sd_percent: float | None = None,
         blind: bool = False,
         placed: Placed | None = None,
+        parts_before: int = 0,
     ) -> SimulatorProcess:
         """Start a simulator of the machine profile in a file and wait until it accepts connections.
 
         Chuck and tool are mounted at random, and the simulated hardware is that of `plant` (see `plant_named`);
         with a `seed`, the same each time. A `blind` one shows dials instead of the truth. It begins at power-up,
-        or as it is `placed`.
+        or as it is `placed`, and goes on with the draws of its parts after `parts_before`.
 
         Raises LinkError: `simulator.not_started`.
         """
@@ -65,6 +67,7 @@ class SimulatorProcess:
         arguments += ["--clamping-sd", repr(clamping_sd_percent)] if clamping_sd_percent is not None else []
         arguments += ["--blind"] if blind else []
         arguments += [] if placed is None else ["--placed", placed_text(placed)]
+        arguments += ["--parts-before", str(parts_before)] if parts_before else []
         arguments += [] if seed is None else ["--seed", str(seed)]
         child: Child | None = None
         try:
@@ -75,11 +78,14 @@ class SimulatorProcess:
             reason = child.end(error) if child else plain(error)
             where = printable(str(machine_path))
             raise LinkError(Problem(code="simulator.not_started", where=where, value=reason)) from error
-        return cls(child, SerialAddress(device=device), name)
+        started = cls(child, SerialAddress(device=device), name)
+        started.parts = parts_before
+        return started
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for a job. Raises LinkError: `simulator.gone`, `simulator.refused`."""
         self._ask("mount", job={key: value for key, value in asdict(job).items() if value is not None})
+        self.parts += 1
 
     def measure(self) -> Trace:
         """Release the part; take its trace. Raises LinkError: `simulator.gone`; `simulator.refused`, no part."""

@@ -35,6 +35,12 @@ def which_lathe(plant: str, seed: int) -> WhichLathe:
     return WhichLathe(plant=plant, seed=seed)
 
 
+def lathe_named(lathe: str) -> WhichLathe | None:
+    """Return the lathe of such a text; None where all lathes of its plant are alike, or it is unknown."""
+    plant, _, seed = lathe.rpartition(NAMED_SEED)
+    return WhichLathe(plant=plant, seed=int(seed)) if plant else None
+
+
 def options_of(lathe: str) -> tuple[str, ...]:
     """Return the options that lead to a lathe by its text; none where its plant is a file, or it is unknown."""
     plant, _, seed = lathe.partition(NAMED_SEED)

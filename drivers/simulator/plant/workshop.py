@@ -105,7 +105,7 @@ class SimulatedWorkshop:
         self._clampings, self._blanks = true.chance("clampings"), true.chance("blanks")
         self._fingers = true.chance("fingers")
         self._pressed: tuple[Job, float, float] | None = None  # the job, both forces of its clamping over its own
-        self._parts = true.parts_before  # clamped since the machine was cold
+        self.parts = true.parts_before  # clamped since the machine was cold
         self._pass_over(true.parts_before)
         self.watch = CollisionWatch(true.jaw_face_mm, true.jaw_outer_radius_mm)
         self._part: Workpiece | None = None
@@ -143,8 +143,8 @@ class SimulatedWorkshop:
             growth_per_mm=growth_per_mm,
             form=true.form(self._blanks),
         )
-        self._path.drifted_mm = true.drifted_mm(self._parts)
-        self._parts += 1
+        self._path.drifted_mm = true.drifted_mm(self.parts)
+        self.parts += 1
         self._past_middle_mm = tuple(fraction * job.cut_length_mm for fraction in SECTIONS)
         sections_mm = [middle_mm + past_mm for past_mm in self._past_middle_mm]
         stock = self._stock(blank, job)
