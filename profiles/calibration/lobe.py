@@ -160,7 +160,7 @@ def _missing(header: TraceHeader) -> Iterable[str]:
     if header.direction is None:
         yield f"# direction: {' | '.join(DIRECTIONS)}"
     if header.start_mark != INDEX and header.jaw_1_deg is None:
-        yield f"# start_mark: {INDEX} | jaw 1"
+        yield f"# start_mark: {INDEX} | jaw 1 (or # jaw_1_deg: NUMBER)"
 
 
 def _warnings(fit: LobeFit, header: TraceHeader, job: Job) -> Iterable[Problem]:

@@ -11,7 +11,7 @@ from console.text.catalogue import load
 
 
 def part(ront_um: float) -> LearnedPart:
-    return SimpleNamespace(roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={})  # type: ignore[return-value]
+    return SimpleNamespace(roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={}, clamped=None)  # type: ignore[return-value]
 
 
 def said(*ront_um: float) -> list[tuple[str, str, str, str]]:

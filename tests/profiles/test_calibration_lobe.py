@@ -59,7 +59,8 @@ def test_sizes_are_told_to_what_a_gauge_resolves() -> None:
 
 
 def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
-    direction, mark = "# direction: spindle | cw | ccw", "# start_mark: spindle index | jaw 1"
+    direction = "# direction: spindle | cw | ccw"
+    mark = "# start_mark: spindle index | jaw 1 (or # jaw_1_deg: NUMBER)"
     metas: tuple[tuple[dict[str, str], str], ...] = (
         ({}, f"{direction}, {mark}"),
         ({"direction": "cw"}, mark),
