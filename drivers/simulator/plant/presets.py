@@ -136,7 +136,8 @@ def plant_named(
     plant = IDEAL if name_or_path == MOUNTED else name_or_path
     values, where = _values(plant, number)
     true = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
-    true = replace(true, seed=number, lathe=which_lathe(plant, number))
+    drawn_by_seed = _values(plant, number + 1)[0] != values
+    true = replace(true, seed=number, lathe=which_lathe(plant, number, drawn=drawn_by_seed))
     if clamping_sd_percent is not None:
         true = replace(true, clamping_force_spread=clamping_sd_percent / 100.0)
     return set_up_by_hand(true, machine, Random(number)) if by_hand else true

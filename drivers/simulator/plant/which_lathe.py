@@ -17,22 +17,27 @@ NAMED_SEED = ", seed "
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WhichLathe:
-    """One simulated lathe: its `plant`, of a file with the beginning of its hash, and its seed."""
+    """One simulated lathe: its `plant`, of a file with the beginning of its hash, and its seed.
+
+    Where the file of a plant draws nothing from the seed its lathes are `alike`, and one.
+    """
 
     plant: str
     seed: int
+    alike: bool = False
 
     def __str__(self) -> str:
-        return self.plant if self.plant in ALIKE else f"{self.plant}{NAMED_SEED}{self.seed}"
+        return self.plant if self.alike or self.plant in ALIKE else f"{self.plant}{NAMED_SEED}{self.seed}"
 
 
-def which_lathe(plant: str, seed: int) -> WhichLathe:
-    """Return which lathe a plant (a name or a file that can be read) and a seed are."""
+def which_lathe(plant: str, seed: int, *, drawn: bool = True) -> WhichLathe:
+    """Return which lathe a plant (a name or a file that can be read) and a seed are; `drawn`: the seed tells."""
+    alike = False
     if plant.endswith(".toml"):
         path = Path(plant)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        plant = f"{printable(path.name)} {digest[:HASH_DIGITS]}"
-    return WhichLathe(plant=plant, seed=seed)
+        plant, alike = f"{printable(path.name)} {digest[:HASH_DIGITS]}", not drawn
+    return WhichLathe(plant=plant, seed=seed, alike=alike)
 
 
 def lathe_named(lathe: str) -> WhichLathe | None:
