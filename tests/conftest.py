@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import gc
 import os
+import signal
 import sys
 from collections import Counter
 from collections.abc import Generator
@@ -62,7 +63,11 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_sessionstart(session: pytest.Session) -> None:
-    """Make the folder of what all processes of this run remember: the workers begin behind it, and inherit it."""
+    """Make the folder of what all processes of this run remember: the workers begin behind it, and inherit it.
+
+    Under `nohup` a hang-up is ignored, and what is started here would ignore it, too: tests expect it to end.
+    """
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
     if hasattr(session.config, "workerinput"):
         return
     folder = session.config._tmp_path_factory.getbasetemp() / "remembered"  # type: ignore[attr-defined]
