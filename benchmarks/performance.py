@@ -24,8 +24,8 @@ python -m benchmarks --rounds {rounds} --page
 ```
 
 writes this page; what was not run is not in it, and what was run again has replaced its tables (`--add`). A figure
-with `x` is a ratio to a baseline of the same run, and can be compared between machines; the others belong to this one:
-{machine}, {day}.
+with `x` is a ratio to a baseline of the same run, and can be compared between machines; the others belong to
+this one: {machine}, {day}.
 What is computed from seeds is the same in each round. Of several rows the worst counts. What each benchmark
 measures, against what, and what its figures mean is in [benchmarks/README.md](../benchmarks/README.md).
 """
