@@ -201,6 +201,8 @@ def start(context: StationContext, _: Start) -> None:
         context.tell(armed=None)
         raise SessionError(Problem(code="session.not_armed"))
     context.started = armed
+    if context.commissioned is not None and armed.plan.program.tables:
+        context.commissioned.switched_tables()
     context.tell(armed=None, cut=None, cut_done=False, measured=None)
     watched = _Watched(context, armed)
     context.seen = watched.publish

@@ -23,6 +23,7 @@ from console.session.trial.explained import trial_note
 from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
+from drivers.cutting.tables import SWITCH
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
@@ -52,6 +53,7 @@ class Commissioned:
         self._client, self._heartbeat, self._machine = client, heartbeat, machine
         self._data, self._simulated = data, simulated
         self.fingerprint: Fingerprint | None = None
+        self._own = frozenset[str]()
 
     def take_fingerprint(self) -> None:
         """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
@@ -72,6 +74,13 @@ class Commissioned:
         if known is not None:
             configuration = replace(known.configuration, settings={**known.configuration.settings, **values})
             self.fingerprint = replace(known, configuration=configuration)
+
+    def switched_tables(self) -> None:
+        """Take the switch of tables for our own: a cut by a table was begun, and a stop leaves it on.
+
+        Whoever has left it on, arming refuses, and says how it is switched off (`cut.table_on`).
+        """
+        self._own = frozenset((SWITCH,))
 
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now."""
@@ -98,7 +107,7 @@ class Commissioned:
         if before is None:
             return (Problem(code="alignment.not_verified"),)
         now = read_fingerprint(self._client, self._machine, dialect, before)
-        return fingerprint_problems(before, now, ours(self._machine, dialect))
+        return fingerprint_problems(before, now, ours(self._machine, dialect) | self._own)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -82,7 +82,8 @@ class AskKeys:
         if action == "align.go":
             return self._against_go(view)
         if self.is_open and action in _NOT_MEANWHILE:
-            return (Problem(code="screen.entry_open", key=KEYS[action]),)
+            closing = KEYS["align.clamping" if self.asked in CLAMPING else "align.goto"]
+            return (Problem(code="screen.entry_open", key=KEYS[action], value=closing),)
         if not self.is_open or action != "align.take":
             return ()
         if self.asked in TARGETS:
