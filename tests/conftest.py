@@ -65,9 +65,11 @@ def pytest_configure(config: pytest.Config) -> None:
 def pytest_sessionstart(session: pytest.Session) -> None:
     """Make the folder of what all processes of this run remember: the workers begin behind it, and inherit it.
 
-    Under `nohup` a hang-up is ignored, and what is started here would ignore it, too: tests expect it to end.
+    Under `nohup` a hang-up is ignored, and what is started here would ignore it, too: tests expect it to end. A
+    handler is not inherited, and this process lives on.
     """
-    signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+        signal.signal(signal.SIGHUP, lambda *_: None)
     if hasattr(session.config, "workerinput"):
         return
     folder = session.config._tmp_path_factory.getbasetemp() / "remembered"  # type: ignore[attr-defined]

@@ -14,7 +14,7 @@ from profiles.problem import ProblemError
 LOGGED = frozenset(
     {
         None,  # the screens
-        *("run", "doctor", "controller", "identify", "health", "tune"),
+        *("run", "retract", "doctor", "controller", "identify", "health", "tune"),
         *("simulator", "metrics", "mtconnect", "mqtt", "ship"),
         *("watch", "study"),
     }
@@ -46,7 +46,7 @@ def carried_out(command: Callable[[], int], options: Namespace, words: Sequence[
             if is_logged:
                 _note(options, "refused  " + "; ".join(each.facts for each in error.problems), is_warning=True)
             raise
-        except SystemExit as ended:  # wrong usage that the command has told
+        except SystemExit as ended:  # wrong usage that the command has reported
             code = ended.code if isinstance(ended.code, int) else FAILED
             raise
         except (KeyboardInterrupt, BrokenPipeError) as ended:  # or nobody reads on, as behind `head`

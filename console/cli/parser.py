@@ -22,11 +22,14 @@ _WORDING = {
 """Messages of argparse, and our sentence for each."""
 
 
+UNKNOWN = 80  # columns
+
+
 class _Formatter(argparse.HelpFormatter):
     """Formatter whose usage prefix is in the operator's language."""
 
     def __init__(self, prog: str) -> None:
-        """Take the width for which argparse would import `shutil`."""
+        """Set the width, so that argparse need not import `shutil`."""
         super().__init__(prog, width=columns() - 2)
 
     def add_usage(self, usage: Any, actions: Any, groups: Any, prefix: str | None = None) -> None:
@@ -43,9 +46,6 @@ def columns() -> int:
         return os.get_terminal_size(1 if sys.__stdout__ is None else sys.__stdout__.fileno()).columns or UNKNOWN
     except (ValueError, OSError):  # closed, or no terminal
         return UNKNOWN
-
-
-UNKNOWN = 80  # columns
 
 
 class Parser(argparse.ArgumentParser):
@@ -90,6 +90,6 @@ class Parser(argparse.ArgumentParser):
     def _named(self, facts: dict[str, str]) -> dict[str, str]:
         """Return what a sentence names; a missing action with those there are."""
         for action in self._actions:
-            if action.metavar == facts["value"] and action.choices:
+            if action.choices and action.metavar == facts.get("value", ""):
                 facts["value"] += f" ({', '.join(map(str, action.choices))})"
         return facts

@@ -12,8 +12,7 @@ from contextlib import contextmanager
 from types import FrameType
 
 from console.session.errors import Interrupted
-
-ENDING_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+from drivers.ending_signals import ENDING_SIGNALS
 
 _UNHANDLED = (signal.SIG_DFL, signal.default_int_handler)
 
@@ -59,7 +58,10 @@ def ended_by_signals() -> Iterator[None]:
 
 @contextmanager
 def held_back() -> Iterator[None]:
-    """Hold back signals that ask this process to end, for what takes no time and has to be whole."""
+    """Hold back signals that ask this process to end, for what takes no time and has to be whole.
+
+    It holds in this thread and in those that it starts. Python handles a signal that another thread takes, too.
+    """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING_SIGNALS)
     try:
         yield
@@ -68,4 +70,8 @@ def held_back() -> Iterator[None]:
 
 
 def _raise(number: int, _: FrameType | None) -> None:
-    raise Interrupted(has_come(number))
+    """End the command; a terminal that closes sends more than one, and only a person hurries what ends already."""
+    is_first = that_came() is None
+    name = has_come(number)
+    if is_first or number == signal.SIGINT:
+        raise Interrupted(name)

@@ -9,8 +9,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from types import FrameType
 
-from console.session.ending_signal import ENDING_SIGNALS, has_come
+from console.session.ending_signal import has_come
 from console.session.errors import Interrupted
+from drivers.ending_signals import ENDING_SIGNALS
 from drivers.lathe.stop import StopPath
 
 LEAVE_WITHIN_S = 6.0

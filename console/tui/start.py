@@ -20,7 +20,7 @@ from console.session.alarm_notes import AlarmNotes
 from console.session.appearance import Appearance, appearance_of
 from console.session.configuration import KEYS, Configuration
 from console.session.data.calibrated_chuck import calibrated_or_stated
-from console.session.ending_signal import ENDING_SIGNALS, has_come
+from console.session.ending_signal import has_come
 from console.session.errors import SessionError
 from console.session.flight.notes import Inbox, Kind
 from console.session.flight.recorded_control import RecordedControl
@@ -37,6 +37,7 @@ from console.tui.keymap import PageName
 from console.tui.lesson_start import begun
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
 from drivers.clock import TrainingClock
+from drivers.ending_signals import ENDING_SIGNALS
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.link.tracing import Tracing
 from profiles.problem import Problem, ProblemError

@@ -68,12 +68,12 @@ class Configuration:
     misplaced_buffer: Problem | None = None
     no_programs: tuple[int, ...] = ()
 
+    user_words: UserWords | None = None
+
     @property
     def sought_programs(self) -> tuple[int, ...]:
         """The numbers under which whoever compares or restores has to look for programs, beside the usual ones."""
         return tuple(sorted({*self.programs, *self.no_programs}))
-
-    user_words: UserWords | None = None
 
     @property
     def dialect(self) -> Dialect:

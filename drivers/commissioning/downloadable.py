@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from drivers.commissioning.downloading import sendable
-from drivers.commissioning.own_variables import own_variables_written
+from drivers.commissioning.own_variables import OwnVariables
 from drivers.pmac.buffer_text import BufferKind, SourceText, TextBuffer
 from drivers.pmac.client import LINE_LIMIT
+from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.listing import stored_line, stored_plc_lines
 from drivers.pmac.language.plc_statements import link_plc
@@ -19,18 +20,18 @@ from profiles.problem import Problem
 SHOWN = 60  # characters of a line that a sentence names
 
 
-def refusals(source: SourceText, where: str) -> tuple[Problem, ...]:
-    """Return why the buffers of a text `where` are not sent, each with its line; none if they may be."""
+def refusals(source: SourceText, where: str, family: str) -> tuple[Problem, ...]:
+    """Return why the buffers of a text `where` are not sent to a `family`, each with its line; none: they may be."""
     if not source.buffers and not source.outside:
         return (Problem(code="download.nothing", where=where),)
     outside = (
         Problem(code="download.outside", where=where, key=line.place.named, value=printable(line.text, SHOWN))
         for line in source.outside
     )
-    return (*outside, *_of_buffers(source.buffers, where))
+    return (*outside, *_of_buffers(source.buffers, where, OwnVariables(DIALECTS[family])))
 
 
-def _of_buffers(buffers: Iterable[TextBuffer], where: str) -> Iterator[Problem]:
+def _of_buffers(buffers: Iterable[TextBuffer], where: str, own: OwnVariables) -> Iterator[Problem]:
     seen = set[str]()
     for buffer in buffers:
         code = _opened_wrongly(buffer, seen)
@@ -39,8 +40,8 @@ def _of_buffers(buffers: Iterable[TextBuffer], where: str) -> Iterator[Problem]:
         seen.add(buffer.name)
         yield from _unsendable(buffer, where)
         for line in buffer.lines:
-            if own := own_variables_written(buffer.kind, line.text):
-                key, value = line.place.named, ", ".join(own)
+            if written := own.written(buffer.kind, line.text):
+                key, value = line.place.named, ", ".join(written)
                 yield Problem(code="download.own_variables", where=where, key=key, value=value)
 
 

@@ -13,13 +13,10 @@ from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import replied_number
 from drivers.pmac.language.text import format_number
-from drivers.pmac.reserved import OWNER
+from drivers.pmac.reserved import OWN_VARIABLES
 
 VALUES_A_LINE = 200  # a third of a second at 9600 baud where most are 0
 TIMEOUT_S = 20.0  # 200 long numbers take 4 s at 9600 baud
-
-OURS = range(OWNER, 1024)
-"""P-variables of this program."""
 
 _VALUE = re.compile(r"((?:&\d+)?[PQM]\d+)=(-?[\d.]+)")
 _ZERO = re.compile(r"(?:&\d+)?[PQM]\d+\.\.\d+=0")
@@ -74,9 +71,9 @@ def order_of(name: str) -> tuple[str, int, int]:
 def _ranges(dialect: Dialect, pointers: Iterable[int]) -> Iterator[tuple[str, str, range]]:
     """Yield what is kept: the system in front of the letter, the letter, and a range without a gap."""
     every = dialect.highest_index + 1
-    yield "", "P", range(OURS.start)
-    if OURS.stop < every:
-        yield "", "P", range(OURS.stop, every)
+    yield "", "P", range(OWN_VARIABLES.start)
+    if OWN_VARIABLES.stop < every:
+        yield "", "P", range(OWN_VARIABLES.stop, every)
     for system in dialect.numbers(Scope.SYSTEM):
         yield f"&{system}", "Q", range(every)
     first = 0

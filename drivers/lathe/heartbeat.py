@@ -161,7 +161,7 @@ class Heartbeat:
 
     def lapse(self) -> DriverError:
         """Stop guarding, and return the problem to report: the controller has ended what was guarded."""
-        self.guarding, self._lapsed = False, self._lapse
+        self.guarding, self._lapsed = False, self._lapse_problem
         return DriverError(self._lapsed)
 
     def loss(self, lost: int) -> Problem | None:
@@ -170,11 +170,11 @@ class Heartbeat:
         `heartbeat.lapsed` is of a motion of this console, `heartbeat.lost` of one before it.
         """
         if self._lapsed is None and lost:
-            return self._lapse if self.guarding else lost_problem(lost)
+            return self._lapse_problem if self.guarding else lost_problem(lost)
         return self._lapsed
 
     @property
-    def _lapse(self) -> Problem:
+    def _lapse_problem(self) -> Problem:
         return Problem(code=LAPSED, where=self._client.link.address)
 
     def forgo(self) -> None:

@@ -33,5 +33,5 @@ STOPPED_BY = 1011
 SIGNATURE = 1012
 """P-variables up to P1023: who controls the machine, in words (`drivers/lathe/signature.py`)."""
 
-OWN_VARIABLES = frozenset(range(OWNER, SIGNATURE + 12))
-"""P1000 to P1023: those, and those of the heartbeat; no program of somebody else may write them."""
+OWN_VARIABLES = range(OWNER, 1024)
+"""P-variables: those, and those of the heartbeat."""

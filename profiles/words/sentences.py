@@ -131,13 +131,13 @@ def entries_of(text: str) -> dict[str, str]:
         entries[key] = _ESCAPE.sub(lambda escape: _ESCAPES[escape[0]], entries[key])
     others = [line for _, _, line in found if line]
     if any('"""' in line or not line.startswith('"') for line in others):
-        return toml(text)
+        return _toml(text)
     if others:  # with another escape, or a comment behind it
-        entries |= toml("\n".join(others))
+        entries |= _toml("\n".join(others))
     return entries
 
 
-def toml(text: str) -> dict[str, Any]:
+def _toml(text: str) -> dict[str, Any]:
     """Read a TOML text, with what no start of a command has to wait for."""
     import tomllib
 

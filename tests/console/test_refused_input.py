@@ -158,3 +158,5 @@ def test_every_command_explains_itself(console: Console, command: str, language:
 def test_a_missing_or_unknown_word_is_answered_with_what_there_is(console: Console) -> None:
     refused(console("records"), "ACTION (list, show, debrief, export)", "--help", code=2)
     refused(console("run", "any", "--colour", "red"), "--colour red", "--help", code=2)
+    refused(console("run", "any", "--seed"), "--seed needs a value", code=2)
+    refused(console("jobs", "--machine"), "--machine needs a value", code=2)

@@ -95,7 +95,11 @@ def test_another_size_language_unit_or_page_is_shown() -> None:
     rows.of(before, 100, 30)
     text.speak("ko")  # the texts of a screen change in place
     assert rows.of(before, 100, 30) == frame_rows(before, 100, 30) != english
+    behind = Problem(code="machine.left_behind", key="tool", value="0.3 mm", limit="0.15 mm")
+    alarmed = replace(before, state=replace(before.state, alarms=raised((), behind, Priority.HIGH, 1.0)))
+    metric = rows.of(alarmed, 100, 30)
     text.measure("inch")
+    assert rows.of(alarmed, 100, 30) == frame_rows(alarmed, 100, 30) != metric
     shows(before, replace(before, page=PageName.ALIGN))
 
 

@@ -49,7 +49,7 @@ def read_source(path: Path, machine: MachineProfile, text: Catalogue) -> Source:
         findings = checked_file(path, machine).findings
     outside = {line.place for line in read.source.outside}
     problems = [
-        *refusals(read.source, where),
+        *refusals(read.source, where, machine.controller.family),
         *(
             Problem(code="download.check", where=where, value=finding_sentence(finding, text))
             for finding in findings

@@ -15,8 +15,9 @@ import warnings
 from collections.abc import Callable
 from typing import NoReturn
 
+from drivers.ending_signals import ENDING_SIGNALS
+
 ASKED = b"!"  # asks a frozen copy for one that goes on; it comes back with the end of a channel to that one
-_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 _FIRST = 3  # number of the first file that is none of the standard streams
 
 GoOn = Callable[[socket.socket], None]
@@ -43,8 +44,9 @@ def _wait(line: socket.socket, go_on: GoOn) -> NoReturn:
     try:
         _let_go_of_files(line)
         signal.set_wakeup_fd(-1)
-        for number in _SIGNALS:
-            signal.signal(number, signal.SIG_DFL)
+        for number in ENDING_SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as under `nohup`
+                signal.signal(number, signal.SIG_DFL)
         while line.recv(1) == ASKED:
             channel, far = socket.socketpair()
             if not _fork():

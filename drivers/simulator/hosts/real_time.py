@@ -14,6 +14,8 @@ import time
 from collections.abc import Callable, Collection, Coroutine
 from typing import Any, Protocol
 
+from drivers.ending_signals import ENDING_SIGNALS
+
 TICK_S = 0.005
 MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended process loses the rest
 SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
@@ -48,7 +50,7 @@ class Ending:
     def __init__(self) -> None:
         self.number: int | None = None
         self._came = asyncio.Event()
-        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        for number in ENDING_SIGNALS:
             if signal.getsignal(number) is not signal.SIG_IGN:  # as under `nohup`
                 asyncio.get_running_loop().add_signal_handler(number, self._set, number)
 
