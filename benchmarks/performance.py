@@ -17,7 +17,7 @@ PAGE = Path(__file__).parents[1] / "docs" / "performance.md"
 
 HEADING = """# Performance
 
-Each goal with its figure, from a run of every benchmark:
+The goals of the benchmarks that were run, each with its figure:
 
 ```
 python -m benchmarks --rounds {rounds} --page

@@ -39,9 +39,9 @@ class _Formatter(argparse.HelpFormatter):
 
 def columns() -> int:
     """Return the width of the terminal: that in COLUMNS, else that of the output, 80 where it is none."""
-    told = os.environ.get("COLUMNS", "")
-    if told.isdecimal() and int(told) > 0:
-        return int(told)
+    width = os.environ.get("COLUMNS", "")
+    if width.isdecimal() and int(width) > 0:
+        return int(width)
     try:
         return os.get_terminal_size(1 if sys.__stdout__ is None else sys.__stdout__.fileno()).columns or UNKNOWN
     except (ValueError, OSError):  # closed, or no terminal

@@ -197,7 +197,7 @@ class ConsoleApp(ListeningApp):
         self.call_after_refresh(self.tick)
 
     def appear(self, appearance: Appearance) -> None:
-        """Show everything in another appearance, from now on; pages in another language or unit are made anew."""
+        """Show everything in another appearance, from now on; pages in another language or unit are made again."""
         before, self.ui.appearance = self.ui.appearance, appearance
         if (appearance.language, appearance.units) != (before.language, before.units):
             for name in [name for name in self._pages if name is not self._page]:

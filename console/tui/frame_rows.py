@@ -45,7 +45,7 @@ class FrameRows:
 
 
 class MadeRows:
-    """The lines of the rows as they were made last: they are made anew when anything that they show is new."""
+    """The lines of the rows as they were made last: they are made again when anything that they show changes."""
 
     def __init__(self) -> None:
         self._made_for: tuple[object, ...] = ()

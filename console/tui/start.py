@@ -164,7 +164,7 @@ def _lathe_of(attempt: Attempt | None) -> SimulatedAddress | None:
 
 
 def _going_on(requested: SimulatedAddress | None) -> SimulatedAddress | None:
-    """Return the lathe that was asked for, with its next part: only that of a lesson begins anew each time."""
+    """Return the lathe that was asked for, with its next part: only that of a lesson starts over each time."""
     return None if requested is None else replace(requested, goes_on=True)
 
 

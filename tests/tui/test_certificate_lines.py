@@ -73,7 +73,7 @@ def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
     shown, unseen = rows_of(oval, beyond)
     assert shown[:3] == ["2", "10.96", "11.66"]
     assert unseen[:3] == ["13", "1.42", "too"], "no height, and the bound that was judged"
-    assert "tool off" not in certificate_lines(PART, load("en"))[1], "a part alone does not show it"
+    assert "tool error" not in certificate_lines(PART, load("en"))[1], "a part alone does not show it"
 
 
 def test_an_order_that_the_tool_hardly_follows_is_not_called_too_uncertain() -> None:
