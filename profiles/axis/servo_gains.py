@@ -141,9 +141,14 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
     }
 
 
+def stated_settings(machine: MachineProfile) -> dict[str, float]:
+    """Return the variables of a machine; a notch filter of the tool that it does not state is none."""
+    return {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
+
+
 def present_settings(machine: MachineProfile, names: Iterable[str]) -> dict[str, float]:
-    """Return variables of a machine by these names; a notch filter that it does not state is none."""
-    stated = {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
+    """Return variables of a machine by these names."""
+    stated = stated_settings(machine)
     return {name: stated[name] for name in names}
 
 

@@ -16,7 +16,7 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.axis.sampled_loop import loop_of
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, station_of
-from tests.console.test_gain_trial import HALF_KP, order, record
+from tests.console.test_gain_trial import HALF_KP, NO_FILTER, order, record
 
 
 def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Path) -> None:
@@ -24,7 +24,10 @@ def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Pat
     owner = station_of(SimulatedLathe(machine), tmp_path)
     owner.do(order(HALF_KP))
     assert owner.refusals == []
-    variables = {**machine.controller.variables, **HALF_KP}
+    # A profile without a filter states none: what the controller has of it is 0.
+    entered = {name: value for name, value in HALF_KP.items() if name not in NO_FILTER}
+    assert not NO_FILTER.keys() & machine.controller.variables.keys()
+    variables = {**machine.controller.variables, **entered}
     adopted = replace(machine, controller=replace(machine.controller, variables=variables))
     place = TrialPlace(client=owner.client, machine=adopted, data=tmp_path, simulated=False)
     trial = standing_trial(place, settle=True)

@@ -25,6 +25,7 @@ from drivers.identification.tool_loop import ToolLoop
 from drivers.link.address import without_options
 from drivers.pmac.client import PmacClient
 from profiles.axis.sampled_loop import loop_of
+from profiles.axis.servo_gains import stated_settings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
 
@@ -71,7 +72,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
     if kept is None:
         return None
     file, trial = kept
-    found, stated = place.gains.read(), place.machine.controller.variables
+    found, stated = place.gains.read(), stated_settings(place.machine)
     ended = records.RESTORED if matches(found, trial.before) else ""
     if matches(found, trial.proposed) and all(stated.get(name) == value for name, value in found.items()):
         if doubts := air_doubts(place, trial, found):
