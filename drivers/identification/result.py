@@ -11,7 +11,7 @@ from typing import Any
 from drivers.cutting.strategy import Strategy
 from drivers.pmac.dialect import dialect_of
 from profiles.axis.response import ServoResponse, identified_response
-from profiles.axis.servo_gains import stated_settings
+from profiles.axis.servo_gains import complete_settings, stated_settings
 from profiles.machine import MachineProfile
 from profiles.own_values import positive, read_own
 from profiles.problem import Problem
@@ -121,7 +121,7 @@ def unfit_problems(
     pairs = [("strategy", identified.path.value, path.value), ("machine", origin.machine, machine.name)]
     if dialect is None or dialect.name != controller.family:
         pairs.append(("controller", origin.kind, controller.family))
-    for name, gain in origin.gains.items():
+    for name, gain in complete_settings(machine, origin.gains).items():
         if name in stated:
             pairs.append((name, f"{gain:.10g}", f"{stated[name]:.10g}"))
     if not math.isclose(origin.servo_period_ms, controller.servo_period_ms, rel_tol=SAME_PERIOD):

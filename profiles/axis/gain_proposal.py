@@ -17,6 +17,7 @@ from profiles.axis.servo_gains import (
     notch_settings,
     present_settings,
     variables_from_gains,
+    with_variables,
 )
 from profiles.machine import MachineProfile
 
@@ -76,8 +77,7 @@ def rounded_proposal(
     settings: dict[str, float] = {**variables_from_gains(machine, asked), **notch_settings(machine, asked.notch)}
     if any(settings[f"I{motor}{number}"] > most for number, most in MOST_SETTINGS.items()):
         return None
-    controller = replace(machine.controller, variables={**machine.controller.variables, **settings})
-    rounded = gains_from_variables(replace(machine, controller=controller))
+    rounded = gains_from_variables(with_variables(machine, settings))
     shown = {name: value for name, value in settings.items() if not name.endswith(("34", "35"))}
     after = loop_margins(replace(loop, gains=rounded))
     return GainProposal(

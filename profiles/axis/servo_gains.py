@@ -13,7 +13,7 @@ changes the gain at rest, so that the gains of a profile in V/m, which are those
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from profiles.axis.notch import NO_NOTCH, Notch
@@ -141,9 +141,23 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
     }
 
 
+def complete_settings(machine: MachineProfile, settings: Mapping[str, float]) -> dict[str, float]:
+    """Return settings with a notch filter of the tool: one that they do not name is none.
+
+    So what was kept of a loop before there was a filter is not taken for one with the present filter.
+    """
+    return {**notch_settings(machine, NO_NOTCH), **settings}
+
+
 def stated_settings(machine: MachineProfile) -> dict[str, float]:
-    """Return the variables of a machine; a notch filter of the tool that it does not state is none."""
-    return {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
+    """Return the variables of a machine, with a notch filter of the tool."""
+    return complete_settings(machine, machine.controller.variables)
+
+
+def with_variables(machine: MachineProfile, settings: Mapping[str, float]) -> MachineProfile:
+    """Return a machine with these variables in the place of its own."""
+    variables = {**machine.controller.variables, **settings}
+    return replace(machine, controller=replace(machine.controller, variables=variables))
 
 
 def present_settings(machine: MachineProfile, names: Iterable[str]) -> dict[str, float]:

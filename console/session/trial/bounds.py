@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from console.session.trial.known_loop import KnownLoop, with_settings
+from console.session.trial.known_loop import KnownLoop
 from console.session.trial.notch_evidence import misread
 from console.session.trial.standing import is_filter
 from drivers.identification.tool_loop import ToolLoop
@@ -26,7 +26,7 @@ from profiles.axis.margins import (
 from profiles.axis.notch import MOST, Reading
 from profiles.axis.notch_design import fails_otherwise
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.axis.servo_gains import gains_from_variables
+from profiles.axis.servo_gains import gains_from_variables, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -48,7 +48,7 @@ def bound_problems(
         return (Problem(code="trial.unmodelled", key=", ".join(read.unmodelled)),)
     if beyond := tuple(_beyond(settings)):
         return beyond
-    tuned = replace(known.loop, gains=gains_from_variables(with_settings(read.on(machine), settings)))
+    tuned = replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
     stated = replace(known.loop, gains=gains_from_variables(machine))
     hidden = () if softer(stated, tuned.gains) else hidden_problems(known, tuned)
     return *_margin_problems(loop_margins(tuned)), *hidden
@@ -63,7 +63,7 @@ def filter_problems(
 
     Raises ProfileError: the profile lacks a gain.
     """
-    gains = gains_from_variables(with_settings(read.on(machine), settings))
+    gains = gains_from_variables(with_variables(read.on(machine), settings))
     if not gains.notch or known.reading is Reading.STATED:
         return ()
     if gains.notch == known.loop.gains.notch and softer(known.loop, gains):
@@ -92,7 +92,9 @@ def margins_with(
     machine: MachineProfile, read: ToolLoop, settings: Mapping[str, float], known: KnownLoop
 ) -> LoopMargins:
     """Return the margins of the loop that was read with other gains; ProfileError: the profile lacks a gain."""
-    return loop_margins(replace(known.loop, gains=gains_from_variables(with_settings(read.on(machine), settings))))
+    return loop_margins(
+        replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
+    )
 
 
 def hidden_problems(known: KnownLoop, tuned: SampledLoop) -> tuple[Problem, ...]:

@@ -6,7 +6,6 @@ A wrong reading is told from the numbers of a test; with a first filter the loop
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.health import kept_tests
@@ -15,7 +14,7 @@ from profiles.arrays import floats
 from profiles.axis.notch import Reading
 from profiles.axis.notch_reading import MOST_LEFT, GatheredStep, left_by, reading_of
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
-from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.axis.servo_gains import NOTCH_NUMBERS, complete_settings, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
@@ -42,7 +41,8 @@ def seen_reading(
             continue
         if firmware != NO_FIRMWARE and firmware != (test.origin.version, test.origin.kind):
             continue
-        loop = loop_of(with_gains(machine, test), plant)
+        tested = with_variables(machine, complete_settings(machine, test.origin.gains))
+        loop = loop_of(tested, plant)
         if loop.gains.notch:
             left = left_by(loop, gathered(test))
             reading = reading_of(left)
@@ -81,9 +81,3 @@ def gathered(test: HealthResult) -> GatheredStep:
     return GatheredStep(
         reference_um=floats(test.reference_um), position_um=floats(test.position_um), step_um=test.step_um
     )
-
-
-def with_gains(machine: MachineProfile, test: HealthResult) -> MachineProfile:
-    """Return the machine with the gains of a test."""
-    controller = replace(machine.controller, variables={**machine.controller.variables, **test.origin.gains})
-    return replace(machine, controller=controller)

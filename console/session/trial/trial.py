@@ -15,7 +15,7 @@ from console.session.errors import SessionError, refuse
 from console.session.trial import record as records
 from console.session.trial.air_proof import unproven
 from console.session.trial.bounds import bound_problems, filter_problems, margins_with
-from console.session.trial.known_loop import KnownLoop, known_loop, with_settings
+from console.session.trial.known_loop import KnownLoop, known_loop
 from console.session.trial.record import TrialRecord, open_trial, plant_of, values_of
 from console.session.trial.standing import Gains, StandingTrial, listed, stands_problem
 from drivers.commissioning.gains import refuse_unready
@@ -25,7 +25,7 @@ from drivers.identification.tool_loop import ToolLoop
 from drivers.link.address import without_options
 from drivers.pmac.client import PmacClient
 from profiles.axis.sampled_loop import loop_of
-from profiles.axis.servo_gains import stated_settings
+from profiles.axis.servo_gains import stated_settings, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
 
@@ -88,7 +88,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
 
 def air_doubts(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> tuple[Problem, ...]:
     """Return why the gains that stand are not proven in air, on the axis that they were bounded by."""
-    loop = loop_of(with_settings(place.machine, found), plant_of(trial.axis))
+    loop = loop_of(with_variables(place.machine, found), plant_of(trial.axis))
     return unproven(place.data, place.machine.name, found, loop, simulated=place.simulated)
 
 
