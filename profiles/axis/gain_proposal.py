@@ -29,11 +29,12 @@ MOST_SETTINGS = {30: 32_767, 31: 32_767, 32: 32_767, 33: 8_388_607}
 class GainProposal:
     """Proposed gains, as rounded to the whole numbers that the controller takes, and margins before and after.
 
-    Both margins are those of the same plant. `settings` are Ix30 to Ix33 and the notch filter Ix36 to Ix39 by
-    name, `present` those of the machine.
+    Both margins are those of the same plant. `factor` is that of Kd, None where the present gains have none, as
+    with Ix30 = 0. `settings` are Ix30 to Ix33 and the notch filter Ix36 to Ix39 by name, `present` those of the
+    machine.
     """
 
-    factor: float
+    factor: float | None
     gains: PidGains
     settings: dict[str, float]
     present: dict[str, float]
@@ -80,8 +81,9 @@ def rounded_proposal(
     rounded = gains_from_variables(with_variables(machine, settings))
     shown = {name: value for name, value in settings.items() if not name.endswith(("34", "35"))}
     after = loop_margins(replace(loop, gains=rounded))
+    kd, present_kd = rounded.at_rest.kd_v_s_per_m, loop.gains.at_rest.kd_v_s_per_m
     return GainProposal(
-        factor=rounded.at_rest.kd_v_s_per_m / loop.gains.at_rest.kd_v_s_per_m,
+        factor=kd / present_kd if present_kd else None,
         gains=rounded,
         settings=shown,
         present=present_settings(machine, shown),

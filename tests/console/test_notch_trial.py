@@ -17,6 +17,7 @@ from console.session.station.commands import (
     DisableDrives,
     EnableDrives,
     Home,
+    Recover,
     RevertGains,
 )
 from console.session.trial.known_loop import known_loop
@@ -30,8 +31,9 @@ from profiles.axis.sampled_loop import FlexibleMode, loop_of, profile_plant
 from profiles.axis.servo_gains import notch_settings, with_variables
 from profiles.axis.step_figures import modelled
 from profiles.store import load_machine
+from tests.console.cable import cabled, until_back
 from tests.console.consoles import MACHINE, WithStation, station_of
-from tests.console.test_gain_trial import BEFORE, record, stands
+from tests.console.test_gain_trial import BEFORE, cut_after, record, stands
 from tests.tui.tune_stage import health, identified, swept
 
 LATHE = load_machine(MACHINE).machine
@@ -133,6 +135,29 @@ def test_a_filter_is_written_read_back_kept_on_disk_and_taken_back(tmp_path: Pat
     assert again.alarms == ["trial.active"], "known after a restart"
     state = again.do(RevertGains())
     assert (again.refusals, state.trial, stands(again)) == ([], None, BEFORE)
+
+
+def test_a_link_that_is_cut_while_a_filter_is_written_leaves_a_loop_without_force(tmp_path: Path) -> None:
+    """With n1 of it alone the loop would turn its sign at rest: Ix30 is 0 until all of it is there."""
+    fill(tmp_path)
+    owner, cable = cabled(SimulatedLathe(LATHE), tmp_path, load_machine(MACHINE))
+    owner.context.client = owner.client
+    cut_after(owner, cable, b"I136=-1.09375")
+    owner.do(ApplyGains(settings=tuple(FIRST.items()), shown=tuple(BEFORE.items())))
+    cable.mend()
+    until_back(owner)
+    trial = owner.state.trial
+    assert trial is not None and not trial.whole
+    assert (stands(owner)["I130"], stands(owner)["I136"], stands(owner)["I137"]) == (0.0, -1.09375, 0.0)
+    (told,) = trial.problems
+    assert (told.code, told.limit) == ("trial.stands", "I130 0")
+    owner.do(Recover())
+    owner.do(EnableDrives())
+    assert owner.refusals[0] == "trial.stands"
+    found = proposed(owner, tmp_path)
+    assert found.proposal is not None and found.proposal.factor is None, "there is no loop to compare with"
+    owner.do(RevertGains())
+    assert (owner.refusals, owner.alarms, stands(owner)) == ([], [], BEFORE)
 
 
 def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_path: Path) -> None:
