@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from console.session.data.health import kept_tests
@@ -27,23 +25,15 @@ from console.session.trial.trial import TrialPlace, air_doubts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.axis.notch import Notch, Reading
-from profiles.axis.sampled_loop import FlexibleMode, loop_of, profile_plant
 from profiles.axis.servo_gains import notch_settings, with_variables
-from profiles.axis.step_figures import modelled
 from profiles.store import load_machine
 from tests.console.cable import cabled, until_back
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.test_gain_trial import BEFORE, cut_after, record, stands
-from tests.tui.tune_stage import health, identified, swept
+from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
 LATHE = load_machine(MACHINE).machine
-BENDS = FlexibleMode(hz=300.0, damping_ratio=0.02, fraction=0.4)
 PUBLISHED = {name: value for name, value in LATHE.controller.variables.items() if "I130" <= name <= "I135"}
-
-
-FIRST = {"I130": 610.0, "I131": 1657.0, "I132": 1657.0, "I133": 743.0}
-FIRST |= {"I136": -1.09375, "I137": 0.908203125, "I138": -0.169921875, "I139": 0.134765625}
-"""A first filter with its gains, as it is designed for this tool."""
 
 
 def fill(data: Path) -> None:
@@ -51,8 +41,7 @@ def fill(data: Path) -> None:
 
     It names Ix30 to Ix35 alone, as before there was a filter.
     """
-    loop = loop_of(LATHE, replace(profile_plant(LATHE), modes=(BENDS,)))
-    store(data, identified(swept(loop, 0.0002), PUBLISHED, simulated=False))
+    store(data, identified(swept(bending(), 0.0002), PUBLISHED, simulated=False))
 
 
 def station_with(data: Path, reading: Reading, friction_n: float = 0.0) -> WithStation:
@@ -105,18 +94,10 @@ def test_a_response_from_before_there_was_a_filter_is_of_a_loop_without_one(tmp_
 
 def test_a_health_test_from_before_there_was_a_filter_tells_nothing_of_how_it_is_read(tmp_path: Path) -> None:
     """The same step with the filter named tells it: its numbers are those of the filtered loop."""
-    machine, plant = with_variables(LATHE, FIRST), replace(profile_plant(LATHE), modes=(BENDS,))
-    at_ms = np.arange(-20, 200) * LATHE.controller.servo_period_ms
-    reference = np.clip(5.0 * at_ms, 0.0, 25.0)
-    made = replace(
-        health(),
-        times_ms=tuple(at_ms.tolist()),
-        reference_um=tuple(reference.tolist()),
-        position_um=tuple(modelled(loop_of(machine, plant), reference).tolist()),
-    )
+    machine, plant = with_variables(LATHE, FIRST), bending().plant
 
     def read_from(gains: dict[str, float]) -> Reading | None:
-        store_test(tmp_path, replace(made, origin=replace(made.origin, gains=gains)))
+        store_test(tmp_path, filter_test(gains))
         return seen_reading(machine, tmp_path, plant, NO_FIRMWARE, simulated=True)
 
     assert read_from({name: value for name, value in FIRST.items() if name <= "I135"}) is None

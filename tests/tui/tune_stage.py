@@ -8,14 +8,17 @@ from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
+
 from console.session.data.health import store as store_test
 from console.session.data.identified import store
 from drivers.cutting.strategy import Strategy
 from drivers.identification.health_result import HealthModel, HealthResult
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.tool_loop import MODELLED, UNMODELLED, ToolLoop
-from profiles.axis.sampled_loop import SampledLoop, loop_of
-from profiles.axis.step_figures import ErrorFigures, StepFigures
+from profiles.axis.sampled_loop import FlexibleMode, SampledLoop, loop_of, profile_plant
+from profiles.axis.servo_gains import with_variables
+from profiles.axis.step_figures import ErrorFigures, StepFigures, modelled
 from tests.tui.stage import MACHINE, lathe
 
 
@@ -111,6 +114,32 @@ def health(*, rise_ms: float | None = 4.9, date: str = "2026-01-01T10:00:00.000Z
         times_ms=tuple(times_ms),
         reference_um=tuple(25.0 if t > 0 else 0.0 for t in times_ms),
         position_um=tuple(moved),
+    )
+
+
+BENDS = FlexibleMode(hz=300.0, damping_ratio=0.02, fraction=0.4)
+FIRST = {"I130": 610.0, "I131": 1657.0, "I132": 1657.0, "I133": 743.0}
+FIRST |= {"I136": -1.09375, "I137": 0.908203125, "I138": -0.169921875, "I139": 0.134765625}
+"""A first filter with its gains, as it is designed for a tool with this mode."""
+
+
+def bending(settings: Mapping[str, float] | None = None) -> SampledLoop:
+    """The loop of the paper's tool where it bends, by the profile or with these settings."""
+    machine = with_variables(lathe().machine, settings or {})
+    return loop_of(machine, replace(profile_plant(machine), modes=(BENDS,)))
+
+
+def filter_test(gains: Mapping[str, float] = FIRST) -> HealthResult:
+    """The step of a health test with the first filter, on a tool that bends; `gains` are those that it names."""
+    loop, made = bending(FIRST), health()
+    at_ms = 1000.0 * loop.period_s * np.arange(-20, 200)
+    reference = np.clip(5.0 * at_ms, 0.0, 25.0)
+    return replace(
+        made,
+        origin=replace(made.origin, gains=gains),
+        times_ms=tuple(at_ms.tolist()),
+        reference_um=tuple(reference.tolist()),
+        position_um=tuple(modelled(loop, reference).tolist()),
     )
 
 
