@@ -12,7 +12,7 @@ from drivers.errors import DriverError
 from drivers.identification.tool_loop import ToolLoop, read_tool_loop
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_constant
-from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.axis.servo_gains import NOTCH_NUMBERS, is_filter
 from profiles.problem import Problem
 
 WRITTEN = (30, 31, 32, 33, *NOTCH_NUMBERS)
@@ -97,5 +97,8 @@ class ToolGains:
 
 
 def matches(found: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
-    """Whether every wanted gain was found; a filter that nobody wrote down is none."""
-    return all(same(found.get(name, 0.0), value) for name, value in wanted.items())
+    """Whether every wanted gain was found; a filter that nobody wrote down is none, another gain is unknown."""
+    return all(
+        same(found[name], value) if name in found else is_filter(name) and value == 0.0
+        for name, value in wanted.items()
+    )

@@ -11,11 +11,11 @@ from dataclasses import dataclass, replace
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
 from profiles.axis.servo_gains import (
-    NOTCH_NUMBERS,
     PidGains,
     gains_from_variables,
     notch_settings,
     present_settings,
+    shown_names,
     variables_from_gains,
     with_variables,
 )
@@ -45,13 +45,8 @@ class GainProposal:
     @property
     def changes(self) -> tuple[tuple[str, float, float], ...]:
         """Names with present and proposed value; without the filter where neither has one."""
-        filtered = self.gains.notch or any(self.present[name] for name in self._filter)
-        shown = [name for name in self.settings if filtered or name not in self._filter]
+        shown = shown_names(self.settings, self.present)
         return tuple((name, self.present[name], self.settings[name]) for name in shown)
-
-    @property
-    def _filter(self) -> tuple[str, ...]:
-        return tuple(name for name in self.settings if int(name[-2:]) in NOTCH_NUMBERS)
 
 
 def scaled_gains(

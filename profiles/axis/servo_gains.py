@@ -23,6 +23,7 @@ from profiles.problem import Problem, ProfileError
 NOTCH_NUMBERS = (36, 37, 38, 39)
 """Ix36 to Ix39, the coefficients of the notch filter; what a profile does not state is 0."""
 
+_FILTER = tuple(str(number) for number in NOTCH_NUMBERS)
 _NEEDED_SUFFIXES = ("08", "09", "30", "31", "32", "33")
 
 
@@ -79,6 +80,17 @@ def meant_gains(machine: MachineProfile) -> PidGains:
     """Return the gains before the filter, and the filter, that the keys of the tool state."""
     gains, notch = eq9_gains(machine), stated_notch(machine)
     return replace(gains.scaled(1.0 / notch.at_rest), notch=notch) if notch.steady and notch else gains
+
+
+def is_filter(name: str) -> bool:
+    """Whether a name such as I136 is that of a coefficient of the notch filter."""
+    return name.endswith(_FILTER)
+
+
+def shown_names(*settings: Mapping[str, float]) -> list[str]:
+    """Return the names of gains as they are shown: without those of a notch filter where none of these has one."""
+    filtered = any(value for each in settings for name, value in each.items() if is_filter(name))
+    return [name for name in settings[0] if filtered or not is_filter(name)]
 
 
 def notch_from_variables(machine: MachineProfile) -> Notch:

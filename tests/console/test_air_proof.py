@@ -58,6 +58,9 @@ def test_a_tool_that_swings_or_overshoots_proves_nothing(
     loop = loop_of(load_machine(MACHINE).machine)
     found = unproven(tmp_path, made.origin.machine, made.origin.gains, loop, simulated=True)
     assert [problem.code for problem in found] == codes
+    assert "I160" not in made.origin.gains
+    unknown = unproven(tmp_path, made.origin.machine, {**made.origin.gains, "I160": 0.0}, loop, simulated=True)
+    assert [problem.code for problem in unknown] == ["trial.unproven"], "what a test does not name it did not have"
     other = {**made.origin.gains, "I130": 1.0}
     untried = unproven(tmp_path, made.origin.machine, other, loop, simulated=True)
     assert [problem.code for problem in untried] == ["trial.unproven"]

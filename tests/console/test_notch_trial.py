@@ -150,9 +150,16 @@ def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_
     settings = {**stiff, **notch_settings(LATHE, notch)}
     owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.notch_unsafe"] and stands(owner) == BEFORE
-    beyond = {**settings, "I138": 2.5}
+
+
+@pytest.mark.parametrize("value", [2.5, 2.0, -2.25])
+def test_a_coefficient_that_a_controller_takes_for_another_is_refused(tmp_path: Path, value: float) -> None:
+    """2 becomes -2 in its 24 bits (tests/drivers/test_notch_filter.py)."""
+    owner = station_with(tmp_path, Reading.STATED)
+    beyond = {**FIRST, "I138": value}
     owner.do(ApplyGains(settings=tuple(beyond.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.range"] and stands(owner) == BEFORE
+    assert ">= -2, < 2" in str(owner.state.refusals[0])
 
 
 @pytest.mark.long

@@ -12,7 +12,6 @@ from dataclasses import replace
 
 from console.session.trial.known_loop import KnownLoop
 from console.session.trial.notch_evidence import misread
-from console.session.trial.standing import is_filter
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import MOST_SETTINGS
 from profiles.axis.loop_design import softer, unseen_hz
@@ -23,10 +22,10 @@ from profiles.axis.margins import (
     LoopMargins,
     loop_margins,
 )
-from profiles.axis.notch import MOST, Reading
+from profiles.axis.notch import MOST, Reading, is_coefficient
 from profiles.axis.notch_design import fails_otherwise
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.axis.servo_gains import gains_from_variables, with_variables
+from profiles.axis.servo_gains import gains_from_variables, is_filter, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -81,10 +80,14 @@ def filter_problems(
 def _beyond(settings: Mapping[str, float]) -> Iterator[Problem]:
     """Yield the first setting that is no value of its variable."""
     for name, value in settings.items():
-        number = int(name[-2:])
-        least, most = (-MOST, MOST) if is_filter(name) else (0 if number in (32, 33) else 1, MOST_SETTINGS[number])
-        if not (least <= value <= most and (is_filter(name) or float(value).is_integer())):
-            yield Problem(code="trial.range", key=name, value=f"{value:g}", limit=f"{least:g}..{most:.7g}")
+        if is_filter(name):
+            fits, limit = is_coefficient(value), f">= {-MOST:g}, < {MOST:g}"
+        else:
+            number = int(name[-2:])
+            least, most = 0 if number in (32, 33) else 1, MOST_SETTINGS[number]
+            fits, limit = least <= value <= most and float(value).is_integer(), f"{least}..{most}"
+        if not fits:
+            yield Problem(code="trial.range", key=name, value=f"{value:g}", limit=limit)
             return
 
 
