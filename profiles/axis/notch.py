@@ -85,6 +85,10 @@ class Notch:
         """Return the response."""
         return complexes(np.polyval(self.above, z) / np.polyval(self.below, z))
 
+    def at_hz(self, hz: Floats, period_s: float) -> Complexes:
+        """Return the response at frequencies, run once in each period."""
+        return self.at(complexes(np.exp(2j * np.pi * hz * period_s)))
+
     def read_as(self, reading: Reading) -> Notch:
         """Return the filter that a controller makes of these coefficients by a reading."""
         found = self

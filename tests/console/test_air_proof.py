@@ -53,14 +53,15 @@ def test_a_tool_that_swings_or_overshoots_proves_nothing(
     position = np.array(made.position_um) + amplitude_um * np.sin(1.9 * np.array(made.times_ms))
     step = replace(made.step, overshoot_percent=overshoot)
     store(tmp_path, replace(made, position_um=tuple(position.tolist()), step=step))
-    (kept,) = kept_tests(tmp_path, made.origin.machine, 5)
+    (kept,) = kept_tests(tmp_path, MACHINE, 5)
     assert kept.result is not None
-    loop = loop_of(load_machine(MACHINE).machine)
-    found = unproven(tmp_path, made.origin.machine, made.origin.gains, loop, simulated=True)
+    machine = load_machine(MACHINE).machine
+    loop = loop_of(machine)
+    found = unproven(tmp_path, machine, made.origin.gains, loop, simulated=True)
     assert [problem.code for problem in found] == codes
     assert "I160" not in made.origin.gains
-    unknown = unproven(tmp_path, made.origin.machine, {**made.origin.gains, "I160": 0.0}, loop, simulated=True)
+    unknown = unproven(tmp_path, machine, {**made.origin.gains, "I160": 0.0}, loop, simulated=True)
     assert [problem.code for problem in unknown] == ["trial.unproven"], "what a test does not name it did not have"
     other = {**made.origin.gains, "I130": 1.0}
-    untried = unproven(tmp_path, made.origin.machine, other, loop, simulated=True)
+    untried = unproven(tmp_path, machine, other, loop, simulated=True)
     assert [problem.code for problem in untried] == ["trial.unproven"]

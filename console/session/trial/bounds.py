@@ -68,7 +68,7 @@ def filter_problems(
     if gains.notch == known.loop.gains.notch and softer(known.loop, gains):
         return ()
     if known.reading is not None:
-        names = misread(known.reading, str(machine.tool.motor))
+        names = misread(known.reading, machine.tool.motor)
         return (Problem(code="trial.other_reading", value=names),)
     if known.fit is None:
         return (unmeasured(known),)

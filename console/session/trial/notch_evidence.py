@@ -1,6 +1,6 @@
 """What health tests with a notch filter show of it: how the controller reads its coefficients.
 
-A wrong reading is told from the numbers of a test; with a first filter the loop is stable by each of them.
+A wrong reading shows in the numbers of a test; with a first filter the loop is stable by each of them.
 """
 
 from __future__ import annotations
@@ -51,14 +51,14 @@ def seen_reading(
     return None
 
 
-def filter_doubts(test: HealthResult, loop: SampledLoop) -> Iterator[Problem]:
-    """Yield why a test does not prove the filter of a loop; nothing where the loop has none."""
+def filter_doubts(test: HealthResult, loop: SampledLoop, motor: int) -> Iterator[Problem]:
+    """Yield why a test does not prove the filter of the loop of a motor; nothing where the loop has none."""
     if not loop.gains.notch:
         return
     left = left_by(loop, gathered(test))
     reading, value = reading_of(left), _percent(left[Reading.STATED])
     if reading is not None and reading is not Reading.STATED:
-        names = misread(reading, next(iter(test.origin.gains))[1:-2])
+        names = misread(reading, motor)
         yield Problem(code="trial.read_otherwise", key=names, value=value, limit=_percent(left[reading]))
     elif reading is None:
         yield Problem(code="trial.notch_undecided", value=value)
@@ -66,7 +66,7 @@ def filter_doubts(test: HealthResult, loop: SampledLoop) -> Iterator[Problem]:
         yield Problem(code="trial.disagrees", value=value, limit=f"<= {_percent(MOST_LEFT)}")
 
 
-def misread(reading: Reading, motor: str) -> str:
+def misread(reading: Reading, motor: int) -> str:
     """Return the names of the coefficients whose signs a controller reads otherwise."""
     numbers = {Reading.NUMERATOR: NOTCH_NUMBERS[:2], Reading.DENOMINATOR: NOTCH_NUMBERS[2:]}
     return ", ".join(f"I{motor}{number}" for number in numbers.get(reading, NOTCH_NUMBERS))

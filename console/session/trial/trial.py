@@ -89,7 +89,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
 def air_doubts(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> tuple[Problem, ...]:
     """Return why the gains that stand are not proven in air, on the axis that they were bounded by."""
     loop = loop_of(with_variables(place.machine, found), plant_of(trial.axis))
-    return unproven(place.data, place.machine.name, found, loop, simulated=place.simulated)
+    return unproven(place.data, place.machine, found, loop, simulated=place.simulated)
 
 
 def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> StandingTrial:
