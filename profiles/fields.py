@@ -50,8 +50,8 @@ _CONVERSIONS: Mapping[Kind, Callable[[Any], object]] = {Kind.NUMBER: float, Kind
 class Field:
     """One key: its kind and what it may hold.
 
-    `above` is an exclusive lower bound, `at_least` an inclusive one, `at_most` an inclusive upper one, all in
-    `unit`. A field with a `default` may be missing; an `optional` one, too, and is then None.
+    `above` is an exclusive lower bound, `at_least` an inclusive one, `below` an exclusive upper one, `at_most` an
+    inclusive one, all in `unit`. A field with a `default` may be missing; an `optional` one, too: it is then None.
     `table` is where a newly written file puts the key.
     `choices` are the words of a CHOICE, and of a TEXTS field the only members allowed. `longest` is the number of
     characters that a text may have.
@@ -62,6 +62,7 @@ class Field:
     unit: str = ""
     above: float | None = None
     at_least: float | None = None
+    below: float | None = None
     at_most: float | None = None
     choices: tuple[str, ...] = ()
     default: object = None
@@ -81,7 +82,7 @@ class Field:
             return " | ".join(self.choices)
         if self.kind in (Kind.TEXT, Kind.TEXTS):
             return f"<= {self.longest} characters, one line"
-        bounds = (("> ", self.above), (">= ", self.at_least), ("<= ", self.at_most))
+        bounds = (("> ", self.above), (">= ", self.at_least), ("< ", self.below), ("<= ", self.at_most))
         return " ".join(filter(None, (", ".join(f"{s}{b:g}" for s, b in bounds if b is not None), self.unit)))
 
 
@@ -132,7 +133,8 @@ def fault(field: Field, value: object) -> str:
         return "value.not_finite"
     above, least, most = field.above, field.at_least, field.at_most
     low = (above is not None and value <= above) or (least is not None and value < least)
-    if low or (most is not None and value > most):
+    high = (field.below is not None and value >= field.below) or (most is not None and value > most)
+    if low or high:
         return "value.out_of_range"
     return "value.too_small" if 0 < abs(value) < LEAST_MAGNITUDE else ""
 

@@ -68,6 +68,7 @@ def _travel(key: str) -> Field:
 
 
 NOTCH_KEYS = ("notch_n1", "notch_n2", "notch_d1", "notch_d2")
+"""Coefficients of 24 bits, as `profiles.axis.notch` has them: a controller takes 2 for -2."""
 
 SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
     {
@@ -103,10 +104,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _positive("wiper_land_mm", "mm", 10),
             _known("bus_voltage_v", "V", 1000),
             Field(key="name", kind=Kind.TEXT, default=""),
-            *(
-                Field(key=f"notch_{each}", at_least=-2, at_most=2, default=0.0)
-                for each in ("n1", "n2", "d1", "d2")
-            ),
+            *(Field(key=each, at_least=-2, below=2, default=0.0) for each in NOTCH_KEYS),
         ),
         "spindle": (
             _MOTOR,

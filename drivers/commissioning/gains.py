@@ -26,6 +26,7 @@ from profiles.axis.servo_gains import (
     meant_gains,
     notch_settings,
     stated_notch,
+    stated_settings,
     variables_from_gains,
 )
 from profiles.findings import Severity
@@ -46,16 +47,15 @@ class Write:
 
 def gain_checks(judged: Judged) -> list[Check]:
     """Check that the profile's gains of the tool agree with each other, and what the controller's mean."""
-    stated = judged.machine.controller.variables
-    gains = meant_gains(judged.machine)
-    meant: dict[str, float] = {**variables_from_gains(judged.machine, gains)}
+    stated = stated_settings(judged.machine)
+    meant: dict[str, float] = {**variables_from_gains(judged.machine, meant_gains(judged.machine))}
     differing = [name for name, value in meant.items() if name in stated and not _near(stated[name], value)]
     filters = notch_settings(judged.machine, stated_notch(judged.machine))
-    differing += [name for name, value in filters.items() if not same(stated.get(name, 0.0), value)]
+    differing += [name for name, value in filters.items() if not same(stated[name], value)]
     meant |= filters
     checks = []
     for name in differing:
-        found, wanted = format_constant(stated.get(name, 0.0)), format_constant(meant[name])
+        found, wanted = format_constant(stated[name]), format_constant(meant[name])
         checks.append(
             Check(Group.TOOL, "profile_gains", Severity.REFUSAL, "tool", variable=name, found=found, wanted=wanted)
         )

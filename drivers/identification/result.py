@@ -10,9 +10,8 @@ from typing import Any
 
 from drivers.cutting.strategy import Strategy
 from drivers.pmac.dialect import dialect_of
-from profiles.axis.notch import NO_NOTCH
 from profiles.axis.response import ServoResponse, identified_response
-from profiles.axis.servo_gains import notch_settings
+from profiles.axis.servo_gains import complete_settings, stated_settings
 from profiles.machine import MachineProfile
 from profiles.own_values import positive, read_own
 from profiles.problem import Problem
@@ -118,14 +117,13 @@ def unfit_problems(
     `where` is the file.
     """
     origin, controller = identified.origin, machine.controller
-    dialect, variables = dialect_of(origin.kind), controller.variables
+    dialect, stated = dialect_of(origin.kind), stated_settings(machine)
     pairs = [("strategy", identified.path.value, path.value), ("machine", origin.machine, machine.name)]
     if dialect is None or dialect.name != controller.family:
         pairs.append(("controller", origin.kind, controller.family))
-    unstated = dict.fromkeys(notch_settings(machine, NO_NOTCH), 0.0)
-    for name, gain in origin.gains.items():
-        if name in variables or name in unstated:
-            pairs.append((name, f"{gain:.10g}", f"{variables.get(name, 0.0):.10g}"))
+    for name, gain in complete_settings(machine, origin.gains).items():
+        if name in stated:
+            pairs.append((name, f"{gain:.10g}", f"{stated[name]:.10g}"))
     if not math.isclose(origin.servo_period_ms, controller.servo_period_ms, rel_tol=SAME_PERIOD):
         pairs.append(("servo_period_ms", f"{origin.servo_period_ms:.6g}", f"{controller.servo_period_ms:.6g}"))
     if simulated is not None:

@@ -12,24 +12,29 @@ from drivers.errors import DriverError
 from drivers.identification.tool_loop import ToolLoop, read_tool_loop
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.text import format_constant
-from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.axis.servo_gains import NOTCH_NUMBERS, is_filter
 from profiles.problem import Problem
 
 WRITTEN = (30, 31, 32, 33, *NOTCH_NUMBERS)
 """Ix30 to Ix33 and Ix36 to Ix39: what a proposal changes. Scales, integration mode, limits are never written."""
 
 
-def in_writing_order(found: Mapping[str, float], wanted: Mapping[str, float]) -> list[str]:
-    """Return names so that the loop is never more than both ends of the way, nor its filter unsteady.
+def in_writing_order(found: Mapping[str, float], wanted: Mapping[str, float]) -> list[tuple[str, float]]:
+    """Return names and values so that the loop is never more than both ends of the way, nor its filter unsteady.
 
-    The overall gain Ix30 goes first where it becomes less, else last; of the two coefficients of the poles the one
-    first that leaves them inside the unit circle beside the other, which is still the old one.
+    Where a coefficient of the filter changes, the overall gain Ix30 is 0 until all are written: with some of them
+    the filter may have more gain at rest than both ends have, or the other sign. Else Ix30 goes first where it
+    becomes less, and last where it does not. Of the two coefficients of the poles the one goes first that leaves
+    them inside the unit circle beside the other, which is still the old one.
     """
     names = list(wanted)
     scale, (n1, n2, d1, d2) = names[0], names[-4:]
     steady = abs(found[d2]) < 1.0 and abs(wanted[d1]) < 1.0 + found[d2]
-    ordered = [*names[1:-4], n1, n2, *((d1, d2) if steady else (d2, d1))]
-    return [scale, *ordered] if wanted[scale] <= found[scale] else [*ordered, scale]
+    ordered = [(name, wanted[name]) for name in (*names[1:-4], n1, n2, *((d1, d2) if steady else (d2, d1)))]
+    last = (scale, wanted[scale])
+    if any(wanted[name] != found[name] for name in (n1, n2, d1, d2)):
+        return [(scale, 0.0), *ordered, last]
+    return [last, *ordered] if wanted[scale] <= found[scale] else [*ordered, last]
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,6 +67,8 @@ class ToolGains:
     def write(self, values: Mapping[str, float]) -> None:
         """Write each value that differs, read it back, and read all of them once more at the end.
 
+        Where it ends early, Ix30 may be 0: a loop without force.
+
         Raises:
             RefusedError: `controller.drives_on`, `controller.program_running`; nothing was written.
             ControllerError: the controller refused a line; what was written before stands.
@@ -69,15 +76,19 @@ class ToolGains:
             LinkError: the link broke; whether its last line was executed is unknown.
         """
         found = self.read()
-        ordered = in_writing_order(found, values)
-        writes = tuple(self._write(name, values[name], found[name]) for name in ordered)
-        apply(self.client, self.client.dialect, [each for each in writes if each.wanted != each.found])
+        now, writes = dict(found), list[Write]()
+        for name, value in in_writing_order(found, values):
+            write = self._write(name, value, now[name])
+            now[name] = value
+            if write.wanted != write.found:
+                writes.append(write)
+        apply(self.client, self.client.dialect, writes)
         after = self.read()
-        for each, name in zip(writes, ordered, strict=True):
-            if not same(after[name], values[name]):
-                stands = format_constant(after[name])
+        for name, value in values.items():
+            if not same(after[name], value):
+                each = self._write(name, value, after[name])
                 raise DriverError(
-                    Problem(code="controller.not_taken", key=each.line, value=stands, limit=each.wanted)
+                    Problem(code="controller.not_taken", key=each.line, value=each.found, limit=each.wanted)
                 )
 
     def _write(self, name: str, value: float, found: float) -> Write:
@@ -86,5 +97,8 @@ class ToolGains:
 
 
 def matches(found: Mapping[str, float], wanted: Mapping[str, float]) -> bool:
-    """Whether every wanted gain was found; a filter that nobody wrote down is none."""
-    return all(same(found.get(name, 0.0), value) for name, value in wanted.items())
+    """Whether every wanted gain was found; a filter that nobody wrote down is none, another gain is unknown."""
+    return all(
+        same(found[name], value) if name in found else is_filter(name) and value == 0.0
+        for name, value in wanted.items()
+    )

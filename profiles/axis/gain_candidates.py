@@ -15,7 +15,7 @@ from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
 from profiles.axis.servo_gains import PidGains
 
-LOBE_ORDERS, PEAK_SHARE = (1, 2, 3), 0.25
+LOBE_ORDERS, PEAK_FRACTION = (1, 2, 3), 0.25
 LEAST_ANCHOR_PER_S = 300.0  # crossover of a rigid axis about which gains are tried at least, 1/s
 
 _LEAST_TURN_RAD = 0.25 * np.pi  # a stable loop turns by 90 to 180 deg, an unstable one back
@@ -31,6 +31,12 @@ class Candidates:
     kp: Floats
     ki: Floats
     kd: Floats
+
+    @classmethod
+    def of(cls, gains: PidGains) -> Candidates:
+        """Return one, alone; a filter of it is left out."""
+        kp, ki, kd = gains.kp_v_per_m, gains.ki_v_per_m_s, gains.kd_v_s_per_m
+        return cls(kp=floats([kp]), ki=floats([ki]), kd=floats([kd]))
 
     def only(self, chosen: NDArray[np.bool_]) -> Candidates:
         """Return those that are chosen."""
@@ -106,7 +112,7 @@ def yields(found: Candidates, plant: Complexes, loop: SampledLoop, hz: Floats, l
     free = np.abs(1.0 / (s * (s + loop.plant.damping_per_s)))
     compliance = free / np.abs(1.0 + opened(found, plant, hz, loop.period_s))
     at_lobe = [compliance[:, np.argmin(np.abs(hz - n * lobe_hz))] / n for n in orders]
-    return floats(np.sum(at_lobe, axis=0) + PEAK_SHARE * compliance.max(axis=1))
+    return floats(np.sum(at_lobe, axis=0) + PEAK_FRACTION * compliance.max(axis=1))
 
 
 def search_hz(loop: SampledLoop, lobe_hz: float, points: int, others: Sequence[AxisPlant] = ()) -> Floats:

@@ -11,12 +11,13 @@ from dataclasses import dataclass, replace
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
 from profiles.axis.servo_gains import (
-    NOTCH_NUMBERS,
     PidGains,
     gains_from_variables,
     notch_settings,
     present_settings,
+    shown_names,
     variables_from_gains,
+    with_variables,
 )
 from profiles.machine import MachineProfile
 
@@ -28,11 +29,12 @@ MOST_SETTINGS = {30: 32_767, 31: 32_767, 32: 32_767, 33: 8_388_607}
 class GainProposal:
     """Proposed gains, as rounded to the whole numbers that the controller takes, and margins before and after.
 
-    Both margins are those of the same plant. `settings` are Ix30 to Ix33 and the notch filter Ix36 to Ix39 by
-    name, `present` those of the machine.
+    Both margins are those of the same plant. `factor` is that of Kd, None where the present gains have none, as
+    with Ix30 = 0. `settings` are Ix30 to Ix33 and the notch filter Ix36 to Ix39 by name, `present` those of the
+    machine.
     """
 
-    factor: float
+    factor: float | None
     gains: PidGains
     settings: dict[str, float]
     present: dict[str, float]
@@ -43,13 +45,8 @@ class GainProposal:
     @property
     def changes(self) -> tuple[tuple[str, float, float], ...]:
         """Names with present and proposed value; without the filter where neither has one."""
-        filtered = self.gains.notch or any(self.present[name] for name in self._filter)
-        shown = [name for name in self.settings if filtered or name not in self._filter]
+        shown = shown_names(self.settings, self.present)
         return tuple((name, self.present[name], self.settings[name]) for name in shown)
-
-    @property
-    def _filter(self) -> tuple[str, ...]:
-        return tuple(name for name in self.settings if int(name[-2:]) in NOTCH_NUMBERS)
 
 
 def scaled_gains(
@@ -76,12 +73,12 @@ def rounded_proposal(
     settings: dict[str, float] = {**variables_from_gains(machine, asked), **notch_settings(machine, asked.notch)}
     if any(settings[f"I{motor}{number}"] > most for number, most in MOST_SETTINGS.items()):
         return None
-    controller = replace(machine.controller, variables={**machine.controller.variables, **settings})
-    rounded = gains_from_variables(replace(machine, controller=controller))
+    rounded = gains_from_variables(with_variables(machine, settings))
     shown = {name: value for name, value in settings.items() if not name.endswith(("34", "35"))}
     after = loop_margins(replace(loop, gains=rounded))
+    kd, present_kd = rounded.at_rest.kd_v_s_per_m, loop.gains.at_rest.kd_v_s_per_m
     return GainProposal(
-        factor=rounded.at_rest.kd_v_s_per_m / loop.gains.at_rest.kd_v_s_per_m,
+        factor=kd / present_kd if present_kd else None,
         gains=rounded,
         settings=shown,
         present=present_settings(machine, shown),

@@ -19,7 +19,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from profiles.arrays import Floats, complexes, floats
+from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.gain_candidates import (
     Candidates,
     all_candidates,
@@ -64,8 +64,7 @@ def designed_gains(
     """
     hz = search_hz(loop, lobe_hz, _POINTS)
     found = all_candidates(loop)
-    for plant, most in ((fit.plant, DESIGN_SENSITIVITY), *((each, MOST_SENSITIVITY) for each in fit.others)):
-        response = replace(loop, plant=plant).plant_response(hz)
+    for response, most in limited_plants(loop, fit, hz):
         found = found.only(sensitivity(found, response, hz, loop.period_s) <= most)
     response = loop.plant_response(hz)
     found = found.only(phase_margin_deg(found, response, hz, loop.period_s) >= LEAST_PHASE_MARGIN_DEG)
@@ -78,6 +77,12 @@ def designed_gains(
         if proposal is not None and holds_everywhere(loop, proposal.gains, proposal.after, fit):
             return proposal
     return None
+
+
+def limited_plants(loop: SampledLoop, fit: PlantFit, hz: Floats) -> tuple[tuple[Complexes, float], ...]:
+    """Return the response of the fitted plant and of each neighbour, each with the largest Ms it may have."""
+    limits = ((fit.plant, DESIGN_SENSITIVITY), *((each, MOST_SENSITIVITY) for each in fit.others))
+    return tuple((replace(loop, plant=plant).plant_response(hz), most) for plant, most in limits)
 
 
 def holds_everywhere(loop: SampledLoop, gains: PidGains, margins: LoopMargins, fit: PlantFit) -> bool:
@@ -123,14 +128,11 @@ def usual(loop: SampledLoop) -> bool:
 
 def measured_sensitivity(loop: SampledLoop, gains: PidGains, fit: PlantFit) -> float:
     """Return the largest |1 / (1 + L)| at the measured points, by the measured plant less its uncertainty."""
-    one = Candidates(
-        kp=floats([gains.kp_v_per_m]), ki=floats([gains.ki_v_per_m_s]), kd=floats([gains.kd_v_s_per_m])
-    )
     sure = fit.sd <= SURE_SD
     hz, measured = fit.hz[sure], fit.measured[sure]
     if gains.notch:
-        measured = complexes(measured * gains.notch.at(complexes(np.exp(2j * np.pi * hz * loop.period_s))))
-    return float(sensitivity(one, measured, hz, loop.period_s, fit.sd[sure])[0])
+        measured = complexes(measured * gains.notch.at_hz(hz, loop.period_s))
+    return float(sensitivity(Candidates.of(gains), measured, hz, loop.period_s, fit.sd[sure])[0])
 
 
 def _within(margins: LoopMargins, gain: float, sensitivity: float) -> bool:

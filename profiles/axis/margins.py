@@ -96,7 +96,7 @@ def is_stable(loop: SampledLoop) -> bool:
 
 def _unity_crossings(loop: SampledLoop, hz: Floats) -> list[tuple[float, float]]:
     """Return where |L| = 1, with the phase margin there in rad, within half a turn."""
-    found = _crossings(hz, lambda f: np.log(np.abs(loop.opened(f))))
+    found = _crossings(hz, lambda f: np.abs(loop.opened(f)) - 1.0)
     angles = np.angle(loop.opened(np.array(found)))
     return [
         (f, math.remainder(float(angle) - math.pi, 2.0 * math.pi)) for f, angle in zip(found, angles, strict=True)

@@ -20,8 +20,13 @@ from profiles.arrays import Complexes, Floats, complexes, floats
 RESOLUTION = 2.0**-10
 """Step of a proposed coefficient: exact in a fixed-point fraction of 24 bits, and in ten decimals of a reply."""
 
-MOST = 2.0  # below it a coefficient must stay, either way
+MOST = 2.0  # a coefficient is a fraction of 24 bits from -2 on, and below 2: a controller takes 2 for -2
 LEAST_AT_REST = 0.05  # a filter with less gain at rest than this, or turned round, is no notch
+
+
+def is_coefficient(value: float) -> bool:
+    """Whether a controller takes a value as it is."""
+    return -MOST <= value < MOST
 
 
 class Reading(StrEnum):
@@ -79,6 +84,10 @@ class Notch:
     def at(self, z: Complexes) -> Complexes:
         """Return the response."""
         return complexes(np.polyval(self.above, z) / np.polyval(self.below, z))
+
+    def at_hz(self, hz: Floats, period_s: float) -> Complexes:
+        """Return the response at frequencies, run once in each period."""
+        return self.at(complexes(np.exp(2j * np.pi * hz * period_s)))
 
     def read_as(self, reading: Reading) -> Notch:
         """Return the filter that a controller makes of these coefficients by a reading."""

@@ -18,7 +18,7 @@ from itertools import product
 
 import numpy as np
 
-from profiles.arrays import Complexes, Floats, complexes, floats
+from profiles.arrays import Complexes, Floats, complexes
 from profiles.axis.gain_candidates import (
     Candidates,
     all_candidates,
@@ -29,10 +29,9 @@ from profiles.axis.gain_candidates import (
     yields,
 )
 from profiles.axis.gain_proposal import GainProposal, rounded_proposal
-from profiles.axis.loop_design import DESIGN_SENSITIVITY, holds_everywhere, in_order
+from profiles.axis.loop_design import holds_everywhere, in_order, limited_plants
 from profiles.axis.margins import (
     LEAST_PHASE_MARGIN_DEG,
-    MOST_SENSITIVITY,
     is_stable,
     loop_margins,
     sensitivity_peak,
@@ -107,7 +106,6 @@ def _search(
     machine: MachineProfile, loop: SampledLoop, fit: PlantFit, lobe_hz: float, alone: GainProposal | None
 ) -> _Search:
     hz = search_hz(loop, lobe_hz, _POINTS, fit.others)
-    every = ((fit.plant, DESIGN_SENSITIVITY), *((plant, MOST_SENSITIVITY) for plant in fit.others))
     most = np.inf
     if alone is not None:
         most = LEAST_STIFFER * lobe_yield(replace(loop, gains=alone.gains), lobe_hz)
@@ -117,7 +115,7 @@ def _search(
         fit=fit,
         lobe_hz=lobe_hz,
         hz=hz,
-        plants=tuple((replace(loop, plant=plant).plant_response(hz), limit) for plant, limit in every),
+        plants=limited_plants(loop, fit, hz),
         candidates=all_candidates(loop, _EVERY),
         most_yield=most,
     )
@@ -136,8 +134,7 @@ def _notches(loop: SampledLoop, fit: PlantFit, *, proven: bool) -> Iterator[Notc
 def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[float, PidGains]]:
     """Yield the stiffest gains with a filter that hold on the grid, each with how far it yields."""
     period_s, hz = search.loop.period_s, search.hz
-    z, found = complexes(np.exp(2j * np.pi * hz * period_s)), search.candidates
-    filtered = notch.at(z) / notch.at_rest
+    found, filtered = search.candidates, notch.at_hz(hz, period_s) / notch.at_rest
     for place, (response, limit) in enumerate(search.plants):
         plant = complexes(filtered * response)
         found = found.only(sensitivity(found, plant, hz, period_s) <= limit)
@@ -172,10 +169,9 @@ def fails_otherwise(loop: SampledLoop, gains: PidGains, plants: Sequence[AxisPla
 def _safe_otherwise(search: _Search, notch: Notch, found: Candidates) -> Candidates:
     """Return the gains with which the loop has the reduced margin, and is stable on each plant, otherwise read."""
     period_s, hz = search.loop.period_s, search.hz
-    z = complexes(np.exp(2j * np.pi * hz * period_s))
     limits = (MOST_SENSITIVITY_OTHERWISE, *(np.inf for _ in search.fit.others))
     for reading in OTHER_READINGS:
-        filtered = notch.read_as(reading).at(z) / notch.at_rest
+        filtered = notch.read_as(reading).at_hz(hz, period_s) / notch.at_rest
         for (plant, _), limit in zip(search.plants, limits, strict=True):
             if not found.kp.size:
                 return found
@@ -189,8 +185,5 @@ def _safe_otherwise(search: _Search, notch: Notch, found: Candidates) -> Candida
 def lobe_yield(loop: SampledLoop, lobe_hz: float) -> float:
     """Return how far a loop yields to a lobed cut, in the units of `yields`."""
     hz, gains = search_hz(loop, lobe_hz, 10 * _POINTS), loop.gains
-    one = Candidates(
-        kp=floats([gains.kp_v_per_m]), ki=floats([gains.ki_v_per_m_s]), kd=floats([gains.kd_v_s_per_m])
-    )
-    filtered = gains.notch.at(complexes(np.exp(2j * np.pi * hz * loop.period_s)))
-    return float(yields(one, complexes(loop.plant_response(hz) * filtered), loop, hz, lobe_hz)[0])
+    plant = complexes(loop.plant_response(hz) * gains.notch.at_hz(hz, loop.period_s))
+    return float(yields(Candidates.of(gains), plant, loop, hz, lobe_hz)[0])

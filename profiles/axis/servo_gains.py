@@ -13,7 +13,7 @@ changes the gain at rest, so that the gains of a profile in V/m, which are those
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from profiles.axis.notch import NO_NOTCH, Notch
@@ -23,6 +23,7 @@ from profiles.problem import Problem, ProfileError
 NOTCH_NUMBERS = (36, 37, 38, 39)
 """Ix36 to Ix39, the coefficients of the notch filter; what a profile does not state is 0."""
 
+_FILTER = tuple(str(number) for number in NOTCH_NUMBERS)
 _NEEDED_SUFFIXES = ("08", "09", "30", "31", "32", "33")
 
 
@@ -79,6 +80,17 @@ def meant_gains(machine: MachineProfile) -> PidGains:
     """Return the gains before the filter, and the filter, that the keys of the tool state."""
     gains, notch = eq9_gains(machine), stated_notch(machine)
     return replace(gains.scaled(1.0 / notch.at_rest), notch=notch) if notch.steady and notch else gains
+
+
+def is_filter(name: str) -> bool:
+    """Whether a name such as I136 is that of a coefficient of the notch filter."""
+    return name.endswith(_FILTER)
+
+
+def shown_names(*settings: Mapping[str, float]) -> list[str]:
+    """Return the names of gains as they are shown: without those of a notch filter where none of these has one."""
+    filtered = any(value for each in settings for name, value in each.items() if is_filter(name))
+    return [name for name in settings[0] if filtered or not is_filter(name)]
 
 
 def notch_from_variables(machine: MachineProfile) -> Notch:
@@ -141,9 +153,28 @@ def variables_from_gains(machine: MachineProfile, gains: PidGains) -> dict[str, 
     }
 
 
+def complete_settings(machine: MachineProfile, settings: Mapping[str, float]) -> dict[str, float]:
+    """Return settings with a notch filter of the tool: one that they do not name is none.
+
+    So what was kept of a loop before there was a filter is not taken for one with the present filter.
+    """
+    return {**notch_settings(machine, NO_NOTCH), **settings}
+
+
+def stated_settings(machine: MachineProfile) -> dict[str, float]:
+    """Return the variables of a machine, with a notch filter of the tool."""
+    return complete_settings(machine, machine.controller.variables)
+
+
+def with_variables(machine: MachineProfile, settings: Mapping[str, float]) -> MachineProfile:
+    """Return a machine with these variables in the place of its own."""
+    variables = {**machine.controller.variables, **settings}
+    return replace(machine, controller=replace(machine.controller, variables=variables))
+
+
 def present_settings(machine: MachineProfile, names: Iterable[str]) -> dict[str, float]:
-    """Return variables of a machine by these names; a notch filter that it does not state is none."""
-    stated = {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
+    """Return variables of a machine by these names."""
+    stated = stated_settings(machine)
     return {name: stated[name] for name in names}
 
 

@@ -16,7 +16,7 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.axis.sampled_loop import loop_of
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, station_of
-from tests.console.test_gain_trial import HALF_KP, order, record
+from tests.console.test_gain_trial import HALF_KP, NO_FILTER, order, record
 
 
 def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Path) -> None:
@@ -24,7 +24,10 @@ def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Pat
     owner = station_of(SimulatedLathe(machine), tmp_path)
     owner.do(order(HALF_KP))
     assert owner.refusals == []
-    variables = {**machine.controller.variables, **HALF_KP}
+    # A profile without a filter states none: what the controller has of it is 0.
+    entered = {name: value for name, value in HALF_KP.items() if name not in NO_FILTER}
+    assert not NO_FILTER.keys() & machine.controller.variables.keys()
+    variables = {**machine.controller.variables, **entered}
     adopted = replace(machine, controller=replace(machine.controller, variables=variables))
     place = TrialPlace(client=owner.client, machine=adopted, data=tmp_path, simulated=False)
     trial = standing_trial(place, settle=True)
@@ -50,11 +53,15 @@ def test_a_tool_that_swings_or_overshoots_proves_nothing(
     position = np.array(made.position_um) + amplitude_um * np.sin(1.9 * np.array(made.times_ms))
     step = replace(made.step, overshoot_percent=overshoot)
     store(tmp_path, replace(made, position_um=tuple(position.tolist()), step=step))
-    (kept,) = kept_tests(tmp_path, made.origin.machine, 5)
+    (kept,) = kept_tests(tmp_path, MACHINE, 5)
     assert kept.result is not None
-    loop = loop_of(load_machine(MACHINE).machine)
-    found = unproven(tmp_path, made.origin.machine, made.origin.gains, loop, simulated=True)
+    machine = load_machine(MACHINE).machine
+    loop = loop_of(machine)
+    found = unproven(tmp_path, machine, made.origin.gains, loop, simulated=True)
     assert [problem.code for problem in found] == codes
+    assert "I160" not in made.origin.gains
+    unknown = unproven(tmp_path, machine, {**made.origin.gains, "I160": 0.0}, loop, simulated=True)
+    assert [problem.code for problem in unknown] == ["trial.unproven"], "what a test does not name it did not have"
     other = {**made.origin.gains, "I130": 1.0}
-    untried = unproven(tmp_path, made.origin.machine, other, loop, simulated=True)
+    untried = unproven(tmp_path, machine, other, loop, simulated=True)
     assert [problem.code for problem in untried] == ["trial.unproven"]

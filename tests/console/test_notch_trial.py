@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import cmath
-import math
-from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from console.session.data.health import kept_tests
+from console.session.data.health import store as store_test
 from console.session.data.identified import store
 from console.session.station.commands import (
     ApplyGains,
@@ -18,67 +15,33 @@ from console.session.station.commands import (
     DisableDrives,
     EnableDrives,
     Home,
+    Recover,
     RevertGains,
 )
 from console.session.trial.known_loop import known_loop
+from console.session.trial.notch_evidence import NO_FIRMWARE, seen_reading
 from console.session.trial.proposal import GainFacts, gain_facts
 from console.session.trial.trial import TrialPlace, air_doubts
-from drivers.cutting.strategy import Strategy
-from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
-from profiles.axis.notch import NO_NOTCH, Notch, Reading
-from profiles.axis.sampled_loop import FlexibleMode, loop_of, profile_plant
-from profiles.axis.servo_gains import notch_settings
+from profiles.axis.notch import Notch, Reading
+from profiles.axis.servo_gains import notch_settings, with_variables
 from profiles.store import load_machine
+from tests.console.cable import cabled, until_back
 from tests.console.consoles import MACHINE, WithStation, station_of
-from tests.console.test_gain_trial import BEFORE, record, stands
+from tests.console.test_gain_trial import BEFORE, cut_after, record, stands
+from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
 LATHE = load_machine(MACHINE).machine
-SLOW = (25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 95.0)
-FAST = (105.0, 120.0, 135.0, 150.0, 165.0, 180.0, 195.0, 210.0, 225.0)
 PUBLISHED = {name: value for name, value in LATHE.controller.variables.items() if "I130" <= name <= "I135"}
 
 
-FIRST = {"I130": 610.0, "I131": 1657.0, "I132": 1657.0, "I133": 743.0}
-FIRST |= {"I136": -1.09375, "I137": 0.908203125, "I138": -0.169921875, "I139": 0.134765625}
-"""A first filter with its gains, as it is designed for this tool."""
-
-
 def fill(data: Path) -> None:
-    """Keep the response of a tool that bends at 300 Hz by 40 % of its motion, with the published gains."""
-    bends = FlexibleMode(hz=300.0, damping_ratio=0.02, fraction=0.4)
-    loop = loop_of(LATHE, replace(profile_plant(LATHE), modes=(bends,)))
-    points = [
-        IdentifiedPoint(
-            frequency_hz=hz,
-            gain=abs(response),
-            phase_deg=math.degrees(cmath.phase(response)),
-            gain_ci=0.0002,
-            phase_ci_deg=0.1,
-            coherence=0.9999,
-            amplitude_um=amplitude_um,
-        )
-        for amplitude_um, at in ((50.0, SLOW), (35.0, FAST))
-        for hz, response in zip(at, loop.closed(np.array(at)).tolist(), strict=True)
-    ]
-    origin = Origin(
-        machine=MACHINE,
-        simulated=False,
-        version="1.17",
-        kind="PMAC1",
-        gains={**PUBLISHED, **notch_settings(LATHE, NO_NOTCH)},
-        servo_period_ms=LATHE.controller.servo_period_ms,
-    )
-    made = IdentifiedResponse(
-        origin=origin,
-        path=Strategy.PVT,
-        how="measured",
-        delay_cycles=0,
-        date="2026-01-01T10:00:00.000Z",
-        points=tuple(points),
-    )
-    store(data, made)
+    """Keep the response of a tool that bends at 300 Hz by 40 % of its motion, with the published gains.
+
+    It names Ix30 to Ix35 alone, as before there was a filter.
+    """
+    store(data, identified(swept(bending(), 0.0002), PUBLISHED, simulated=False))
 
 
 def station_with(data: Path, reading: Reading, friction_n: float = 0.0) -> WithStation:
@@ -116,6 +79,31 @@ def doubts_after_a_test(owner: WithStation, data: Path, step_um: float = 25.0) -
     return [problem.code for problem in air_doubts(place, kept[1], place.gains.read())]
 
 
+def test_a_response_from_before_there_was_a_filter_is_of_a_loop_without_one(tmp_path: Path) -> None:
+    """Whatever filter the controller has now: the axis is the one that was measured."""
+    fill(tmp_path)
+    plain, filtered = (
+        known_loop(each, tmp_path, simulated=False) for each in (LATHE, with_variables(LATHE, FIRST))
+    )
+    for known in (plain, filtered):
+        assert known.fit is not None and known.fit.holds
+        (mode,) = known.fit.plant.modes
+        assert mode.hz == pytest.approx(300.0, rel=0.02) and mode.fraction == pytest.approx(0.4, rel=0.1)
+    assert filtered.loop.gains.notch and not plain.loop.gains.notch
+
+
+def test_a_health_test_from_before_there_was_a_filter_tells_nothing_of_how_it_is_read(tmp_path: Path) -> None:
+    """The same step with the filter named tells it: its numbers are those of the filtered loop."""
+    machine, plant = with_variables(LATHE, FIRST), bending().plant
+
+    def read_from(gains: dict[str, float]) -> Reading | None:
+        store_test(tmp_path, filter_test(gains))
+        return seen_reading(machine, tmp_path, plant, NO_FIRMWARE, simulated=True)
+
+    assert read_from({name: value for name, value in FIRST.items() if name <= "I135"}) is None
+    assert read_from(FIRST) is Reading.STATED
+
+
 def test_a_filter_is_written_read_back_kept_on_disk_and_taken_back(tmp_path: Path) -> None:
     fill(tmp_path)
     owner = station_with(tmp_path, Reading.STATED)
@@ -130,6 +118,29 @@ def test_a_filter_is_written_read_back_kept_on_disk_and_taken_back(tmp_path: Pat
     assert (again.refusals, state.trial, stands(again)) == ([], None, BEFORE)
 
 
+def test_a_link_that_is_cut_while_a_filter_is_written_leaves_a_loop_without_force(tmp_path: Path) -> None:
+    """With n1 of it alone the loop would turn its sign at rest: Ix30 is 0 until all of it is there."""
+    fill(tmp_path)
+    owner, cable = cabled(SimulatedLathe(LATHE), tmp_path, load_machine(MACHINE))
+    owner.context.client = owner.client
+    cut_after(owner, cable, b"I136=-1.09375")
+    owner.do(ApplyGains(settings=tuple(FIRST.items()), shown=tuple(BEFORE.items())))
+    cable.mend()
+    until_back(owner)
+    trial = owner.state.trial
+    assert trial is not None and not trial.whole
+    assert (stands(owner)["I130"], stands(owner)["I136"], stands(owner)["I137"]) == (0.0, -1.09375, 0.0)
+    (told,) = trial.problems
+    assert (told.code, told.limit) == ("trial.stands", "I130 0")
+    owner.do(Recover())
+    owner.do(EnableDrives())
+    assert owner.refusals[0] == "trial.stands"
+    found = proposed(owner, tmp_path)
+    assert found.proposal is not None and found.proposal.factor is None, "there is no loop to compare with"
+    owner.do(RevertGains())
+    assert (owner.refusals, owner.alarms, stands(owner)) == ([], [], BEFORE)
+
+
 def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_path: Path) -> None:
     """The stiff one, for a controller whose reading is known: unstable with the signs of its zeros turned."""
     fill(tmp_path)
@@ -139,9 +150,16 @@ def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_
     settings = {**stiff, **notch_settings(LATHE, notch)}
     owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.notch_unsafe"] and stands(owner) == BEFORE
-    beyond = {**settings, "I138": 2.5}
+
+
+@pytest.mark.parametrize("value", [2.5, 2.0, -2.25])
+def test_a_coefficient_that_a_controller_takes_for_another_is_refused(tmp_path: Path, value: float) -> None:
+    """2 becomes -2 in its 24 bits (tests/drivers/test_notch_filter.py)."""
+    owner = station_with(tmp_path, Reading.STATED)
+    beyond = {**FIRST, "I138": value}
     owner.do(ApplyGains(settings=tuple(beyond.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.range"] and stands(owner) == BEFORE
+    assert ">= -2, < 2" in str(owner.state.refusals[0])
 
 
 @pytest.mark.long

@@ -119,3 +119,16 @@ def test_a_response_holds_for_its_machine_path_gains_and_world(machine: MachineP
         assert (problem.code, problem.where, problem.key) == ("response.of_another", "file", key)
     (world,) = unfit_problems(found, machine, Strategy.PVT, simulated=False)
     assert (world.value, world.limit) == ("simulated", "real")
+
+
+def test_a_response_that_names_no_filter_was_measured_without_one(machine: MachineProfile) -> None:
+    """As they were kept before there was a filter: Ix30 to Ix35 alone."""
+    found = identified(machine, Strategy.PVT, lambda _: 0.9 + 0j, 50.0)
+    assert not any(name >= "I136" for name in found.origin.gains)
+    variables = {**machine.controller.variables, "I136": -1.09375, "I139": 0.125}
+    filtered = replace(machine, controller=replace(machine.controller, variables=variables))
+    problems = unfit_problems(found, filtered, Strategy.PVT)
+    assert [(each.key, each.value, each.limit) for each in problems] == [
+        ("I136", "0", "-1.09375"),
+        ("I139", "0", "0.125"),
+    ]

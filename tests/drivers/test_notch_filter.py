@@ -18,7 +18,7 @@ from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import notch_of
-from profiles.axis.notch import Notch, Reading
+from profiles.axis.notch import Notch
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import notch_settings
 from profiles.machine import MachineProfile
@@ -96,22 +96,6 @@ def test_a_coefficient_is_a_fraction_of_24_bits_that_wraps(dialect: Dialect, giv
     variables = VariableStore({}, dialect)
     variables.set(VariableKind.I, 136, given)
     assert variables.i(136) == kept
-
-
-@pytest.mark.parametrize(
-    ("reading", "signs"),
-    [
-        (Reading.STATED, (1, 1, 1, 1)),
-        (Reading.NUMERATOR, (-1, -1, 1, 1)),
-        (Reading.DENOMINATOR, (1, 1, -1, -1)),
-        (Reading.BOTH, (-1, -1, -1, -1)),
-    ],
-)
-def test_a_plant_may_have_a_controller_that_reads_other_signs(reading: Reading, signs: tuple[int, ...]) -> None:
-    notch = Notch(n1=-0.5, n2=0.25, d1=-0.125, d2=0.0625)
-    assert notch.read_as(reading).coefficients == tuple(
-        sign * each for sign, each in zip(signs, notch.coefficients, strict=True)
-    )
 
 
 def test_a_plant_file_says_how_its_controller_reads_a_filter(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from console.session.data.health import store as store_test
+from console.session.data.identified import store
 from console.session.station.commands import (
     ApplyGains,
     CheckHealth,
@@ -327,6 +329,20 @@ def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
         assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
 
     play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
+
+
+def test_what_was_seen_of_another_firmware_makes_no_proposal_that_apply_would_refuse(tmp_path: Path) -> None:
+    """How a filter is read was seen of version 1.17: another gets one that is safe however it is read."""
+    store(tmp_path, tune_stage.identified(tune_stage.swept(tune_stage.bending(), 0.0002)))
+    store_test(tmp_path, tune_stage.filter_test())
+
+    async def scene(stage: TuneScene) -> None:
+        await stage.act("tune.view", "tune.view", "tune.view")
+        await stage.show()
+        said = " ".join(plain(stage.page.in_full(stage.view, 200)).split())
+        assert "I136" in said and "a first notch filter" in said
+
+    play_on(TuneScene, scene, tmp_path, state=replace(STATE, firmware=("1.18", "PMAC")), size=(80, 24))
 
 
 def test_without_a_response_of_the_axis_none_are_proposed_and_what_to_measure_is_said(tmp_path: Path) -> None:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from console.session.data.health import store as store_test
 from console.session.data.identified import store
@@ -13,8 +16,9 @@ from drivers.cutting.strategy import Strategy
 from drivers.identification.health_result import HealthModel, HealthResult
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.tool_loop import MODELLED, UNMODELLED, ToolLoop
-from profiles.axis.sampled_loop import loop_of
-from profiles.axis.step_figures import ErrorFigures, StepFigures
+from profiles.axis.sampled_loop import FlexibleMode, SampledLoop, loop_of, profile_plant
+from profiles.axis.servo_gains import with_variables
+from profiles.axis.step_figures import ErrorFigures, StepFigures, modelled
 from tests.tui.stage import MACHINE, lathe
 
 
@@ -26,39 +30,68 @@ def tool_loop() -> ToolLoop:
     return ToolLoop(motor=1, values=values, servo_period_ms=period_ms, at="08:52")
 
 
-def identified() -> IdentifiedResponse:
-    """A response of that tool, by another integrator, as `console identify` keeps it."""
-    gains = {name: value for name, value in tool_loop().gains.items() if name >= "I130"}
-    period_ms = lathe().machine.controller.servo_period_ms
-    origin = Origin(
-        machine=MACHINE, simulated=True, version="1.17", kind="PMAC", gains=gains, servo_period_ms=period_ms
+SLOW = (25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 95.0)
+FAST = (105.0, 120.0, 135.0, 150.0, 165.0, 180.0, 195.0, 210.0, 225.0)
+"""Two sweeps that a design can rest on, of 50 and of 35 um."""
+
+
+def point(hz: float, response: complex, amplitude_um: float, gain_ci: float = 0.002) -> IdentifiedPoint:
+    """One point of a response."""
+    return IdentifiedPoint(
+        frequency_hz=hz,
+        gain=abs(response),
+        phase_deg=math.degrees(cmath.phase(response)),
+        gain_ci=gain_ci,
+        phase_ci_deg=100.0 * gain_ci,
+        coherence=0.999,
+        amplitude_um=amplitude_um,
     )
-    at = (
+
+
+def swept(loop: SampledLoop, gain_ci: float = 0.002) -> tuple[IdentifiedPoint, ...]:
+    """The points of a loop in both sweeps."""
+    return tuple(
+        point(hz, response, amplitude_um, gain_ci)
+        for amplitude_um, at in ((50.0, SLOW), (35.0, FAST))
+        for hz, response in zip(at, loop.closed(at).tolist(), strict=True)
+    )
+
+
+AS_MEASURED = tuple(
+    point(hz, cmath.rect(gain, math.radians(phase_deg)), 25.0)
+    for hz, gain, phase_deg in (
         (10.0, 1.013, -4.2),
         (20.0, 0.998, -13.9),
         (40.0, 0.921, -36.2),
         (50.0, 0.872, -46.0),
         (80.0, 0.71, -72.0),
     )
-    points = [
-        IdentifiedPoint(
-            frequency_hz=hz,
-            gain=gain,
-            phase_deg=phase_deg,
-            gain_ci=0.002,
-            phase_ci_deg=0.2,
-            coherence=0.999,
-            amplitude_um=25.0,
-        )
-        for hz, gain, phase_deg in at
-    ]
+)
+
+
+def identified(
+    points: tuple[IdentifiedPoint, ...] = AS_MEASURED,
+    gains: Mapping[str, float] | None = None,
+    *,
+    simulated: bool = True,
+) -> IdentifiedResponse:
+    """A response of that tool, by another integrator, as `console identify` keeps it."""
+    present = {name: value for name, value in tool_loop().gains.items() if name >= "I130"}
+    origin = Origin(
+        machine=MACHINE,
+        simulated=simulated,
+        version="1.17",
+        kind="PMAC",
+        gains=present if gains is None else gains,
+        servo_period_ms=lathe().machine.controller.servo_period_ms,
+    )
     return IdentifiedResponse(
         origin=origin,
         path=Strategy.PVT,
         how="measured",
         delay_cycles=0,
         date="2026-01-01T10:05:00.000Z",
-        points=tuple(points),
+        points=points,
     )
 
 
@@ -84,6 +117,32 @@ def health(*, rise_ms: float | None = 4.9, date: str = "2026-01-01T10:00:00.000Z
     )
 
 
+BENDS = FlexibleMode(hz=300.0, damping_ratio=0.02, fraction=0.4)
+FIRST = {"I130": 610.0, "I131": 1657.0, "I132": 1657.0, "I133": 743.0}
+FIRST |= {"I136": -1.09375, "I137": 0.908203125, "I138": -0.169921875, "I139": 0.134765625}
+"""A first filter with its gains, as it is designed for a tool with this mode."""
+
+
+def bending(settings: Mapping[str, float] | None = None) -> SampledLoop:
+    """The loop of the paper's tool where it bends, by the profile or with these settings."""
+    machine = with_variables(lathe().machine, settings or {})
+    return loop_of(machine, replace(profile_plant(machine), modes=(BENDS,)))
+
+
+def filter_test(gains: Mapping[str, float] = FIRST) -> HealthResult:
+    """The step of a health test with the first filter, on a tool that bends; `gains` are those that it names."""
+    loop, made = bending(FIRST), health()
+    at_ms = 1000.0 * loop.period_s * np.arange(-20, 200)
+    reference = np.clip(5.0 * at_ms, 0.0, 25.0)
+    return replace(
+        made,
+        origin=replace(made.origin, gains=gains),
+        times_ms=tuple(at_ms.tolist()),
+        reference_um=tuple(reference.tolist()),
+        position_um=tuple(modelled(loop, reference).tolist()),
+    )
+
+
 def fill_tests(data: Path) -> None:
     """Keep two health tests; in the older one the tool did not reach its place."""
     store_test(data, health(rise_ms=None, date="2025-12-20T09:00:00.000Z"))
@@ -93,22 +152,7 @@ def fill_tests(data: Path) -> None:
 def fill_measured(data: Path) -> None:
     """Keep a response of the profile's axis that a design can rest on: two amplitudes, up to 225 Hz."""
     loop = loop_of(tool_loop().on(lathe().machine))
-    sweeps = (
-        (50.0, (25.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0, 95.0)),
-        (35.0, (105.0, 120.0, 135.0, 150.0, 165.0, 180.0, 195.0, 210.0, 225.0)),
-    )
-    points = [
-        replace(
-            identified().points[0],
-            frequency_hz=hz,
-            gain=abs(response),
-            phase_deg=math.degrees(cmath.phase(response)),
-            amplitude_um=amplitude_um,
-        )
-        for amplitude_um, at in sweeps
-        for hz, response in zip(at, loop.closed(at).tolist(), strict=True)
-    ]
-    store(data, replace(identified(), date="2026-01-01T10:06:00.000Z", points=tuple(points)))
+    store(data, replace(identified(swept(loop)), date="2026-01-01T10:06:00.000Z"))
 
 
 def fill(data: Path) -> None:

@@ -79,7 +79,7 @@ def _proposal(options: Namespace, place: TrialPlace) -> GainFacts:
         limit = f"{LEAST_FACTOR:g}..{MOST_FACTOR:g}"
         raise SessionError(Problem(code="trial.range", key="--factor", value=f"{factor:g}", limit=limit))
     here = read.on(place.machine)
-    known = known_loop(here, place.data, simulated=place.simulated)
+    known = known_loop(here, place.data, place.firmware, simulated=place.simulated)
     found = scaled_gains(here, known.loop, factor, loop_margins(known.loop))
     reasons = () if found is not None else (Problem(code="screen.tune_no_proposal"),)
     return with_figures(place.machine, GainFacts(proposal=found, known=known, reasons=reasons), lobe_hz)

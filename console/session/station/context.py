@@ -88,7 +88,7 @@ class StationContext:
 
     Without `commissioned` stopping record, fingerprint and safety devices go unchecked: for tests only. Without
     `reopening` a lost link stays lost, without `onlookers` nobody is counted who looks on. `client` is that of the
-    controller, for what the lathe has no function for; `firmware` is its version and type. `plan` is that of the
+    controller, for what the lathe has no function for. `plan` is that of the
     last arming, `started` what was last started; `seen` gets every status poll during a cut.
     `limits_seen` are the travel limits on which the machine stood when the operator reset after a stop: it may be
     jogged off them. `end_asked` is set by the operator; `Lathe.held` reports when it has been passed on.
@@ -110,7 +110,6 @@ class StationContext:
     reopening: Reopening | None = None
     onlookers: Onlookers | None = None
     client: PmacClient | None = None
-    firmware: tuple[str, str] = ("", "")
     plan: CutPlan | None = None
     started: Armed | None = None
     record: RunRecord | None = None

@@ -97,7 +97,7 @@ def _place(context: StationContext) -> TrialPlace | None:
         machine=context.loaded_machine.machine,
         data=context.records,
         simulated=context.state.simulated,
-        firmware=context.firmware,
+        firmware=context.state.firmware,
     )
 
 

@@ -185,6 +185,7 @@ class StationState:
     lathe it is, empty for a real machine. `jogs` counts the jogs that
     ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known,
     `ends_at_most` whether it may end long before.
+    `firmware` is the version and the type of the controller, `controller` both as text.
     `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
     read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
     trial, as the controller had them when it was compared last. `force` is what the force of the last half-stage
@@ -204,6 +205,7 @@ class StationState:
     machine: str = ""
     address: str = ""
     controller: str = ""
+    firmware: tuple[str, str] = ("", "")
     at_s: float = 0.0
     round_trip_ms: float = 0.0
     snapshot: Snapshot | None = None

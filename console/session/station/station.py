@@ -151,8 +151,7 @@ class Station:
                 context.alarm(problem)
             context.tell(activity=Activity.LOST)
             return False
-        context.firmware = version, kind
-        context.tell(controller=f"{kind} {version}")
+        context.tell(controller=f"{kind} {version}", firmware=(version, kind))
         try:
             context.owning.claim()
         except ProblemError as error:  # only observe

@@ -62,7 +62,7 @@ def _tested(context: StationContext, work: Callable[[Rig, Origin], Path]) -> Non
     if jogging.tool_in_part(snapshot, machine, context.state.alignment):
         raise SessionError(Problem(code="machine.tool_in_part"))
     _load_numerics()
-    rig, (version, kind) = Rig(client=client, lathe=lathe, clock=context.clock), context.firmware
+    rig, (version, kind) = Rig(client=client, lathe=lathe, clock=context.clock), context.state.firmware
     with _profile_errors_refuse():
         origin = origin_of(rig, version=version, kind=kind, simulated=context.state.simulated)
         context.tell(tested=work(rig, origin).name)

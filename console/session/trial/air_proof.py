@@ -17,6 +17,7 @@ from console.session.trial.notch_evidence import MOST_TESTS, filter_doubts
 from drivers.identification.health_result import HealthResult
 from drivers.identification.tool_gains import matches
 from profiles.axis.sampled_loop import SampledLoop
+from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
 MORE_OVERSHOOT_PERCENT = 15.0  # than the model has
@@ -26,18 +27,18 @@ LEAST_COHERENCE = 0.95
 
 
 def unproven(
-    data: Path, machine: str, gains: Mapping[str, float], loop: SampledLoop, *, simulated: bool
+    data: Path, machine: MachineProfile, gains: Mapping[str, float], loop: SampledLoop, *, simulated: bool
 ) -> tuple[Problem, ...]:
     """Return why gains are not proven in air; nothing where they are. `loop` has them, and the known axis."""
     try:
-        tests = kept_tests(data, machine, MOST_TESTS)
+        tests = kept_tests(data, machine.name, MOST_TESTS)
     except ProfileError as error:
         return tuple(error.problems)
     for kept in tests:
         found = kept.result
         if found is not None and found.origin.simulated is simulated and matches(found.origin.gains, gains):
-            return (*_swings(found), *filter_doubts(found, loop))
-    return (Problem(code="trial.unproven", key=machine),)
+            return (*_swings(found), *filter_doubts(found, loop, machine.tool.motor))
+    return (Problem(code="trial.unproven", key=machine.name),)
 
 
 def _swings(test: HealthResult) -> Iterator[Problem]:

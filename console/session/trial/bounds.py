@@ -10,9 +10,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
 
-from console.session.trial.known_loop import KnownLoop, with_settings
+from console.session.trial.known_loop import KnownLoop
 from console.session.trial.notch_evidence import misread
-from console.session.trial.standing import is_filter
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import MOST_SETTINGS
 from profiles.axis.loop_design import softer, unseen_hz
@@ -23,10 +22,10 @@ from profiles.axis.margins import (
     LoopMargins,
     loop_margins,
 )
-from profiles.axis.notch import MOST, Reading
+from profiles.axis.notch import MOST, Reading, is_coefficient
 from profiles.axis.notch_design import fails_otherwise
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.axis.servo_gains import gains_from_variables
+from profiles.axis.servo_gains import gains_from_variables, is_filter, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -48,7 +47,7 @@ def bound_problems(
         return (Problem(code="trial.unmodelled", key=", ".join(read.unmodelled)),)
     if beyond := tuple(_beyond(settings)):
         return beyond
-    tuned = replace(known.loop, gains=gains_from_variables(with_settings(read.on(machine), settings)))
+    tuned = replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
     stated = replace(known.loop, gains=gains_from_variables(machine))
     hidden = () if softer(stated, tuned.gains) else hidden_problems(known, tuned)
     return *_margin_problems(loop_margins(tuned)), *hidden
@@ -63,13 +62,13 @@ def filter_problems(
 
     Raises ProfileError: the profile lacks a gain.
     """
-    gains = gains_from_variables(with_settings(read.on(machine), settings))
+    gains = gains_from_variables(with_variables(read.on(machine), settings))
     if not gains.notch or known.reading is Reading.STATED:
         return ()
     if gains.notch == known.loop.gains.notch and softer(known.loop, gains):
         return ()
     if known.reading is not None:
-        names = misread(known.reading, str(machine.tool.motor))
+        names = misread(known.reading, machine.tool.motor)
         return (Problem(code="trial.other_reading", value=names),)
     if known.fit is None:
         return (unmeasured(known),)
@@ -81,10 +80,14 @@ def filter_problems(
 def _beyond(settings: Mapping[str, float]) -> Iterator[Problem]:
     """Yield the first setting that is no value of its variable."""
     for name, value in settings.items():
-        number = int(name[-2:])
-        least, most = (-MOST, MOST) if is_filter(name) else (0 if number in (32, 33) else 1, MOST_SETTINGS[number])
-        if not (least <= value <= most and (is_filter(name) or float(value).is_integer())):
-            yield Problem(code="trial.range", key=name, value=f"{value:g}", limit=f"{least:g}..{most:.7g}")
+        if is_filter(name):
+            fits, limit = is_coefficient(value), f">= {-MOST:g}, < {MOST:g}"
+        else:
+            number = int(name[-2:])
+            least, most = 0 if number in (32, 33) else 1, MOST_SETTINGS[number]
+            fits, limit = least <= value <= most and float(value).is_integer(), f"{least}..{most}"
+        if not fits:
+            yield Problem(code="trial.range", key=name, value=f"{value:g}", limit=limit)
             return
 
 
@@ -92,7 +95,9 @@ def margins_with(
     machine: MachineProfile, read: ToolLoop, settings: Mapping[str, float], known: KnownLoop
 ) -> LoopMargins:
     """Return the margins of the loop that was read with other gains; ProfileError: the profile lacks a gain."""
-    return loop_margins(replace(known.loop, gains=gains_from_variables(with_settings(read.on(machine), settings))))
+    return loop_margins(
+        replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
+    )
 
 
 def hidden_problems(known: KnownLoop, tuned: SampledLoop) -> tuple[Problem, ...]:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -18,7 +17,7 @@ from drivers.identification.result import IdentifiedResponse, unfit_problems
 from profiles.axis.notch import Reading
 from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
 from profiles.axis.sampled_loop import SampledLoop, loop_of
-from profiles.axis.servo_gains import gains_from_variables
+from profiles.axis.servo_gains import complete_settings, gains_from_variables, with_variables
 from profiles.machine import MachineProfile
 
 MOST_RESPONSES = 20
@@ -53,7 +52,7 @@ def known_loop(
         found = kept.response
         if found is None or found.path.traits.late_cycles(here):  # it would have the age of its source as a delay
             continue
-        measured_with = with_settings(here, found.origin.gains)
+        measured_with = with_variables(here, complete_settings(here, found.origin.gains))
         if unfit_problems(found, measured_with, found.path, simulated=simulated):
             continue
         points = _points(measured_with, found)
@@ -85,9 +84,3 @@ def _points(machine: MachineProfile, found: IdentifiedResponse) -> list[LoopPoin
         for point in found.points
         if point.coherence >= LEAST_COHERENCE
     ]
-
-
-def with_settings(machine: MachineProfile, gains: Mapping[str, float]) -> MachineProfile:
-    """Return a machine with these settings in the place of its own."""
-    controller = replace(machine.controller, variables={**machine.controller.variables, **gains})
-    return replace(machine, controller=controller)

@@ -1,12 +1,11 @@
 """What health tests with a notch filter show of it: how the controller reads its coefficients.
 
-A wrong reading is told from the numbers of a test; with a first filter the loop is stable by each of them.
+A wrong reading shows in the numbers of a test; with a first filter the loop is stable by each of them.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.health import kept_tests
@@ -15,7 +14,7 @@ from profiles.arrays import floats
 from profiles.axis.notch import Reading
 from profiles.axis.notch_reading import MOST_LEFT, GatheredStep, left_by, reading_of
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
-from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.axis.servo_gains import NOTCH_NUMBERS, complete_settings, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
@@ -42,7 +41,8 @@ def seen_reading(
             continue
         if firmware != NO_FIRMWARE and firmware != (test.origin.version, test.origin.kind):
             continue
-        loop = loop_of(with_gains(machine, test), plant)
+        tested = with_variables(machine, complete_settings(machine, test.origin.gains))
+        loop = loop_of(tested, plant)
         if loop.gains.notch:
             left = left_by(loop, gathered(test))
             reading = reading_of(left)
@@ -51,14 +51,14 @@ def seen_reading(
     return None
 
 
-def filter_doubts(test: HealthResult, loop: SampledLoop) -> Iterator[Problem]:
-    """Yield why a test does not prove the filter of a loop; nothing where the loop has none."""
+def filter_doubts(test: HealthResult, loop: SampledLoop, motor: int) -> Iterator[Problem]:
+    """Yield why a test does not prove the filter of the loop of a motor; nothing where the loop has none."""
     if not loop.gains.notch:
         return
     left = left_by(loop, gathered(test))
     reading, value = reading_of(left), _percent(left[Reading.STATED])
     if reading is not None and reading is not Reading.STATED:
-        names = misread(reading, next(iter(test.origin.gains))[1:-2])
+        names = misread(reading, motor)
         yield Problem(code="trial.read_otherwise", key=names, value=value, limit=_percent(left[reading]))
     elif reading is None:
         yield Problem(code="trial.notch_undecided", value=value)
@@ -66,7 +66,7 @@ def filter_doubts(test: HealthResult, loop: SampledLoop) -> Iterator[Problem]:
         yield Problem(code="trial.disagrees", value=value, limit=f"<= {_percent(MOST_LEFT)}")
 
 
-def misread(reading: Reading, motor: str) -> str:
+def misread(reading: Reading, motor: int) -> str:
     """Return the names of the coefficients whose signs a controller reads otherwise."""
     numbers = {Reading.NUMERATOR: NOTCH_NUMBERS[:2], Reading.DENOMINATOR: NOTCH_NUMBERS[2:]}
     return ", ".join(f"I{motor}{number}" for number in numbers.get(reading, NOTCH_NUMBERS))
@@ -81,9 +81,3 @@ def gathered(test: HealthResult) -> GatheredStep:
     return GatheredStep(
         reference_um=floats(test.reference_um), position_um=floats(test.position_um), step_um=test.step_um
     )
-
-
-def with_gains(machine: MachineProfile, test: HealthResult) -> MachineProfile:
-    """Return the machine with the gains of a test."""
-    controller = replace(machine.controller, variables={**machine.controller.variables, **test.origin.gains})
-    return replace(machine, controller=controller)

@@ -94,7 +94,7 @@ def _with_filter(
     if fit is None or not fit.plant.modes:
         return alone, ()
     if reading not in (None, Reading.STATED):
-        return alone, (Problem(code="trial.other_reading", value=misread(reading, str(here.tool.motor))),)
+        return alone, (Problem(code="trial.other_reading", value=misread(reading, here.tool.motor)),)
     proven = reading is Reading.STATED
     found = design_with_notch(here, known.loop, fit, lobe_hz, alone, proven=proven)
     if found is None:

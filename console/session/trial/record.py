@@ -10,10 +10,10 @@ from pathlib import Path
 
 from console.session.data.kept_files import folder_name, keep, kept, numbered_files, utc_now
 from console.session.operator import operator_name
-from console.session.trial.standing import is_filter
 from drivers.link.address import without_options
-from profiles.axis.notch import MOST
+from profiles.axis.notch import is_coefficient
 from profiles.axis.sampled_loop import AxisPlant, FlexibleMode
+from profiles.axis.servo_gains import is_filter
 from profiles.files import printable, write_atomically
 from profiles.own_values import read_own
 
@@ -137,8 +137,8 @@ def _judge(record: TrialRecord) -> None:
     if not record.before or tuple(record.before) != tuple(record.proposed):
         raise ValueError(f"{', '.join(record.before)} | {', '.join(record.proposed)}")
     for name, value in (*record.before.items(), *record.proposed.items()):
-        fits = abs(value) <= MOST if is_filter(name) else float(value).is_integer() and abs(value) <= MOST_SETTING
-        if not fits:
+        whole = float(value).is_integer() and abs(value) <= MOST_SETTING
+        if not (is_coefficient(value) if is_filter(name) else whole):
             raise ValueError(f"{value:g}")
     if record.axis:
         try:

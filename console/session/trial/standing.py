@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.axis.servo_gains import shown_names
 from profiles.problem import Problem
 
 UNPROVEN = (
@@ -20,8 +20,6 @@ UNPROVEN = (
 
 Gains = tuple[tuple[str, float], ...]
 """Ix30 to Ix33 and Ix36 to Ix39 of the tool: names and values."""
-
-_FILTER = tuple(str(number) for number in NOTCH_NUMBERS)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,14 +40,8 @@ class StandingTrial:
 
 def listed(gains: Gains) -> str:
     """Return gains as text, `-` for none; a notch filter that there is not is left out."""
-    filtered = any(value for name, value in gains if is_filter(name))
-    shown = [f"{name} {value:.10g}" for name, value in gains if filtered or not is_filter(name)]
-    return ", ".join(shown) or "-"
-
-
-def is_filter(name: str) -> bool:
-    """Whether a name is that of a coefficient of the notch filter."""
-    return name.endswith(_FILTER)
+    values = dict(gains)
+    return ", ".join(f"{name} {values[name]:.10g}" for name in shown_names(values)) or "-"
 
 
 def divided(before: Gains, proposed: Gains, found: Gains) -> tuple[Gains, Gains, Gains]:

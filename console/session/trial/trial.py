@@ -15,7 +15,7 @@ from console.session.errors import SessionError, refuse
 from console.session.trial import record as records
 from console.session.trial.air_proof import unproven
 from console.session.trial.bounds import bound_problems, filter_problems, margins_with
-from console.session.trial.known_loop import KnownLoop, known_loop, with_settings
+from console.session.trial.known_loop import KnownLoop, known_loop
 from console.session.trial.record import TrialRecord, open_trial, plant_of, values_of
 from console.session.trial.standing import Gains, StandingTrial, listed, stands_problem
 from drivers.commissioning.gains import refuse_unready
@@ -25,6 +25,7 @@ from drivers.identification.tool_loop import ToolLoop
 from drivers.link.address import without_options
 from drivers.pmac.client import PmacClient
 from profiles.axis.sampled_loop import loop_of
+from profiles.axis.servo_gains import stated_settings, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
 
@@ -71,7 +72,7 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
     if kept is None:
         return None
     file, trial = kept
-    found, stated = place.gains.read(), place.machine.controller.variables
+    found, stated = place.gains.read(), stated_settings(place.machine)
     ended = records.RESTORED if matches(found, trial.before) else ""
     if matches(found, trial.proposed) and all(stated.get(name) == value for name, value in found.items()):
         if doubts := air_doubts(place, trial, found):
@@ -87,8 +88,8 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
 
 def air_doubts(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> tuple[Problem, ...]:
     """Return why the gains that stand are not proven in air, on the axis that they were bounded by."""
-    loop = loop_of(with_settings(place.machine, found), plant_of(trial.axis))
-    return unproven(place.data, place.machine.name, found, loop, simulated=place.simulated)
+    loop = loop_of(with_variables(place.machine, found), plant_of(trial.axis))
+    return unproven(place.data, place.machine, found, loop, simulated=place.simulated)
 
 
 def _standing(place: TrialPlace, trial: TrialRecord, found: Mapping[str, float]) -> StandingTrial:

@@ -201,12 +201,12 @@ class TunePage(Page):
         if self._view is TuneView.TESTS:
             self._tests = self._kept.answer(version, lambda: kept_tests(data, machine.name, MOST_TESTS))
             return
-        loop, simulated = state.tool_loop, state.simulated
-        question = (loop, simulated, version)
+        loop, simulated, firmware = state.tool_loop, state.simulated, state.firmware
+        question = (loop, simulated, firmware, version)
         if self._view is TuneView.GAINS:
             if not state.may_move:  # it is some hundred loops: time that nothing else should lack
                 self._proposed = self._gains.answer(
-                    question, lambda: gain_facts(machine, loop, data, simulated=simulated)
+                    question, lambda: gain_facts(machine, loop, data, firmware, simulated=simulated)
                 )
             return
         self._facts = self._loops.answer(question, lambda: loop_facts(machine, loop, data, simulated=simulated))

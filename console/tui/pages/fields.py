@@ -98,7 +98,12 @@ def limit_of(field: FormField, units: Units) -> str:
     rule = field.rule
     if units.unit(rule.unit) == rule.unit:
         return rule.limit
-    pairs = (("> ", rule.above, False), (">= ", rule.at_least, False), ("<= ", rule.at_most, True))
+    pairs = (
+        ("> ", rule.above, False),
+        (">= ", rule.at_least, False),
+        ("< ", rule.below, True),
+        ("<= ", rule.at_most, True),
+    )
     said = [f"{sign}{units.bound(bound, rule.unit, upper=up)}" for sign, bound, up in pairs if bound is not None]
     return " ".join(filter(None, (", ".join(said), units.unit(rule.unit))))
 
@@ -110,8 +115,8 @@ def bounds(field: FormField, units: Units) -> str:
         return ""
     least, most = rule.at_least, rule.at_most
     tiny = least is not None and most is not None and 0 < least <= NEXT_TO_NOTHING * most
-    pairs = ((">", 0.0 if tiny else rule.above), ("≥", None if tiny else least), ("≤", most))
-    shown = ((sign, bound, sign == "≤") for sign, bound in pairs if bound is not None)
+    pairs = ((">", 0.0 if tiny else rule.above), ("≥", None if tiny else least), ("<", rule.below), ("≤", most))
+    shown = ((sign, bound, sign in ("<", "≤")) for sign, bound in pairs if bound is not None)
     return " ".join(f"{sign}{units.bound(bound, rule.unit, upper=upper)}" for sign, bound, upper in shown)
 
 

@@ -21,6 +21,7 @@ from console.tui.tuning.health_lines import (
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
 from drivers.identification.request import AMPLITUDE_UM
+from profiles.axis.servo_gains import stated_settings
 from profiles.problem import Problem
 
 Tests = tuple[KeptHealth, ...]
@@ -42,7 +43,7 @@ class HealthPanels(Vertical):
 
     def __init__(self, ui: UiContext) -> None:
         palette = ui.palette
-        self._text, self._stated = ui.text, ui.machine.machine.controller.variables
+        self._text, self._stated = ui.text, stated_settings(ui.machine.machine)
         self.figures = Sheet(palette, id="tune-figures", classes="panel")
         self.step = TraceView(palette=palette, id="tune-step", classes="panel")
         self.trend = Sheet(palette, id="tune-trend", classes="panel")

@@ -16,9 +16,8 @@ from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.margins import LoopMargins, loop_margins
-from profiles.axis.notch import NO_NOTCH
 from profiles.axis.sampled_loop import loop_of
-from profiles.axis.servo_gains import PidGains, gains_from_variables, notch_settings
+from profiles.axis.servo_gains import PidGains, gains_from_variables, stated_settings
 from profiles.machine import MachineProfile
 from profiles.paper.table_5 import FREQUENCIES_HZ, PHASE_ERROR_RAD, measured_gains
 from profiles.problem import Problem
@@ -74,8 +73,7 @@ def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
     here = machine if read is None else read.on(machine)
     loop = loop_of(here)
     hz = floats(np.geomspace(LOWEST_HZ, 0.98 * loop.nyquist_hz, POINTS))
-    stated = {**notch_settings(machine, NO_NOTCH), **machine.controller.variables}
-    named = {} if read is None else read.gains
+    stated, named = stated_settings(machine), {} if read is None else read.gains
     return LoopFacts(
         read=read,
         gains=gains_from_variables(here),

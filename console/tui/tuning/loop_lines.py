@@ -7,12 +7,12 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len
 
-from console.session.trial.standing import is_filter
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
 from console.tui.theme import Token
 from console.tui.tuning.loop_facts import LoopFacts, SeenResponse
 from profiles.axis.margins import LEAST_GAIN_MARGIN, LEAST_PHASE_MARGIN_DEG, MOST_SENSITIVITY, LoopMargins
+from profiles.axis.servo_gains import shown_names
 from profiles.files import printable
 
 LABEL_WIDTH = 18
@@ -93,8 +93,8 @@ def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     ]
     lines: list[Line] = []
     if facts.read is not None:
-        read = [(name, v) for name, v in facts.read.gains.items() if facts.gains.notch or not is_filter(name)]
-        lines += _packed([f"{name} {value:.7g}" for name, value in read], width, Token.TEXT)
+        read = facts.read.gains
+        lines += _packed([f"{name} {read[name]:.7g}" for name in shown_names(read)], width, Token.TEXT)
     lines += _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
     return lines + (hanging(dim("  "), text("tune_page.metric"), width, Token.DIM) if text.units.is_inch else [])
 

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from console.session.trial.standing import StandingTrial, is_filter, listed
+from console.session.trial.standing import StandingTrial, listed
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, dim, fitted, hanging, line, to_the_right, wrapped
 from console.tui.theme import Token
 from console.tui.tuning.trial_keys import APPLY, AskedGains
+from profiles.axis.servo_gains import shown_names
 from profiles.files import printable
 
 NAME_WIDTH, VALUE_WIDTH = 10, 14
@@ -37,11 +38,10 @@ def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]
         lines += [row for each in trial.problems for row in wrapped(text.problem(each), width, token)]
     columns = (text("tune_page.before"), text("tune_page.applied"), text("tune_page.in_controller"))
     lines.append(line(dim(_row("", *columns))))
-    for (name, was), (_, wanted), (_, now) in zip(trial.before, trial.proposed, trial.found, strict=True):
-        if is_filter(name) and not (was or wanted or now):
-            continue
-        other = now not in (was, wanted)
-        row = _row(name, f"{was:.7g}", f"{wanted:.7g}", f"{now:.7g}")
+    before, proposed, found = dict(trial.before), dict(trial.proposed), dict(trial.found)
+    for name in shown_names(before, proposed, found):
+        other = found[name] not in (before[name], proposed[name])
+        row = _row(name, *(f"{each[name]:.7g}" for each in (before, proposed, found)))
         lines.append(line((row, token if other else Token.TEXT)))
     return [*lines, BLANK]
 

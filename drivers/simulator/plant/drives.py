@@ -19,12 +19,13 @@ from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.axis.notch import Notch, Reading
+from profiles.axis.servo_gains import NOTCH_NUMBERS
 from profiles.machine import DAC_BITS, MachineProfile
 
-GAINS = (8, 9, 30, 31, 32, 33, 34, 35, 36, 37, 38, 39, 63, 69)
+GAINS = (8, 9, 30, 31, 32, 33, 34, 35, *NOTCH_NUMBERS, 63, 69)
 """The numbers of the variables that are `ServoGains`."""
 
-NOTCH = ("ix36", "ix37", "ix38", "ix39")
+NOTCH = tuple(f"ix{number}" for number in NOTCH_NUMBERS)
 MotorVariable = Callable[[int, int], float]
 
 
