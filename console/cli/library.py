@@ -109,12 +109,26 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
     """
     if not plant_given(options):
         return None
-    from drivers.simulator.plant.presets import MOUNTED, plant_named
+    from drivers.simulator.plant.presets import plant_named
+    from drivers.simulator.plant.which_lathe import MOUNTED
 
     plant = options.plant or DEFAULT_PLANT
     if plant == MOUNTED:
         raise SessionError(Problem(code="session.nobody_aligns", key="--plant", value=plant))
     return plant_named(plant, machine, options.seed, options.clamping_sd)
+
+
+def known_lathe(address: LinkAddress, machine: MachineProfile) -> tuple[LinkAddress, str]:
+    """Return an address with the lathe that is met there, "" for a real one.
+
+    The seed of a simulated one is drawn now, so that what was learned on another is refused before it starts.
+    """
+    if not isinstance(address, SimulatedAddress):
+        return address, ""
+    from drivers.simulator.plant.presets import plant_named
+
+    true = plant_named(address.plant, machine, address.seed, address.clamping_sd_percent, mounted_by_hand=True)
+    return replace(address, seed=true.seed), str(true.lathe)
 
 
 def lathe_parts_of(
@@ -125,13 +139,11 @@ def lathe_parts_of(
     Raises SessionError: as `next_part`.
     """
     from console.session.cut.simulated_parts import LatheParts, next_part
-    from drivers.simulator.plant.which_lathe import ALIKE
 
-    lathe = None if true is None else true.lathe
-    if true is None or lathe is None or (lathe.plant in ALIKE and not true.clamping_force_spread):
+    if true is None or not true.parts_differ:
         return None
-    number = options.lathe_part or next_part(data_of(options), job, machine, lathe)
-    return LatheParts(lathe=lathe, part=number, parts=parts)
+    number = options.lathe_part or next_part(data_of(options), job, machine, true.lathe)
+    return LatheParts(lathe=true.lathe, part=number, parts=parts)
 
 
 def named(problems: Iterable[Problem], where: str) -> tuple[Problem, ...]:

@@ -29,7 +29,8 @@ from console.text.catalogue import LANGUAGES, Catalogue, load
 from console.text.columns import broken
 from console.text.practice import lesson_words, practice_lines
 from drivers.link.address import SimulatedAddress
-from drivers.simulator.plant.presets import MOUNTED, SEEDS
+from drivers.simulator.plant.presets import SEEDS
+from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, list_jobs, load_job, load_machine, save_job
 

@@ -18,8 +18,9 @@ from drivers.simulator.hosts.channel import converse
 from drivers.simulator.hosts.pty import PtyHost
 from drivers.simulator.hosts.real_time import Ending, Pace, keep_time, patient
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.presets import MOUNTED, plant_named
+from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import begun_at
+from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.store import load_machine
 
 

@@ -57,7 +57,7 @@ class SimulatedLathe:
         """
         self._machine = machine
         true = true or ideal(machine)
-        self.name = "" if true.lathe is None else str(true.lathe)
+        self.which, self.parts_differ = true.lathe, true.parts_differ
         dialect = dialect or DIALECTS[machine.controller.family]
         # As on any machine in the field the checksums of the line, on in one family's factory settings, are off.
         variables = settings_with({"I4": 0, **machine.controller.variables}, dialect)

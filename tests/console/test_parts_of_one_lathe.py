@@ -12,13 +12,23 @@ import pytest
 from console.cli.commands import build
 from console.cli.machine.run_request import requested
 from console.session.cut.compensated import chosen_problems, using, with_accepted
-from console.session.data.learned_store import accepted
+from console.session.cut.simulated_parts import next_part
+from console.session.data.learned_store import accepted, asked_for, store
+from console.session.data.run_reader import story
+from console.session.errors import SessionError
+from console.session.stages import nominal_path
+from console.session.station.commands import Arm, Disarm
 from console.session.station.reaching import reach
 from console.session.work import opened
 from console.text.catalogue import load
+from drivers.cutting.strategy import Strategy
 from drivers.link.address import SimulatedAddress
 from drivers.link.tracing import Tracing
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.presets import plant_named
+from profiles.compensations.learned import MODEL, model_again
 from profiles.store import load_job, load_machine
+from tests.console.floor import floor_at
 from tests.system.lathe_sites import compact_text
 
 Console = Callable[..., Any]
@@ -79,7 +89,10 @@ def test_the_first_can_be_had_again_and_what_was_refused_has_taken_none(
     for address, parts in ((there, 1), (replace(there, goes_on=False), 0), (replace(there, seed=7), 0)):
         reached = reach(load_machine(machine), address, data, Tracing(None, ""))
         try:
-            assert reached.shop is not None and (reached.shop.parts, reached.shop.name[:9]) == (parts, "realistic")
+            assert reached.shop is not None and (reached.shop.parts, reached.shop.which.plant) == (
+                parts,
+                "realistic",
+            )
         finally:
             reached.close()
     said = console("run", ring, "--machine", machine, *SIX, "--strategy", "none")
@@ -95,6 +108,52 @@ def test_a_number_needs_a_lathe_that_can_be_had_again(console: Console, ring: st
 def test_lathes_whose_parts_are_alike_are_not_counted(console: Console, ring: str, machine: str) -> None:
     found = console("run", ring, "--machine", machine, "--sim", "--strategy", "none", "--json").json
     assert "lathe" not in found
+
+
+@pytest.mark.parametrize(
+    ("text", "words", "counted"),
+    [
+        ("[chuck]\nlobe_factor = 1.2\n", (), False),
+        ("[chuck]\nlobe_factor = 1.2\n", ("--clamping-sd", "5"), True),
+        ("[blank]\nrun_out_um = 20.0\n", (), True),
+        ("like = 'steady'\n", (), True),
+    ],
+)
+def test_commands_and_screens_count_the_parts_of_the_same_lathes(
+    ring: str, machine: str, tmp_path: Path, data_folder: Path, text: str, words: tuple[str, ...], counted: bool
+) -> None:
+    plant = tmp_path / "mine, seed 3.toml"
+    plant.write_text(text, encoding="utf-8")
+    loaded, data = load_machine(machine), data_folder / "trilobe"
+    options = [
+        "run",
+        ring,
+        "--machine",
+        machine,
+        "--sim",
+        "--plant",
+        str(plant),
+        "--seed",
+        "6",
+        "--data",
+        str(data),
+        *words,
+    ]
+    command = requested(build(load("en")).parse_args(options)).lathe_parts
+    sd_percent = 5.0 if words else None
+    true = plant_named(str(plant), loaded.machine, 6, sd_percent, mounted_by_hand=True)
+    floor = floor_at(SimulatedLathe(loaded.machine, true), data, loaded)
+    assert floor.station.connect()
+    job = load_job(ring)
+    floor.set_up(job.job)
+    floor.do(Arm(job=job.job, job_sha256=job.sha256, loaded=job, strategy=Strategy.NONE))
+    assert floor.context.record is not None
+    setup = story(data, floor.context.record.run_id).setup
+    floor.do(Disarm())
+    assert (command is not None, "lathe" in setup) == (counted, counted)
+    if command is not None:
+        assert command.part == 1 and setup["lathe"] == command.fields()
+        assert next_part(data, job.job.name, loaded.machine.name, command.lathe) == 2
 
 
 @pytest.fixture
@@ -122,6 +181,45 @@ def test_what_another_lathe_has_taught_is_refused_with_both_named(
     assert "realistic, seed 6" in said.err and "realistic, seed 9" in said.err and "--seed" in said.err
     there = requested(build(load("en")).parse_args([*words, *SIX]))
     assert there.plan.compensation == 1
+
+
+def test_a_simulated_lathe_behind_a_link_is_another_one_too(ring: str, machine: str, learned: str) -> None:
+    words = ["run", ring, "--machine", machine, "--strategy", "cam", "--link", "sim:", "--compensation"]
+    with pytest.raises(SessionError) as refused:
+        requested(build(load("en")).parse_args([*words, "newest"]))
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.limit) == ("learned.other_lathe", "realistic, seed 6")
+    for language in ("en", "ko"):
+        said = load(language).problem(problem)
+        assert all(word in said for word in ("--sim --plant", "--seed", "--compensation none"))
+    request = requested(build(load("en")).parse_args([*words, "none"]))
+    assert isinstance(request.address, SimulatedAddress) and request.address.seed is not None
+
+
+def test_a_version_that_names_no_lathe_is_told_behind_a_link_too(
+    ring: str, machine: str, data_folder: Path
+) -> None:
+    job, loaded = load_job(ring), load_machine(machine)
+    path = nominal_path(job.job, loaded.machine, Strategy.CAM)
+    asked = asked_for(job, loaded, Strategy.CAM, simulated=True)
+    version = model_again(asked, path, 1, "2026-01-02T08:52:00.000Z")
+    data = data_folder / "trilobe"
+    store(data, replace(version, reverts=None, parent=MODEL))
+    words = [
+        "run",
+        ring,
+        "--machine",
+        machine,
+        "--strategy",
+        "cam",
+        "--compensation",
+        "newest",
+        "--data",
+        str(data),
+    ]
+    request = requested(build(load("en")).parse_args([*words, "--link", "sim:"]))
+    told = [each.code for each in request.warnings if each.code.startswith("learned.")]
+    assert told == ["learned.lathe_unknown"]
 
 
 def test_a_screen_on_another_lathe_sets_it_aside_and_does_not_arm_with_it(

@@ -133,6 +133,23 @@ def test_two_lathes_are_set_up_differently_unless_they_have_the_same_seed() -> N
     assert seen[2] != seen[3]
 
 
+def test_it_says_which_lathe_it_is_and_whether_its_parts_differ(tmp_path: Path) -> None:
+    plant = tmp_path / "mine, seed 3.toml"
+    plant.write_text("[chuck]\nlobe_factor = 1.2\n", encoding="utf-8")
+    told = []
+    for words in ({"plant": str(plant)}, {"plant": "mounted", "clamping_sd_percent": 5.0}, {"plant": "steady"}):
+        simulator = SimulatorProcess.start(MACHINE, seed=5, **words)
+        told.append((simulator.which, simulator.parts_differ))
+        simulator.close()
+    lathes, differ = zip(*told, strict=True)
+    assert [(each.plant[:17], each.seed, each.alike) for each in lathes] == [
+        ("mine, seed 3.toml", 5, True),
+        ("ideal", 5, True),
+        ("steady", 5, False),
+    ]
+    assert differ == (False, True, True)
+
+
 def test_a_spindle_that_the_card_drives_is_not_set_by_hand(simulator: SimulatorProcess) -> None:
     assert code_of(lambda: simulator.set_spindle(800.0)) == "simulator.refused"
     assert code_of(lambda: simulator.set_spindle(None)) == "simulator.refused"

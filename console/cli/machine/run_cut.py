@@ -22,7 +22,6 @@ from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
-from console.session.cut.simulated_parts import LATHE
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
@@ -41,6 +40,7 @@ from console.text.catalogue import Catalogue
 from console.text.fingerprint import fingerprint_line
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
+from drivers.simulator.plant.which_lathe import LATHE
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError
 from profiles.traces import Trace, write_trace

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.cli.arguments import DEFAULT_PLANT, INDICATOR
-from console.cli.library import data_of, job_of, lathe_parts_of, machine_of, true_parameters_of
+from console.cli.library import data_of, job_of, known_lathe, lathe_parts_of, machine_of, true_parameters_of
 from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.cut.simulated_parts import LatheParts
@@ -73,17 +73,16 @@ def requested(options: Namespace) -> RunRequest:
     """Load and plan what the command line requests; nothing is opened."""
     job, loaded = job_of(options), calibrated(machine_of(options), data_of(options))
     machine = loaded.machine
-    address = None if options.sim else address_of(machine, options.link, simulated=False)
+    address, true, lathe = _place(options, machine)
     simulated = address is None or isinstance(address, SimulatedAddress)
-    true = None if address is not None else true_parameters_of(options, machine)
-    lathe = "" if address is not None else DEFAULT_PLANT if true is None else str(true.lathe)
     asked = asked_for(job, loaded, options.strategy, simulated=simulated, lathe=lathe)
     known = () if options.compensation == NONE else versions(data_of(options), asked)
     learned = chosen(options.compensation, known, asked)
     path, inverted = _path(options, job.job, machine, learned, simulated=simulated)
     lathe_parts = _lathe_parts(options, job.job, machine, true) if address is None else None
     true = true if true is None or lathe_parts is None else replace(true, parts_before=lathe_parts.part - 1)
-    fingerprint = _fingerprint(options, job.job, machine, path, inverted, history_of(learned, known), true)
+    history = history_of(learned, known)
+    fingerprint = _fingerprint(options, job.job, machine, path, inverted, history, true, simulated=simulated)
     path = path if fingerprint is None else fingerprint.path
     made = "" if fingerprint is None else fingerprint.made
     plan = _plan(options, job, machine, path, inverted, learned, made, simulated=simulated)
@@ -99,10 +98,7 @@ def requested(options: Namespace) -> RunRequest:
         part_file=_part_file(options, simulated=simulated),
         warnings=(
             *loaded.warnings,
-            *date_problems(learned),
-            *lathe_problems(learned, asked),
-            *_unused(options, job, loaded, asked),
-            *_contradicted(options, job, loaded, simulated=simulated),
+            *_of_versions(options, job, loaded, learned, asked),
             *plan.warnings,
             *(() if fingerprint is None else fingerprint.clamped.warnings),
         ),
@@ -112,6 +108,15 @@ def requested(options: Namespace) -> RunRequest:
     )
 
 
+def _place(options: Namespace, machine: MachineProfile) -> tuple[LinkAddress | None, TrueParameters | None, str]:
+    """Return where the part is cut: at an address, or on a plant in this process; and on which simulated lathe."""
+    if not options.sim:
+        address, lathe = known_lathe(address_of(machine, options.link, simulated=False), machine)
+        return address, None, lathe
+    true = true_parameters_of(options, machine)
+    return None, true, DEFAULT_PLANT if true is None else str(true.lathe)
+
+
 def _lathe_parts(
     options: Namespace, job: Job, machine: MachineProfile, true: TrueParameters | None
 ) -> LatheParts | None:
@@ -119,6 +124,22 @@ def _lathe_parts(
     parts = 0 if options.stage == Stage.AIR else 1
     return lathe_parts_of(
         options, job.name, machine.name, true, parts if options.learn is None else options.learn + COMPARED
+    )
+
+
+def _of_versions(
+    options: Namespace,
+    job: LoadedJob,
+    machine: LoadedMachine,
+    learned: LearnedCompensation | None,
+    asked: HoldsFor,
+) -> tuple[Problem, ...]:
+    """Return what is to be said of the learned version of this cut, or of those that it does without."""
+    return (
+        *date_problems(learned),
+        *lathe_problems(learned, asked),
+        *_unused(options, job, machine, asked),
+        *_contradicted(options, job, machine, simulated=asked.simulated),
     )
 
 
@@ -202,6 +223,8 @@ def _fingerprint(
     inverted: ServoResponse | None,
     history: tuple[LearnedCompensation, ...],
     true: TrueParameters | None,
+    *,
+    simulated: bool,
 ) -> Fingerprint | None:
     """Return the fingerprint that a single cut was asked for with, None where it was not."""
     if options.fingerprint is None or options.learn is not None:
@@ -216,9 +239,7 @@ def _fingerprint(
         history=history,
         true=true,
     )
-    in_process = bool(options.sim)
-    simulated = in_process or isinstance(address_of(machine, options.link, simulated=False), SimulatedAddress)
-    return asked_fingerprint(options.fingerprint, cut, in_process=in_process, simulated=simulated)
+    return asked_fingerprint(options.fingerprint, cut, in_process=bool(options.sim), simulated=simulated)
 
 
 def _part_file(options: Namespace, *, simulated: bool) -> Path | None:

@@ -1,7 +1,7 @@
 """Parts of a simulated lathe over several commands: the record says which part of a job comes next on it.
 
-Each command starts the lathe anew. With the same seed it is the same lathe, which goes on with the next blank and
-the next clamping: a second part with the same ones would show nothing that the first has not.
+Each command starts the lathe again. With the same seed it is the same lathe, which continues with the next blank
+and the next clamping: a second part with the same ones would show nothing that the first has not.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from pathlib import Path
 from console.session.data.record_file import FILE_NAME, record_error, rows
 from drivers.simulator.plant.which_lathe import WhichLathe
 
-LATHE = "lathe"
 TIMEOUT_S = 1.0
 
 _HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"

@@ -33,6 +33,7 @@ from console.session.learning.history import history_of
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.following import follows_by_order
+from drivers.simulator.plant.which_lathe import LATHE
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.causes import Cause, causes
@@ -50,7 +51,6 @@ from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
 
 SIMULATED = ("simulated", "yes")  # header line of a simulated trace, which no gauge has measured
-LATHE = "lathe"  # header line of a simulated trace: on which lathe
 OVERTONES = (1, 2, 3)
 LEAST_EXTRA = 2
 

@@ -32,6 +32,7 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.pmac.client import PmacClient
+from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Truth
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -39,9 +40,10 @@ from profiles.store import LoadedMachine
 
 
 class Shop(Workshop, Protocol):
-    """The workshop of a lathe on which people train; its `name` says which one it is."""
+    """The workshop of a lathe on which people train: which one it is, and whether its parts differ."""
 
-    name: str
+    which: WhichLathe
+    parts_differ: bool
 
     @property
     def parts(self) -> int:
@@ -131,7 +133,7 @@ class StationContext:
         machine = self.loaded_machine.machine
         self._state = StationState(
             simulated=self.shop is not None,
-            lathe="" if self.shop is None else self.shop.name,
+            lathe="" if self.shop is None else str(self.shop.which),
             machine=machine.name,
             standing=Standing.OBSERVER,
             alignment=Alignment(on=mounted_on(machine)),

@@ -14,7 +14,7 @@ from console.session.cut.retracting import (
     retracted_by_distance,
 )
 from console.session.cut.run import planned, refuse_unplannable
-from console.session.cut.simulated_parts import LATHE, LatheParts
+from console.session.cut.simulated_parts import LatheParts
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
@@ -39,7 +39,7 @@ from drivers.cutting.planning import CutPlan, first_spindle_counts
 from drivers.errors import RefusedError
 from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import Snapshot
-from drivers.simulator.plant.which_lathe import lathe_named
+from drivers.simulator.plant.which_lathe import LATHE
 from profiles.axis.response import ServoResponse
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath
@@ -360,10 +360,10 @@ def _open_record(context: StationContext, command: Arm, plan: CutPlan, made: Mad
 
 def _lathe(context: StationContext) -> dict[str, object]:
     """Return which part of which simulated lathe is in the chuck; nothing where all parts are alike."""
-    lathe = None if context.shop is None else lathe_named(context.shop.name)
-    if context.shop is None or lathe is None:
+    shop = context.shop
+    if shop is None or not shop.parts_differ:
         return {}
-    return {LATHE: LatheParts(lathe=lathe, part=context.shop.parts).fields()}
+    return {LATHE: LatheParts(lathe=shop.which, part=shop.parts).fields()}
 
 
 def _facts(context: StationContext, command: Arm) -> RunFacts:

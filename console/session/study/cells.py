@@ -19,8 +19,9 @@ from typing import Any
 from console.session.data.calibrated_chuck import calibrated
 from console.session.data.kept_files import jobs_folder, machines_folder
 from console.session.study.description import Study
-from drivers.simulator.plant.presets import MOUNTED, plant_named
+from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.which_lathe import MOUNTED
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError

@@ -4,9 +4,12 @@ It is a stream of JSON lines, one reply for each request: `{"do": "mount", "job"
 `{"do": "look"}`, `{"do": "truth"}`, `{"do": "indicate", "places": 12}` (an indicator on the clamped part),
 `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it), `{"do": "pace", "speed": 2.0}` (0
 pauses) and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to
-an impossible request is `{"refused": reason}`. Before any request, one line `{"ready": device, "lathe": name}` has
-the device of the controller, and which lathe it is. The reply to `{"do": "checkpoint"}` comes with the line to a
-frozen copy, see `frozen`.
+an impossible request is `{"refused": reason}`. The reply to `{"do": "checkpoint"}` comes with the line to a frozen
+copy, see `frozen`.
+
+Before any request, one line `{"ready": device, "lathe": {"plant": "steady", "seed": 7, "alike": false},
+"parts_differ": true}` has the device of the controller, which lathe it is (see `WhichLathe`), and whether its
+parts differ.
 """
 
 from __future__ import annotations
@@ -38,7 +41,7 @@ async def converse(
     go_on: GoOn,
 ) -> None:
     """Announce the device, then answer until the other side disconnects. Copies of this process `go_on`."""
-    await _say(writer, {"ready": device, "lathe": lathe.name})
+    await _say(writer, {"ready": device, "lathe": asdict(lathe.which), "parts_differ": lathe.parts_differ})
     try:
         while line := await reader.readline():
             if _is_checkpoint(line):

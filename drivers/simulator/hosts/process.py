@@ -18,6 +18,7 @@ from drivers.placed import Placed, placed_text
 from drivers.simulator.hosts.child import REQUEST_TIMEOUT_S, Child, FrozenCopy, plain
 from drivers.simulator.hosts.control_address import LONGEST_LINE
 from drivers.simulator.hosts.pty import remove_name
+from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
 from profiles.fingerprint.readings import ClampReadings
@@ -32,10 +33,11 @@ if TYPE_CHECKING:
 class SimulatorProcess:
     """One running simulator. It is used from one thread, and ends with the process that started it."""
 
-    def __init__(self, child: Child, address: SerialAddress, name: str = "") -> None:
-        """Use `start` instead."""
-        self.address, self.name = address, name
-        self.parts = 0  # clamped so far
+    def __init__(
+        self, child: Child, address: SerialAddress, which: WhichLathe, parts: int, *, parts_differ: bool
+    ) -> None:
+        """Use `start` instead; `parts` were clamped so far."""
+        self.address, self.which, self.parts, self.parts_differ = address, which, parts, parts_differ
         self._child = child
         self._over = ""
         self._frozen: dict[str, FrozenCopy] = {}
@@ -58,7 +60,7 @@ class SimulatorProcess:
 
         Chuck and tool are mounted at random, and the simulated hardware is that of `plant` (see `plant_named`);
         with a `seed`, the same each time. A `blind` one shows dials instead of the truth. It begins at power-up,
-        or as it is `placed`, and goes on with the draws of its parts after `parts_before`.
+        or as it is `placed`, and continues with the draws of its parts after `parts_before`.
 
         Raises LinkError: `simulator.not_started`.
         """
@@ -73,14 +75,13 @@ class SimulatorProcess:
         try:
             child = Child(arguments)
             said = child.read(timeout_s)
-            device, name = str(said["ready"]), str(said["lathe"])
-        except (OSError, ValueError, KeyError) as error:
+            address, which = SerialAddress(device=str(said["ready"])), record(WhichLathe, said["lathe"])
+            differ = said["parts_differ"] is True
+        except (OSError, ValueError, KeyError, TypeError) as error:
             reason = child.end(error) if child else plain(error)
             where = printable(str(machine_path))
             raise LinkError(Problem(code="simulator.not_started", where=where, value=reason)) from error
-        started = cls(child, SerialAddress(device=device), name)
-        started.parts = parts_before
-        return started
+        return cls(child, address, which, parts_before, parts_differ=differ)
 
     def mount(self, job: Job) -> None:
         """Clamp a new blank for a job. Raises LinkError: `simulator.gone`, `simulator.refused`."""

@@ -16,7 +16,7 @@ from typing import Any
 
 from drivers.simulator.plant.spreads import drawn, spread_fields
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, set_up_by_hand
-from drivers.simulator.plant.which_lathe import IDEAL, which_lathe
+from drivers.simulator.plant.which_lathe import IDEAL, MOUNTED, which_lathe
 from profiles.axis.notch import Reading
 from profiles.fields import Field, Kind, flatten, read_fields, schema_problem, spelled
 from profiles.files import printable, read_toml
@@ -24,7 +24,6 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
 _FOLDER = Path(__file__).parent / "presets"
-MOUNTED = "mounted"
 BUNDLED = ("ideal", "paper", "steady", "easy", "realistic", "hard")
 PLANTS = ("ideal", MOUNTED, *BUNDLED[1:])  # the names of the plants
 SEEDS = 2**32
@@ -134,10 +133,10 @@ def plant_named(
     by_hand = mounted_by_hand or name_or_path == MOUNTED
     number = SystemRandom().randrange(SEEDS) if seed is None else seed
     plant = IDEAL if name_or_path == MOUNTED else name_or_path
-    values, where = _values(plant, number)
+    values, where, spread = _values(plant, number)
     true = _with_friction(_changed(ideal(machine), values), values["coulomb_friction_n"], where)
-    drawn_by_seed = _values(plant, number + 1)[0] != values
-    true = replace(true, seed=number, lathe=which_lathe(plant, number, drawn=drawn_by_seed))
+    alike = not (spread or true.lathes_differ)
+    true = replace(true, seed=number, lathe=which_lathe(plant, number, alike=alike))
     if clamping_sd_percent is not None:
         true = replace(true, clamping_force_spread=clamping_sd_percent / 100.0)
     return set_up_by_hand(true, machine, Random(number)) if by_hand else true
@@ -152,8 +151,8 @@ def plant_problems(name_or_path: str) -> tuple[Problem, ...]:
     return ()
 
 
-def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str]:
-    """Return the values of a plant, and its file as it is named in problems."""
+def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str, bool]:
+    """Return the values of a plant, its file as it is named in problems, and whether any of them is drawn."""
     path = _path_of(name_or_path)
     where = printable(str(path))
     leaves, sd = _leaves(path)
@@ -171,7 +170,7 @@ def _values(name_or_path: str, seed: int) -> tuple[Mapping[str, Any], str]:
     ]
     if problems or found:
         raise ProfileError(*problems, *found)
-    return drawn(values, widths, PLANT_FIELDS, seed), where
+    return drawn(values, widths, PLANT_FIELDS, seed), where, any(widths.values())
 
 
 def _path_of(name_or_path: str) -> Path:

@@ -160,7 +160,7 @@ class TrueParameters:
     gauge_mark_sd_deg: float = 0.0
     seed: int = 0
     parts_before: int = 0
-    lathe: WhichLathe | None = field(default=None, compare=False)
+    lathe: WhichLathe = field(default=WhichLathe(plant=IDEAL, seed=0, alike=True), compare=False)
     tool_start_mm: float = 1.0
     carriage_start_mm: float = 2.0
     spindle_start_turns: float = 0.3456
@@ -190,6 +190,32 @@ class TrueParameters:
     def thrust_n_per_v(self) -> float:
         """The thrust for one volt that the commutation leaves."""
         return self.force_n_per_v * math.cos(math.radians(self.commutation_error_deg))
+
+    @property
+    def lathes_differ(self) -> bool:
+        """Whether the seed draws anything of the lathe itself that no alignment finds.
+
+        These are the phases of the radial error and of the ripple, and where the stylus of the indicator is set.
+        """
+        return bool(self.radial_error_um_pp or self.speed_ripple or self.gauge_mark_sd_deg)
+
+    @property
+    def parts_differ(self) -> bool:
+        """Whether any part of this lathe differs from the one before it: clamping, blank, warmth, or readings."""
+        return not self.gauge_mark_known or any(
+            (
+                self.clamping_force_spread,
+                self.blank_oval_um_pp,
+                self.blank_run_out_um,
+                self.drift_um,
+                self.encoder_noise_um,
+                self.indicator_noise_um,
+                self.finger_force_fraction and self.finger_force_spread,
+                self.gauge_eccentricity_um,
+                self.gauge_noise_um,
+                self.gauge_mark_sd_deg,
+            )
+        )
 
     def chance(self, what: str) -> Random:
         """Return the random generator for `what`: the same for the same seed, whatever else is drawn."""
@@ -290,7 +316,6 @@ def ideal(machine: MachineProfile) -> TrueParameters:
     """Return a lathe that equals its profile; spindle and carriage are at their commanded positions."""
     tool, spindle = machine.tool, machine.spindle
     return TrueParameters(
-        lathe=WhichLathe(plant=IDEAL, seed=0),
         moving_mass_kg=tool.moving_mass_kg,
         damping_n_s_per_m=tool.damping_n_s_per_m,
         force_n_per_v=tool.loop_gain_n_per_v,

@@ -8,8 +8,10 @@ from pathlib import Path
 
 from profiles.files import printable
 
-IDEAL = "ideal"
-ALIKE = (IDEAL, "paper")  # plants of which no seed draws anything: all lathes of one are the same
+LATHE = "lathe"
+"""Which simulated lathe it was: a header line of a trace, and a key of the record and of JSON."""
+
+IDEAL, MOUNTED = "ideal", "mounted"
 HASH_DIGITS = 8
 
 NAMED_SEED = ", seed "
@@ -19,7 +21,7 @@ NAMED_SEED = ", seed "
 class WhichLathe:
     """One simulated lathe: its `plant`, of a file with the beginning of its hash, and its seed.
 
-    Where the file of a plant draws nothing from the seed its lathes are `alike`, and one.
+    Where the seed draws nothing of the lathe itself all lathes of the plant are `alike`, and one.
     """
 
     plant: str
@@ -27,28 +29,26 @@ class WhichLathe:
     alike: bool = False
 
     def __str__(self) -> str:
-        return self.plant if self.alike or self.plant in ALIKE else f"{self.plant}{NAMED_SEED}{self.seed}"
+        return self.plant if self.alike else f"{self.plant}{NAMED_SEED}{self.seed}"
 
 
-def which_lathe(plant: str, seed: int, *, drawn: bool = True) -> WhichLathe:
-    """Return which lathe a plant (a name or a file that can be read) and a seed are; `drawn`: the seed tells."""
-    alike = False
+def which_lathe(plant: str, seed: int, *, alike: bool = False) -> WhichLathe:
+    """Return which lathe a plant (a name or a file that can be read) and a seed are.
+
+    What is set up by hand is the ideal lathe: its chuck angle and its tip are found before a cut.
+    """
     if plant.endswith(".toml"):
         path = Path(plant)
         digest = hashlib.sha256(path.read_bytes()).hexdigest()
-        plant, alike = f"{printable(path.name)} {digest[:HASH_DIGITS]}", not drawn
-    return WhichLathe(plant=plant, seed=seed, alike=alike)
-
-
-def lathe_named(lathe: str) -> WhichLathe | None:
-    """Return the lathe of such a text; None where all lathes of its plant are alike, or it is unknown."""
-    plant, _, seed = lathe.rpartition(NAMED_SEED)
-    return WhichLathe(plant=plant, seed=int(seed)) if plant else None
+        plant = f"{printable(path.name)} {digest[:HASH_DIGITS]}"
+    return WhichLathe(plant=IDEAL if plant == MOUNTED else plant, seed=seed, alike=alike)
 
 
 def options_of(lathe: str) -> tuple[str, ...]:
     """Return the options that lead to a lathe by its text; none where its plant is a file, or it is unknown."""
-    plant, _, seed = lathe.partition(NAMED_SEED)
-    if not plant or " " in plant:
+    plant, named, seed = lathe.rpartition(NAMED_SEED)
+    if not named:
+        plant = lathe
+    if not plant or " " in plant or (named and not seed.isdecimal()):
         return ()
-    return ("--plant", plant, *(("--seed", seed) if seed else ()))
+    return ("--plant", plant, *(("--seed", seed) if named else ()))

@@ -18,6 +18,7 @@ from drivers.simulator.plant.part_indicator import FromJaw, PartIndicator
 from drivers.simulator.plant.tip_load import CELLS, Stock, cutting_torque_n_m, material_of
 from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.which_lathe import LATHE
 from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Blank, Workpiece
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.fingerprint.readings import ClampReadings
@@ -52,7 +53,7 @@ class Gauge:
         self._noise_um = true.gauge_noise_um
         self._mark_known = true.gauge_mark_known
         self._mark_sd_deg = true.gauge_mark_sd_deg
-        self._lathe = {} if true.lathe is None else {"lathe": str(true.lathe)}
+        self._lathe = str(true.lathe)
         self._chance = true.chance("gauge")
         self._generator = np.random.default_rng(self._chance.randrange(2**32))
 
@@ -80,7 +81,7 @@ class Gauge:
             "radius_mm": f"{nominal_radius_mm:g}",
             "direction": "spindle",
             "start_mark": "spindle index" if self._mark_known else "unknown",
-            **self._lathe,
+            LATHE: self._lathe,
         }
         return Trace(angle_deg=angle_deg, deviation_um=read_um, meta=meta)
 
