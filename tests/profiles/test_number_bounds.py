@@ -31,7 +31,7 @@ SUBNORMAL = 1e-320
 
 def least(field: Field) -> float:
     """Return the least size that a number of a field may have."""
-    assert field.at_least is not None and field.at_most is not None, field.key
+    assert field.at_least is not None and not (field.at_most is None and field.below is None), field.key
     return field.at_least if field.at_least > 0 else LEAST_MAGNITUDE
 
 
