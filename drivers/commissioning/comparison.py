@@ -28,14 +28,17 @@ _Key = TypeVar("_Key", int, str, tuple[int, str])
 
 
 def profile_problems(
-    client: Controller, wanted: ControllerSettings, dialect: Dialect, motors: frozenset[int]
+    client: Controller, wanted: ControllerSettings, dialect: Dialect, motors: frozenset[int], *, tool: int
 ) -> tuple[Problem, ...]:
     """Return every setting and axis definition that differs, and every unexpected active motor, in a few requests.
 
-    TA, TS and F of the coordinate system are left out: they are what the last program left behind.
+    A notch filter of which the profile says nothing differs from none on the motor of the `tool`, whose loop a cut
+    inverts. TA, TS and F of the coordinate system are left out: they are what the last program left behind.
     Raises DriverError: the link broke, or the controller refused to answer.
     """
-    stated, definitions = stated_settings_of(wanted, dialect), read_definitions(wanted.axis_definitions)
+    unfiltered = {dialect.motor_index(tool, number): 0.0 for number in NOTCH_NUMBERS}
+    stated = unfiltered | stated_settings_of(wanted, dialect)
+    definitions = read_definitions(wanted.axis_definitions)
     settings = read_settings(client, stated)
     found = client.query(*(f"&1#{each.motor}->" for each in definitions), again=True)
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]

@@ -190,7 +190,8 @@ class Lathe:
         """
         as_defined = replace(self.as_set.controller, axis_definitions=self.program.definitions)
         motors = frozenset(motor_of(self.machine, axis) for axis in AxisName)
-        problems = profile_problems(self._client, as_defined, self._dialect, motors)
+        tool = self.machine.tool.motor
+        problems = profile_problems(self._client, as_defined, self._dialect, motors, tool=tool)
         self._poller.verified = not problems
         return problems
 

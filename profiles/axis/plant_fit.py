@@ -26,9 +26,7 @@ LEAST_POINTS = 5  # frequencies
 MOST_MODE_DAMPING = 0.15  # what is damped more is no resonance, but another delay or friction
 MODE_POINTS = 10  # with fewer frequencies no mode is looked for
 MODE_CHANCE, MODE_GAIN = 1e-3, 16.3  # the gain of chi-square with three parameters at the same chance
-FRICTION_DOUBT = (
-    0.3  # of the effect of friction, one standard deviation: presliding, and a tool that stops (choice)
-)
+FRICTION_DOUBT = 0.3  # of its effect, one standard deviation: presliding, and a tool that stops (choice)
 MOST_MISFIT = 0.10  # relative error of a point that the fit may leave, or three standard deviations
 _MOST_DELAY_S = 2.0e-3
 MODE_REACH = 2.5  # times the highest measured frequency, up to which a mode can be told from a delay

@@ -60,6 +60,7 @@ def test_a_machine_that_is_set_as_its_profile_says_has_nothing_to_report(bench: 
         ("I115=0.25", "I115", "0.25", "40"),
         ("I217=39.8", "I217", "39.8", "39.79"),
         ("I10=3713706", "I10", "3713706", "3713707"),
+        ("I138=0.25", "I138", "0.25", "0"),  # of a notch filter, of which the profile says nothing
         ("#1->-X", "#1->", "-1X", "X"),
         ("#3->0", "#3->", "0", "Z"),
         ("#2->Y+1", "#2->", "Y+1", "Y"),

@@ -53,7 +53,12 @@ class Outcome:
     accepted: int
     seconds: float
     broken_by: bytes | None = None
-    error: BaseException | None = None
+    error: str = ""
+
+
+def named(error: Exception) -> str:
+    """Return type and sentence of an error; it may come from another process."""
+    return f"{type(error).__name__}: {error}"
 
 
 def mutated(data: bytes, other: bytes, random: Random) -> bytes:
@@ -101,7 +106,9 @@ def mutate(target: Target, *, inputs: int, seconds: float, seed: int) -> Outcome
                     raise MemoryError(f"{_memory() - before} bytes")
             except Exception as error:
                 seconds_s = time.monotonic() - began_s
-                return Outcome(tried=tried, accepted=accepted, seconds=seconds_s, broken_by=data, error=error)
+                return Outcome(
+                    tried=tried, accepted=accepted, seconds=seconds_s, broken_by=data, error=named(error)
+                )
             accepted += good
             if good and not first and len(pool) < len(starts) + KEPT:
                 pool.append(data)

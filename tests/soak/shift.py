@@ -68,6 +68,13 @@ class Count:
     cuts: int = 0
     parts: int = 0
 
+    def add(self, other: Count) -> None:
+        """Add what another shift has counted."""
+        self.tried += other.tried
+        self.survived += other.survived
+        self.alarms += other.alarms
+        self.runs, self.cuts, self.parts = self.runs + other.runs, self.cuts + other.cuts, self.parts + other.parts
+
 
 class Shift:
     """One lathe, and the consoles that work it one after the other; `now_s` is its time."""
