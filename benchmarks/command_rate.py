@@ -102,8 +102,10 @@ def get_response(line: bytes) -> bytes:
 def running(*arguments: str) -> Iterator[subprocess.Popen[str]]:
     """Run Python with its output to be read, and end it."""
     with subprocess.Popen([sys.executable, *arguments], stdout=subprocess.PIPE, text=True) as process:
-        yield process
-        process.terminate()
+        try:
+            yield process
+        finally:
+            process.terminate()
 
 
 def connect(port: int) -> socket.socket:
