@@ -6,7 +6,7 @@ axis definitions, PLCs, programs, tables and the conversion table. What the cons
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from drivers.commissioning.amounts import amount
@@ -31,6 +31,11 @@ class Fingerprint:
     machine: MachineProfile
     configuration: Configuration
     free: str
+
+    def without_axes(self, motors: Collection[int]) -> Fingerprint:
+        """Return what is read once the axis definitions of some motors are gone."""
+        axes = {motor: axis for motor, axis in self.configuration.axes.items() if motor not in motors}
+        return replace(self, configuration=replace(self.configuration, axes=axes))
 
     @property
     def facts(self) -> tuple[Mapping[str, str], ...]:

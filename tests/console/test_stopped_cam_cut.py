@@ -20,8 +20,9 @@ JOB = experiment_1()
 def commissioned(floor: Floor, data: Path) -> None:
     client, machine = floor.context.client, floor.context.loaded_machine.machine
     assert client is not None
+    program, heartbeat = floor.context.lathe.program, Heartbeat(client, floor.sim, machine)
     floor.context.commissioned = Commissioned(
-        client, Heartbeat(client, floor.sim, machine), machine, data, simulated=True
+        client, heartbeat, machine, data, lambda: program.definitions, simulated=True
     )
     store(data, machine, simulated_record(machine, DIALECTS["pmac"], date.today()))
     floor.do(Verify())

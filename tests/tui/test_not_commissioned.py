@@ -60,7 +60,9 @@ def test_the_machine_is_asked_when_it_is_verified(tmp_path: Path) -> None:
     client = PmacClient(MemoryLink(floor.sim.connect(), floor.sim), floor.sim)
     client.connect()
     heartbeat = Heartbeat(client, floor.sim, machine)
-    floor.context.commissioned = Commissioned(client, heartbeat, machine, tmp_path, simulated=False)
+    floor.context.commissioned = Commissioned(
+        client, heartbeat, machine, tmp_path, lambda: machine.controller.axis_definitions, simulated=False
+    )
     assert [each.code for each in floor.do(Verify()).uncommissioned] == ["stops.no_record"]
     record = simulated_record(machine, DIALECTS["pmac"], date.today())
     store(tmp_path, machine, replace(record, address=client.link.address))

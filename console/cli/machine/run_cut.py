@@ -35,7 +35,7 @@ from console.session.operator import operator_name
 from console.session.signals import Interruption
 from console.session.stages import Stage
 from console.session.station.actions import stopped_by
-from console.session.station.reaching import Commissioned, Reached, guard, leave, machine_context, reach
+from console.session.station.reaching import Reached, commissioning, guard, leave, machine_context, reach
 from console.text.catalogue import Catalogue
 from console.text.fingerprint import fingerprint_line
 from drivers.lathe.snapshot import Snapshot
@@ -319,9 +319,7 @@ def _cut(
 
 def _cut_there(request: RunRequest, reached: Reached, data: Path, recorder: Recorder, tell: TellPart) -> RunResult:
     try:
-        commissioned = Commissioned(
-            reached.client, reached.heartbeat, request.machine.machine, data, simulated=reached.simulated
-        )
+        commissioned = commissioning(reached, request.machine, data)
         context = replace(machine_context(reached, commissioned), recorder=recorder)
         result = run_once(request.plan, context, tell)
         if not leave(reached.lathe, reached.owning):

@@ -36,6 +36,7 @@ from drivers.link.opening import open_link
 from drivers.link.renewable import RenewableLink
 from drivers.link.tapping import TappedLink
 from drivers.link.tracing import Tracing
+from drivers.pmac.axes import read_definitions
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.plant.which_lathe import which_lathe
@@ -45,13 +46,23 @@ from profiles.store import LoadedMachine
 
 
 class Commissioned:
-    """Commissioning checks of one machine before each arm: who writes to it, its stops, how people are guarded."""
+    """Commissioning checks of one machine before each arm: who writes to it, its stops, how people are guarded.
+
+    `defined` returns the axis definitions that stand now: a loaded program may have taken some away.
+    """
 
     def __init__(
-        self, client: PmacClient, heartbeat: Heartbeat, machine: MachineProfile, data: Path, *, simulated: bool
+        self,
+        client: PmacClient,
+        heartbeat: Heartbeat,
+        machine: MachineProfile,
+        data: Path,
+        defined: Callable[[], tuple[str, ...]],
+        *,
+        simulated: bool,
     ) -> None:
         self._client, self._heartbeat, self._machine = client, heartbeat, machine
-        self._data, self._simulated = data, simulated
+        self._data, self._defined, self._simulated = data, defined, simulated
         self.fingerprint: Fingerprint | None = None
         self._own = frozenset[str]()
 
@@ -107,6 +118,9 @@ class Commissioned:
         if before is None:
             return (Problem(code="alignment.not_verified"),)
         now = read_fingerprint(self._client, self._machine, dialect, before)
+        stated = self._machine.controller.axis_definitions
+        taken = [each.motor for each in read_definitions(set(stated) - set(self._defined()))]
+        before = before.without_axes(taken)
         return fingerprint_problems(before, now, ours(self._machine, dialect) | self._own)
 
 
@@ -130,6 +144,18 @@ class Reached:
     def simulated(self) -> bool:
         """Whether it is simulated."""
         return self.shop is not None
+
+
+def commissioning(reached: Reached, machine: LoadedMachine, data: Path) -> Commissioned:
+    """Return the checks of a machine that is reached."""
+    return Commissioned(
+        reached.client,
+        reached.heartbeat,
+        machine.machine,
+        data,
+        lambda: reached.lathe.program.definitions,
+        simulated=reached.simulated,
+    )
 
 
 def reach(

@@ -12,7 +12,7 @@ from console.session.data.records import killed_or_refused
 from console.session.practice.begins import Begins
 from console.session.station.alarms import Priority
 from console.session.station.context import StationContext, Training
-from console.session.station.reaching import Commissioned, Reached, reach
+from console.session.station.reaching import Reached, commissioning, reach
 from console.session.station.station import Station
 from drivers.beside.heard import Heard
 from drivers.beside.side_line import SideLine
@@ -90,9 +90,7 @@ def _context(
         local_time=_local_time,
         side=SideLine(reached.client, reached.clock, heard, lambda: stop.reason is not None),
         client=reached.client,
-        commissioned=Commissioned(
-            reached.client, reached.heartbeat, machine.machine, data, simulated=reached.simulated
-        ),
+        commissioned=commissioning(reached, machine, data),
         reopening=reached.reopening,
         onlookers=reached.onlookers,
         begins=begins,
