@@ -15,6 +15,7 @@ from drivers.commissioning.judged import same
 from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_configuration
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
+from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, STRATEGY_PROGRAMS
@@ -32,9 +33,11 @@ class Fingerprint:
     configuration: Configuration
     free: str
 
-    def without_axes(self, motors: Collection[int]) -> Fingerprint:
-        """Return what is read once the axis definitions of some motors are gone."""
-        axes = {motor: axis for motor, axis in self.configuration.axes.items() if motor not in motors}
+    def as_defined(self, definitions: Collection[str]) -> Fingerprint:
+        """Return what is read while only these of the profile's axis definitions stand: a program took the others."""
+        taken = set(self.machine.controller.axis_definitions) - set(definitions)
+        gone = {each.motor for each in read_definitions(taken)}
+        axes = {motor: axis for motor, axis in self.configuration.axes.items() if motor not in gone}
         return replace(self, configuration=replace(self.configuration, axes=axes))
 
     @property

@@ -36,7 +36,6 @@ from drivers.link.opening import open_link
 from drivers.link.renewable import RenewableLink
 from drivers.link.tapping import TappedLink
 from drivers.link.tracing import Tracing
-from drivers.pmac.axes import read_definitions
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.plant.which_lathe import which_lathe
@@ -118,10 +117,9 @@ class Commissioned:
         if before is None:
             return (Problem(code="alignment.not_verified"),)
         now = read_fingerprint(self._client, self._machine, dialect, before)
-        stated = self._machine.controller.axis_definitions
-        taken = [each.motor for each in read_definitions(set(stated) - set(self._defined()))]
-        before = before.without_axes(taken)
-        return fingerprint_problems(before, now, ours(self._machine, dialect) | self._own)
+        return fingerprint_problems(
+            before.as_defined(self._defined()), now, ours(self._machine, dialect) | self._own
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
