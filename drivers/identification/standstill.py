@@ -7,6 +7,7 @@ not.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 from drivers.errors import DriverError
@@ -31,6 +32,15 @@ CONFIRMING_PERIODS = (0.25, 0.125)
 a period later. And they follow at once: a tool that is driven away keeps moving."""
 
 LONGEST_WAIT_S = 0.02  # well within the watchdog timeout
+
+
+def confirming_wait_s(periods: float, frequency_hz: float, background_s: float) -> float:
+    """Return how long to wait for a poll that many periods later.
+
+    A controller answers once per background cycle: whole periods are added until the poll sees another one.
+    """
+    more = max(0, math.ceil(background_s * frequency_hz - periods))
+    return min((periods + more) / frequency_hz, LONGEST_WAIT_S)
 
 
 def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float) -> float:
@@ -76,8 +86,9 @@ class Standstill:
         if len(self._polls) > 1 and abs(self._polls[-1][0] - self._polls[-2][0]) > STANDS_COUNTS:
             return
         fastest = 0.0
+        background_s = 1e-3 * self._rig.machine.controller.background_ms
         for periods in CONFIRMING_PERIODS:
-            self._rig.clock.wait(min(periods / self._frequency_hz, LONGEST_WAIT_S))
+            self._rig.clock.wait(confirming_wait_s(periods, self._frequency_hz, background_s))
             fastest = max(fastest, abs(self._confirmed()))
         if self._stands() and fastest < MOVES_COUNTS_A_CYCLE:
             self._rig.lathe.stop.kill("identify.no_motion")
@@ -87,14 +98,16 @@ class Standstill:
     def _confirmed(self) -> float:
         """Poll the tool alone, and return its velocity in that servo cycle, counts.
 
-        A controller answers once per background cycle; where that is half a period, every poll sees the same.
+        Where a background cycle is half a period, every poll sees the same; and an answer of the same cycle as the
+        one before proves nothing anew.
         """
         motor, dialect = self._rig.machine.tool.motor, self._rig.dialect
         register = dialect.registers["velocity"]
         address = register.address + (motor - 1) * register.stride
         items = (f"#{motor}P", "F", f"R{register.space}${address:X}")
         position, error, word = self._rig.client.numbers(*items, again=True)
-        self._polls.append((position, position + error))
+        if (poll := (position, position + error)) != self._polls[-1]:
+            self._polls.append(poll)
         signed = word - (1 << WORD_BITS) if word >= 1 << (WORD_BITS - 1) else word
         return signed / (self._rig.machine.controller.variables[f"I{motor}09"] * COUNT_PARTS)
 
