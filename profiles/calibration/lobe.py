@@ -29,6 +29,7 @@ MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
 FINEST_UM = 0.01  # no gauge of a workshop resolves less
 OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same
+MOST_OFF_SIZE_MM = 0.5  # on the radius: more is another part, or a diameter in place of a radius (choice)
 UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside the fit is reported
 LEAST_UNDECLARED = 0.02  # and the fraction of the tolerance that its amplitude has to be for that
 
@@ -77,7 +78,7 @@ def find_lobe(
         diagnosis=seen,
         simulated=simulated,
         phase_assumed=phase_deg is not None and not from_index and not _jaw_known(job),
-        reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, phase_deg)),
+        reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, job, phase_deg)),
         warnings=(*unusable, *_warnings(fit, header, job)),
     )
 
@@ -143,7 +144,13 @@ def _of_cut(meta: Mapping[str, str], simulated: bool) -> Iterable[Problem]:
         yield Problem(code="lobe.simulated", key="simulated", value="yes", limit="--sim")
 
 
-def _reasons(fit: LobeFit, header: TraceHeader, phase_deg: float | None) -> Iterable[Problem]:
+def _reasons(fit: LobeFit, header: TraceHeader, job: Job, phase_deg: float | None) -> Iterable[Problem]:
+    if header.radius_mm is not None:
+        mean_mm = 0.0 if header.size == "relative" else 1e-3 * fit.mean_um
+        found_mm = header.radius_mm + mean_mm
+        if abs(found_mm - job.finished_radius_mm) > MOST_OFF_SIZE_MM:
+            value, limit = f"{found_mm:.3f} mm", f"{job.finished_radius_mm:.3f} mm"
+            yield Problem(code="lobe.other_size", key="radius_mm", value=value, limit=limit)
     if header.state == "clamped":
         yield Problem(code="lobe.not_free", key="state", value=header.state, limit="free")
     if header.method not in (None, "radial"):

@@ -142,7 +142,7 @@ def clamped_by(before: LobeFilter, found: Felt, path: CutPath, lobes: int) -> tu
     Raises `ProfileError`: `clamping.not_like`, the deflection is not that of this clamping.
     """
     mean_um, at_rest = before.lobe_um, before.scale.at_rest
-    _refuse_unlike(found.seen.value / (at_rest * mean_um) if mean_um else 1.0 + 0j)
+    _refuse_unlike(found.seen.value / (at_rest * mean_um) if mean_um else 1.0 + 0j, lobes)
     after = before.felt(found.seen)
     ratio = after.this_um / mean_um if mean_um else 1.0 + 0j
     variance = before.sd_um**2
@@ -181,10 +181,10 @@ def unexpected(before: LobeFilter, found: Felt, lobes: int) -> tuple[Problem, ..
     return ()
 
 
-def _refuse_unlike(shown: complex) -> None:
+def _refuse_unlike(shown: complex, lobes: int) -> None:
     if abs(shown - 1.0) > MOST_DEVIATION:
-        value, limit = f"{abs(shown):.2f}", f"{1 - MOST_DEVIATION:g} - {1 + MOST_DEVIATION:g}"
-        raise refused("clamping.not_like", value=value, limit=limit)
+        key, value = f"{math.degrees(abs(cmath.phase(shown))) / lobes:.0f} deg", f"{abs(shown):.2f}"
+        raise refused("clamping.not_like", key=key, value=value, limit=f"{MOST_DEVIATION:g}")
 
 
 def _shown_um(seen: Seen) -> complex:

@@ -86,7 +86,8 @@ def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(
         state = floor.do(TakeFingerprint(job=job, readings=wrong))
         assert [each.code for each in state.refusals] == [code] and state.alignment.readings is None
     floor.do(TakeFingerprint(job=job, readings=replace(readings(job, 1.0), inward=True)))
-    assert [each.code for each in floor.arm(job, Strategy.CAM).refusals] == ["clamping.not_like"]
+    (refused,) = floor.arm(job, Strategy.CAM).refusals
+    assert (refused.code, refused.key) == ("clamping.not_like", "60 deg"), "turned over: half a lobe"
     assert floor.do(TakeFingerprint(job=job, readings=None)).alignment.readings is None
     assert floor.arm(job, Strategy.CAM).armed is not None
 

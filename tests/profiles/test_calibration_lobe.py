@@ -78,6 +78,18 @@ def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
             with_lobe(JOB, lobe, chuck="", tool="")
 
 
+@pytest.mark.parametrize(("radius_mm", "size"), [(17.4, "absolute"), (51.8, "absolute"), (17.4, "relative")])
+def test_a_trace_of_a_part_of_another_size_is_not_of_this_job(radius_mm: float, size: str) -> None:
+    """A smaller part, or a diameter in place of a radius."""
+    (told,) = found(92.0, {**INDEX, "radius_mm": str(radius_mm), "size": size}).reasons
+    assert (told.code, told.key) == ("lobe.other_size", "radius_mm")
+    assert told.limit == f"{JOB.finished_radius_mm:.3f} mm"
+
+
+def test_its_own_size_is_no_reason_against_it() -> None:
+    assert codes(found(92.0, {**INDEX, "radius_mm": f"{JOB.finished_radius_mm + 0.4}"})) == []
+
+
 def test_other_reasons_against_it() -> None:
     assert codes(found(92.0, {**INDEX, "state": "clamped"})) == ["lobe.not_free"]
     assert codes(found(92.0, {**INDEX, "method": "v_block"})) == ["lobe.method"]
