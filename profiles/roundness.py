@@ -22,6 +22,7 @@ from profiles.metrology.filters import POINTS_PER_UNDULATION, gaussian_filter
 from profiles.metrology.geometric import circles_about_axis, geometric_circle, polar
 from profiles.metrology.harmonics import Harmonic, filled, harmonics, suspects
 from profiles.metrology.points import at_equal_angles, checked, equally_spaced, largest_gap_deg
+from profiles.metrology.spikes import spike
 from profiles.problem import Problem, refused
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
@@ -116,6 +117,7 @@ def evaluate(
     as an oval, and of which radii. `robust` excludes suspect points (chips, scratches) and counts them.
     """
     angle, deviation = checked(angle_deg, deviation_um)
+    spiked = _spikes(angle, deviation)
     out = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
     centred = _centred(angle, deviation, ~out, radius_mm)
     if filter_upr is not None or above_upr is not None:
@@ -140,7 +142,7 @@ def evaluate(
         circles=tuple(_from_axis(circle, centred) for circle in circles),
         recentred=centred.recentred,
         left_out=int(out.sum()),
-        warnings=(*_sampling(out.size, filter_upr), *_off_axis(centred, radius_mm)),
+        warnings=(*_sampling(out.size, filter_upr), *_off_axis(centred, radius_mm), *(() if robust else spiked)),
     )
 
 
@@ -236,6 +238,15 @@ def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
 def seen_oval_um_pp(eccentricity_um: float, radius_mm: float) -> float:
     """Return the ovality that a circle of a radius shows about an axis this far off its centre: e^2 / (2 R)."""
     return eccentricity_um**2 / (2000.0 * radius_mm)
+
+
+def _spikes(angle_deg: Floats, deviation_um: Floats) -> tuple[Problem, ...]:
+    order = np.argsort(angle_deg, kind="stable")
+    if (found := spike(deviation_um[order])) is None:
+        return ()
+    place, outside_um, allowed_um = found
+    key, value = f"{angle_deg[order][place]:.6g} deg", f"{outside_um:+.1f} um"
+    return (Problem(code="trace.spike", key=key, value=value, limit=f"{allowed_um:.1f} um"),)
 
 
 def _off_axis(centred: _Centred, radius_mm: float | None) -> tuple[Problem, ...]:
