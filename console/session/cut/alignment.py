@@ -99,7 +99,8 @@ class Alignment:
     `flanks` are readings for jaw 1 that are not taken yet, degrees from the index; `skim_counts` is where the tool
     made a skim cut that is to be measured. Both mean nothing without home. `on` is what is mounted now. `lost`
     records why and when stamps became invalid. `readings` are those of an indicator on this clamping, which need
-    not be taken; another clamping loses them.
+    not be taken; another clamping loses them. `tables` is what a cut by a table has left on: until it is off
+    nothing but the retract moves, and no clamping is confirmed.
     """
 
     settings: tuple[Problem, ...] | None = None
@@ -113,6 +114,7 @@ class Alignment:
     lost: tuple[Problem, ...] = ()
     on: Mounted = Mounted()
     readings: ClampReadings | None = None
+    tables: tuple[Problem, ...] = ()
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
@@ -224,7 +226,7 @@ def _step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Pro
             settings = alignment.settings
             return (Problem(code="alignment.not_verified"),) if settings is None else settings
         case AlignStep.CLAMP:
-            return _clamp(alignment, job)
+            return (*alignment.tables, *_clamp(alignment, job))
         case AlignStep.DRIVES:
             return () if alignment.drives_on else (Problem(code="alignment.drives_off"),)
         case AlignStep.HOME:
