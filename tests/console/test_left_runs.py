@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
+from console.session.cut.alignment import problems
 from console.session.data.records import LEFT_IN_PART, RunRecord
-from console.session.station.commands import TakeControl
+from console.session.data.run_reader import ended_early
+from console.session.station.commands import ConfirmClamping, TakeControl
 from drivers.simulator.machine import SimulatedLathe
-from profiles.store import load_machine
+from profiles.store import load_job, load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of
 
 RUN = {
@@ -74,3 +78,46 @@ def test_a_console_that_starts_while_the_one_before_is_ending_is_told_too(tmp_pa
     sim.wait(2.0)
     new.look()
     assert new.alarms.count("record.left_in_part") == 1
+
+
+def test_a_restart_remembers_that_the_last_cut_ended_early_until_a_clamping_is_confirmed(tmp_path: Path) -> None:
+    cut_left(tmp_path).close()
+    job = load_job("lee-2001-experiment-1").job
+    new = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    assert "alignment.ended_early" in [problem.code for problem in problems(new.state.alignment, job)]
+    new.do(ConfirmClamping(job=job))
+    assert new.state.alignment.clamping is not None
+    assert "alignment.ended_early" not in [problem.code for problem in problems(new.state.alignment, job)]
+
+
+@pytest.mark.parametrize(
+    ("run", "kinds", "early"),
+    [
+        ({}, ("armed", "started", "stopped"), True),
+        ({}, ("armed", "started", "held"), True),
+        ({}, ("armed", "started", "ended"), True),
+        ({}, ("armed", "started", "cut"), False),
+        ({"stage": "air"}, ("armed", "started", "stopped"), False),
+        ({}, ("armed",), False),
+        ({"machine": "another"}, ("armed", "started", "stopped"), False),
+        ({"simulated": 1}, ("armed", "started", "stopped"), False),
+    ],
+)
+def test_a_cut_that_reached_its_end_or_no_part_leaves_nothing(
+    tmp_path: Path, run: dict[str, object], kinds: tuple[str, ...], early: bool
+) -> None:
+    record = RunRecord(tmp_path, {**RUN, **run})
+    for kind in kinds:
+        record.add(kind, {})
+    record.close()
+    assert ended_early(tmp_path, MACHINE) is early
+
+
+def test_of_several_cuts_the_last_one_that_was_started_counts(tmp_path: Path) -> None:
+    assert not ended_early(tmp_path, MACHINE)
+    for kinds, early in ((("started", "stopped"), True), (("armed",), True), (("started", "cut"), False)):
+        record = RunRecord(tmp_path, RUN)
+        for kind in kinds:
+            record.add(kind, {})
+        record.close()
+        assert ended_early(tmp_path, MACHINE) is early, kinds

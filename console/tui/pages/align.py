@@ -217,6 +217,8 @@ class AlignPage(Page):
             return align_lines.in_part_word(state)
         if step is AlignStep.CLAMP and align_lines.drives_are_on(state):
             return "clamp_drives_on"
+        if step is AlignStep.CLAMP and align_lines.may_be_in_part(state):
+            return "clamp_left"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
             return "clamp_refused"
         if step is AlignStep.JAW and state.alignment.flanks:
@@ -246,7 +248,7 @@ class AlignPage(Page):
                 self._enable_drives(key)
             case AlignStep.CLAMP if align_lines.drives_are_on(state):
                 self.ui.control.post(commands.DisableDrives())
-            case AlignStep.DRIVES:
+            case AlignStep.CLAMP | AlignStep.DRIVES:
                 self._enable_drives(key)
             case AlignStep.HOME:
                 self.ui.control.post(commands.Home())

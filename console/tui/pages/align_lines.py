@@ -9,6 +9,7 @@ from rich.cells import cell_len
 from textual.geometry import Size
 
 from console.session.cut.alignment import (
+    ENDED_EARLY,
     Alignment,
     AlignStep,
     current_step,
@@ -235,6 +236,8 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
         return text(f"align_page.next.{in_part_word(state)}")
     if step is AlignStep.CLAMP and drives_are_on(state):
         return text("align_page.hint.clamp_drives_on")
+    if step is AlignStep.CLAMP and may_be_in_part(state):
+        return text("align_page.hint.clamp_left")
     if step is AlignStep.CLAMP and force_problems(job):
         return text("align_page.hint.clamp_refused")
     place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
@@ -279,6 +282,12 @@ def is_in_part(state: StationState, machine: MachineProfile) -> bool:
 def must_come_out(state: StationState, machine: MachineProfile) -> bool:
     """Whether the chuck stays shut until the tool is out: it is in the part, or a cut has left its table on."""
     return bool(state.alignment.tables) or is_in_part(state, machine)
+
+
+def may_be_in_part(state: StationState) -> bool:
+    """Whether the drives are off after a last cut that ended early: to take the tool out they have to be on."""
+    left = state.alignment.clamping is None and any(each.code == ENDED_EARLY for each in state.alignment.lost)
+    return left and not drives_are_on(state)
 
 
 def in_part_word(state: StationState) -> str:

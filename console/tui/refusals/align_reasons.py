@@ -44,7 +44,7 @@ def _against_step(state: StationState, job: Job | None, machine: MachineProfile)
         case AlignStep.CLAMP if align_lines.must_come_out(state, machine):
             closed = state.snapshot is not None and state.snapshot.loops_closed
             return (state.alignment.tables or _because("machine.tool_in_part")) if closed else ()
-        case AlignStep.CLAMP if align_lines.drives_are_on(state):
+        case AlignStep.CLAMP if align_lines.drives_are_on(state) or align_lines.may_be_in_part(state):
             return ()
         case AlignStep.TOUCH_OFF if job is None:
             return _because("screen.nothing_to_align")
