@@ -176,7 +176,8 @@ def check_lines(
     for check in found:
         name = text(f"run_page.check.{check.name}")
         if check.waits:
-            rows.append(line("○ ", dim(f"{name}: {text('run_page.by_arming')}")))
+            known_by = "by_drives" if check.name == "no_fault" else "by_arming"
+            rows.append(line("○ ", dim(f"{name}: {text(f'run_page.{known_by}')}")))
         elif not check.problems and not check.warnings:
             rows.append(line(("✓ ", Token.OK), dim(name)))
         else:
