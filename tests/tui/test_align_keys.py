@@ -409,6 +409,7 @@ def test_after_a_last_cut_that_ended_early_f4_enables_the_drives_to_take_the_too
     assert "NEW blank" in off.next_step and "F8" in off.next_step
     on = shown(state(replace(left, drives_on=True)), "align.step")
     assert on.orders == [DisableDrives()]
+    assert "F8" in on.next_step
     assert [type(order) for order in shown(state(left, snapshot=look(OFF)), "align.take").orders] == [
         ConfirmClamping
     ]

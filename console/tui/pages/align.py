@@ -216,7 +216,7 @@ class AlignPage(Page):
         if step is AlignStep.CLAMP and align_lines.must_come_out(state, machine):
             return align_lines.in_part_word(state)
         if step is AlignStep.CLAMP and align_lines.drives_are_on(state):
-            return "clamp_drives_on"
+            return "clamp_left_on" if align_lines.ended_early(state) else "clamp_drives_on"
         if step is AlignStep.CLAMP and align_lines.may_be_in_part(state):
             return "clamp_left"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):

@@ -235,7 +235,7 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
     if step is AlignStep.CLAMP and must_come_out(state, machine):
         return text(f"align_page.next.{in_part_word(state)}")
     if step is AlignStep.CLAMP and drives_are_on(state):
-        return text("align_page.hint.clamp_drives_on")
+        return text("align_page.hint.clamp_left_on" if ended_early(state) else "align_page.hint.clamp_drives_on")
     if step is AlignStep.CLAMP and may_be_in_part(state):
         return text("align_page.hint.clamp_left")
     if step is AlignStep.CLAMP and force_problems(job):
@@ -286,8 +286,12 @@ def must_come_out(state: StationState, machine: MachineProfile) -> bool:
 
 def may_be_in_part(state: StationState) -> bool:
     """Whether the drives are off after a last cut that ended early: to take the tool out they have to be on."""
-    left = state.alignment.clamping is None and any(each.code == ENDED_EARLY for each in state.alignment.lost)
-    return left and not drives_are_on(state)
+    return ended_early(state) and not drives_are_on(state)
+
+
+def ended_early(state: StationState) -> bool:
+    """Whether the last cut ended early, and no clamping was confirmed since."""
+    return state.alignment.clamping is None and any(each.code == ENDED_EARLY for each in state.alignment.lost)
 
 
 def in_part_word(state: StationState) -> str:
