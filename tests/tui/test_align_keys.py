@@ -28,6 +28,7 @@ from console.tui.pages.align import AlignPage
 from console.tui.ui_context import View
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.problem import Problem
 from tests.tui.align_stage import (
     FAR,
     IN_PART,
@@ -398,3 +399,17 @@ def test_after_a_stop_the_way_on_is_named(key: str) -> None:
 def test_a_busy_controller_takes_no_order(activity: Activity) -> None:
     page = shown(state(activity=activity), "align.take")
     assert (page.orders, page.said) == ([], ["screen.busy"])
+
+
+def test_after_a_last_cut_that_ended_early_f4_enables_the_drives_to_take_the_tool_out() -> None:
+    """A new console knows no clamping; nobody has to confirm one to get the tool out of the part."""
+    left = replace(VALID, clamping=None, drives_on=False, lost=(Problem(code="alignment.ended_early"),))
+    off = shown(state(left, snapshot=look(OFF)), "align.step")
+    assert (off.orders, off.said) == ([EnableDrives()], [])
+    assert "NEW blank" in off.next_step and "F8" in off.next_step
+    on = shown(state(replace(left, drives_on=True)), "align.step")
+    assert on.orders == [DisableDrives()]
+    assert "F8" in on.next_step
+    assert [type(order) for order in shown(state(left, snapshot=look(OFF)), "align.take").orders] == [
+        ConfirmClamping
+    ]

@@ -372,6 +372,15 @@ def test_no_fault_is_ticked_only_where_one_would_be_seen(flags: frozenset[str], 
     assert mark in shown(state(snapshot=look(flags))).text
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_with_the_drives_off_no_fault_names_the_key_that_lets_one_be_seen(language: str) -> None:
+    text = load(language)
+    page = shown(state(snapshot=look(OFF)), language=language)
+    assert f"{text('run_page.check.no_fault')}: {text('run_page.by_drives')}" in page.text
+    assert f"{text('run_page.check.no_fault')}: {text('run_page.by_arming')}" not in page.text
+    assert "(4)" in text("run_page.by_drives")
+
+
 def test_a_bar_is_full_only_at_the_end() -> None:
     assert bar(0.99, 10) == "■" * 9 + "□"
     assert bar(1.0, 10) == "■" * 10

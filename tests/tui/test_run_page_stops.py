@@ -119,6 +119,15 @@ def test_a_blank_that_was_cut_in_part_is_not_called_uncut(size: tuple[int, int],
     assert page.next_step == text("run_page.next.arm_again")
 
 
+def test_a_mark_beyond_the_last_poll_tells_how_far_the_part_is_cut() -> None:
+    """After a lost link the last poll in the cut is from before it, the mark from after it."""
+    words = shown(replace(STATES["cut in part"], marks_mm=(1.2, 5.4))).words
+    assert "Z 5.4 of 8.0 mm" in words and "Z 4.2 of 8.0 mm" not in words
+    text = load("en")
+    assert text("run_page.cut_to", z="5.4", length="8.0") in words
+    assert text("problem.screen.part_is_touched", value="5.4", limit="8.0") in words
+
+
 def test_what_was_cut_in_part_may_be_armed_again() -> None:
     orders = shown(STATES["cut in part"], "run.arm").orders
     assert [type(order) for order in orders] == [Arm]

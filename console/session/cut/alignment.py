@@ -30,6 +30,8 @@ from profiles.same_objects import SameObjects
 _BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": "mm", "overhang_mm": "mm"}
 """Properties of a clamping besides its force, with their units."""
 
+ENDED_EARLY = "alignment.ended_early"  # the last cut on this machine, as its record says: the part may be cut
+
 
 class AlignStep(StrEnum):
     """Alignment steps in order: clamping, with somebody inside the guard, comes before the drives are on."""
@@ -99,7 +101,8 @@ class Alignment:
     `flanks` are readings for jaw 1 that are not taken yet, degrees from the index; `skim_counts` is where the tool
     made a skim cut that is to be measured. Both mean nothing without home. `on` is what is mounted now. `lost`
     records why and when stamps became invalid. `readings` are those of an indicator on this clamping, which need
-    not be taken; another clamping loses them.
+    not be taken; another clamping loses them. `tables` is what a cut by a table has left on: until it is off
+    nothing but the retract moves, and no clamping is confirmed.
     """
 
     settings: tuple[Problem, ...] | None = None
@@ -113,6 +116,7 @@ class Alignment:
     lost: tuple[Problem, ...] = ()
     on: Mounted = Mounted()
     readings: ClampReadings | None = None
+    tables: tuple[Problem, ...] = ()
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
@@ -155,12 +159,20 @@ def unclamped(alignment: Alignment, at: str) -> Alignment:
     )
 
 
+def after_last_cut(alignment: Alignment, *, ended_early: bool) -> Alignment:
+    """Return the alignment where the part in the chuck may be cut in part, until a clamping is confirmed."""
+    if alignment.clamping is not None:
+        return alignment
+    known = _settled(alignment, ENDED_EARLY)
+    return _without(known, Problem(code=ENDED_EARLY)) if ended_early else known
+
+
 def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
     """Return the alignment with the blank of a job; a change of jaws requires finding jaw 1 again."""
     before = alignment.jaw or alignment.clamping
     flanks = alignment.flanks if before is None or before.jaws == job.jaws else ()
     fresh = replace(alignment, clamping=clamping_of(job, at), skim_counts=None, flanks=flanks, readings=None)
-    fresh = _settled(fresh, "alignment.unclamped", "alignment.handed_over")
+    fresh = _settled(fresh, ENDED_EARLY, "alignment.unclamped", "alignment.handed_over")
     if alignment.jaw is None or alignment.jaw.jaws == job.jaws:
         return fresh
     return _without(replace(fresh, jaw=None), Problem(code="alignment.jaws_changed", value=at))
@@ -193,7 +205,8 @@ def handed_over(alignment: Alignment, at: str) -> Alignment:
     alignment = replace(alignment, flanks=(), skim_counts=None, readings=None)
     if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:
         return alignment
-    gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=())
+    kept = _lost(alignment, ENDED_EARLY)
+    gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=kept)
     return _without(gone, Problem(code="alignment.handed_over", value=at))
 
 
@@ -224,7 +237,7 @@ def _step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Pro
             settings = alignment.settings
             return (Problem(code="alignment.not_verified"),) if settings is None else settings
         case AlignStep.CLAMP:
-            return _clamp(alignment, job)
+            return (*alignment.tables, *_clamp(alignment, job))
         case AlignStep.DRIVES:
             return () if alignment.drives_on else (Problem(code="alignment.drives_off"),)
         case AlignStep.HOME:
@@ -277,7 +290,7 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     clamping = alignment.clamping
     if clamping is None:
         return (
-            *_lost(alignment, "alignment.unclamped", "alignment.handed_over"),
+            *_lost(alignment, ENDED_EARLY, "alignment.unclamped", "alignment.handed_over"),
             Problem(code="alignment.no_clamping"),
             *force_problems(job),
         )

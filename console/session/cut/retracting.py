@@ -27,7 +27,8 @@ def retract_and_switch_tables_off(lathe: Lathe, target: float, zero_z: float = C
     """Retract the tool to `target`, counts; return whether a table was on, and is off now.
 
     A stop leaves the compensation table of a cut on. Then the carriage moves to `zero_z`, counts, too, where the
-    table adds nothing, and the table is switched off there.
+    table adds nothing, and the table is switched off there. Without a home nobody knows where that is: the
+    carriage stays, and a table that adds something stays on.
 
     Raises DriverError: as `Jogs.retract` and `CutProgram.switch_tables_off`. SessionError: what still adds to the
     tool.
@@ -36,6 +37,7 @@ def retract_and_switch_tables_off(lathe: Lathe, target: float, zero_z: float = C
     lathe.program.put_back()
     if not lathe.program.tables_left():
         return False
-    lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
+    if lathe.snapshot().homed:
+        lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
     refuse(lathe.program.switch_tables_off())
     return True

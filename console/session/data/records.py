@@ -277,18 +277,19 @@ class RunMark:
             self._descriptor = None
 
 
-def killed_runs(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, ...]:
+def killed_runs(data: Path, machine: str, *, simulated: bool, checked: bool = True) -> tuple[Problem, ...]:
     """Return `record.killed` for each run on this machine whose console is gone, and record its end.
 
     `record.left_in_part` is of one whose console was left while the tool was in the part, as far as it knew.
-    Those on another machine wait for a start on that one. Where there is no record, none is made.
+    Those on another machine wait for a start on that one. Where there is no record, none is made. Its file is
+    `checked` as a whole, except where polls must not wait.
 
     Raises:
         SessionError: `record.other_schema`, `record.damaged`, `record.unwritable`, of a record that is there.
     """
     if not (data / FILE_NAME).exists():
         return ()
-    with closing(opened(data, time.monotonic() + TIMEOUT_S)) as database:
+    with closing(opened(data, time.monotonic() + TIMEOUT_S, checked=checked)) as database:
         try:
             with _left_marks(data) as marks:
                 ended = [each for mark in marks for each in _ended(database, mark, machine, simulated=simulated)]
@@ -298,24 +299,39 @@ def killed_runs(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, 
     return tuple(ended)
 
 
-def killed_or_refused(data: Path, machine: str, *, simulated: bool) -> tuple[Problem, ...]:
+def killed_or_refused(data: Path, machine: str, *, simulated: bool, checked: bool = True) -> tuple[Problem, ...]:
     """Return the same for a screen, which must open: instead of raising, return why no cut can be recorded."""
     try:
-        return killed_runs(data, machine, simulated=simulated)
+        return killed_runs(data, machine, simulated=simulated, checked=checked)
     except SessionError as refused:
         return tuple(refused.problems)
+
+
+def held_marks(data: Path) -> frozenset[str]:
+    """Return the runs whose consoles still hold their marks, as one that is just ending does."""
+    held = set()
+    for path in _marks(data):
+        descriptor = taken_if_left(path)
+        if descriptor is None:
+            held.add(path.name)
+        else:
+            os.close(descriptor)
+    return frozenset(held)
+
+
+def _marks(data: Path) -> list[Path]:
+    try:
+        return sorted((data / FOLDER).iterdir())
+    except OSError:  # it is made with the first run
+        return []
 
 
 @contextmanager
 def _left_marks(data: Path) -> Iterator[list[Path]]:
     """Yield the marks that killed runs have left, locked against other consoles."""
-    try:
-        found = sorted((data / FOLDER).iterdir())
-    except OSError:  # it is made with the first run
-        found = []
     left = []
     with ExitStack() as locks:
-        for path in found:
+        for path in _marks(data):
             descriptor = taken_if_left(path)
             if descriptor is not None:
                 locks.callback(os.close, descriptor)

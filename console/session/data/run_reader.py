@@ -8,7 +8,7 @@ from __future__ import annotations
 import os
 import sqlite3
 from collections.abc import Iterator, Sequence
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -23,9 +23,20 @@ from console.session.data.record_file import (
     present,
     record_error,
 )
-from console.session.data.run_rows import FAILED, MODEL, Ending, How, RunRow, date_of, inverted_of, rows_where
+from console.session.data.run_rows import (
+    COMPLETE,
+    FAILED,
+    MODEL,
+    Ending,
+    How,
+    RunRow,
+    date_of,
+    inverted_of,
+    rows_where,
+)
 from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
 from console.session.errors import SessionError
+from console.session.stages import Stage
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -41,6 +52,7 @@ __all__ = [
     "RunRow",
     "RunStory",
     "Telemetry",
+    "ended_early",
     "measured_parts",
     "recorded_date",
     "run_of_trace",
@@ -53,6 +65,15 @@ READ_TIMEOUT_S = 0.5
 
 LIST_LIMIT = 50
 SHOWN_IDS = 4
+
+
+_LAST = """
+SELECT run_id, stage FROM runs WHERE machine = ? AND simulated = 0
+    AND EXISTS (SELECT 1 FROM events WHERE events.run_id = runs.run_id
+        AND (kind IN ('started', 'result') OR kind = 'step' AND data LIKE '%"step": "cut"%'))
+    ORDER BY rowid DESC LIMIT 1
+"""
+_COMPLETE = f"SELECT 1 FROM events WHERE kind IN {COMPLETE} AND run_id = ? LIMIT 1"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,6 +128,18 @@ def runs(
         if database is None:
             return ()
         return tuple(rows_where(database, " AND ".join(conditions) or "1", keys, limit))
+
+
+def ended_early(folder: Path, machine: str) -> bool:
+    """Whether the last cut on a real machine has no end as planned in the record: its part may be cut in part.
+
+    A cut in air has touched nothing. What cannot be read is no reason: the check of the record tells of it.
+    """
+    with suppress(SessionError), _reading(folder) as database:
+        found = None if database is None else database.execute(_LAST, (machine,)).fetchone()
+        if database is not None and found is not None and found[1] != Stage.AIR:
+            return database.execute(_COMPLETE, found[:1]).fetchone() is None
+    return False
 
 
 def story(folder: Path, run_id_prefix: str) -> RunStory:

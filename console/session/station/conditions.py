@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.station.context import StationContext
 from profiles.problem import Problem
 
@@ -14,6 +14,10 @@ def require(holds: bool, code: str) -> None:
 
 
 def refuse_unless_homed(context: StationContext) -> None:
-    """Refuse unless the drives are enabled and the zeros known: `alignment.drives_off`, `alignment.not_homed`."""
+    """Refuse unless the drives are enabled and the zeros known: `alignment.drives_off`, `alignment.not_homed`.
+
+    Also while a table is left on (`cut.table_on`): it would move the tool with the carriage and the spindle.
+    """
     require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    refuse(context.state.alignment.tables)
     require(context.lathe.snapshot().homed, "alignment.not_homed")

@@ -185,7 +185,7 @@ class StationContext:
     def alarm_new(self, problems: tuple[Problem, ...]) -> None:
         """Raise an alarm for each problem that none reports as it is now."""
         for problem in problems:
-            if not any(alarm.active and alarm.problem == problem for alarm in self._state.alarms):
+            if not self.alarmed_of(problem):
                 self.alarm(problem)
 
     def screen_s(self) -> float:
@@ -212,6 +212,10 @@ class StationContext:
     def alarmed(self, code: str) -> bool:
         """Whether an alarm of this code is present."""
         return any(alarm.active and alarm.problem.code == code for alarm in self._state.alarms)
+
+    def alarmed_of(self, problem: Problem) -> bool:
+        """Whether an alarm of exactly this problem is present."""
+        return any(alarm.active and alarm.problem == problem for alarm in self._state.alarms)
 
     def open_record(self, record: RunRecord) -> None:
         """Record from now on, beginning with the alarms that are active: one that is over is of another run."""

@@ -299,21 +299,24 @@ def retract(context: StationContext, _: Retract) -> None:
     """Retract the tool until it is clear of the part, or by the retract distance where no part is known.
 
     A stop leaves the compensation table of a cut on. Then the carriage moves back, too, to where the table adds
-    nothing, and the table is switched off there.
+    nothing, and the table is switched off there; a tool that is out already stays where it is.
 
     Raises:
-        DriverError: `machine.retract_direction`, the tool is out already.
+        DriverError: `machine.retract_direction`, the tool is out already, and no table is known to be on.
     """
     snapshot = context.lathe.snapshot()
     refused = no_retract(snapshot, context.loaded_machine.machine, context.state.alignment)
     if refused is not None:
         raise SessionError(refused)
-    plan = context.plan
+    plan, alignment = context.plan, context.state.alignment
     if plan is None:
         retract_and_switch_tables_off(context.lathe, retracted_by_distance(context.machine, snapshot))
     else:
         zero_z = CARRIAGE_ZERO_COUNTS if plan.zero_row_z is None else plan.zero_row_z
-        retract_and_switch_tables_off(context.lathe, plan.setup.retracted, zero_z)
+        out = min(plan.setup.retracted, snapshot.tool.position) if alignment.tables else plan.setup.retracted
+        retract_and_switch_tables_off(context.lathe, out, zero_z)
+    if alignment.tables:
+        context.tell(alignment=replace(context.state.alignment, tables=()))
 
 
 def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: ForceNull | None) -> None:

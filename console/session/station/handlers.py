@@ -48,17 +48,21 @@ OVER_PART_MM = 2.0  # distance of the tool behind the face of the part for the t
 
 
 def verify(context: StationContext, _: commands.Verify) -> None:
-    """Compare the controller with its profile; its owner also reads what tables would add to the tool."""
+    """Compare the controller with its profile; its owner also reads what tables would add to the tool.
+
+    A table that is on does not keep the drives off: they retract the tool, and only then it is switched off.
+    """
     if context.state.controls:
         context.lathe.program.put_back()
     settings = verified(context)
+    tables: tuple[Problem, ...] = ()
     if context.state.controls:
-        settings = (*settings, *context.lathe.program.tables_left())
+        tables = context.lathe.program.tables_left()
         if context.commissioned is not None:
             context.commissioned.take_fingerprint()
         lasting = () if context.commissioned is None else context.commissioned.lasting_problems()
         context.tell(uncommissioned=(*trial_problems(context), *lasting))
-    context.tell(alignment=replace(context.state.alignment, settings=settings))
+    context.tell(alignment=replace(context.state.alignment, settings=settings, tables=tables))
 
 
 def take_control(context: StationContext, command: commands.TakeControl) -> None:
@@ -75,6 +79,7 @@ def take_control(context: StationContext, command: commands.TakeControl) -> None
 def confirm_clamping(context: StationContext, command: commands.ConfirmClamping) -> None:
     """Record the operator's confirmation that the blank is clamped; in the simulator, clamp it."""
     require(context.lathe.snapshot().loops_open, "alignment.drives_on")
+    refuse(context.state.alignment.tables)
     _refuse_unless_still(context)
     in_part = jogging.tool_in_part(
         context.lathe.snapshot(), context.loaded_machine.machine, context.state.alignment
@@ -130,6 +135,7 @@ def switch_off(context: StationContext, _: commands.DisableDrives) -> None:
 def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
     require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    refuse(context.state.alignment.tables)
     ends_s = home_s(context.machine, context.lathe.snapshot())
     latest_s = None if ends_s is None else context.clock.now_s() + ends_s
     context.tell(ends_s=latest_s, ends_at_most=not context.lathe.snapshot().homed)
@@ -183,10 +189,16 @@ def _jog_by(context: StationContext, axis: AxisName, distance: float) -> None:
 
 
 def recover(context: StationContext, _: commands.Recover) -> None:
-    """Reset after a stop; nothing moves, and the interrupted motion is not resumed."""
+    """Reset after a stop; nothing moves, and the interrupted motion is not resumed.
+
+    A cut by a table that was stopped has left it on.
+    """
     context.lathe.stop.release()
     if context.state.controls:
         context.lathe.acknowledge_loss()
+        if context.started is not None and context.started.plan.program.tables:
+            tables = context.lathe.program.tables_left()
+            context.tell(alignment=replace(context.state.alignment, tables=tables))
     context.change_alarms(recovered)
     context.tell(stop=None, armed=None, lost_link=None)
     context.limits_seen = context.lathe.snapshot().limits

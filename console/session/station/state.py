@@ -5,7 +5,7 @@ Imports are light: the first page is painted from it before numerics and the lin
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING
 
@@ -242,6 +242,13 @@ class StationState:
     def moving(self) -> bool:
         """Whether something moves or is about to, as far as known: for a lost machine this is False."""
         return self.activity is not Activity.LOST and self.may_move
+
+    @property
+    def cut_to(self) -> TouchedBlank | None:
+        """How far the clamped blank is cut: a mark beyond the last poll in the cut tells where the tool got to."""
+        if self.touched is None:
+            return None
+        return replace(self.touched, to_mm=max(self.touched.to_mm, *self.marks_mm, 0.0))
 
     @property
     def seen_moving(self) -> bool:

@@ -31,6 +31,7 @@ from console.session.station.commands import (
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
+from console.session.station.link.left_runs import LeftRuns
 from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
@@ -67,7 +68,7 @@ class Station:
         self._link_time = LinkTime()
         self._spindle = SpindleWatch(context.loaded_machine.machine.spindle.counts_per_rev)
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
-        self._holder = HolderWatch(context)
+        self._holder, self._left = HolderWatch(context), LeftRuns(context)
         self._reconnecting = Reconnecting(context, self._stops)
 
     @property
@@ -158,6 +159,7 @@ class Station:
             for problem in error.problems:
                 context.alarm(problem, Priority.MEDIUM)
         context.tell_standing()
+        self._left.watch()
         self._carry_out(Verify())
         begins = context.begins
         if begins is not None:
@@ -266,6 +268,8 @@ class Station:
         def worked() -> None:
             work(context, command)
             self._sight.sample_now()
+            if isinstance(command, TakeControl):
+                self._left.ask()
 
         self._guarded(worked)
 
@@ -287,6 +291,8 @@ class Station:
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
         self._holder.look()
+        if self.state.controls and snapshot.at_rest and self.state.armed is None:
+            self._left.look()
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Run an operation on the machine; on any error, report it and stop the machine."""

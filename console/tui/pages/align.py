@@ -213,10 +213,12 @@ class AlignPage(Page):
 
     def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
         machine = self.ui.machine.machine
-        if step is AlignStep.CLAMP and align_lines.is_in_part(state, machine):
+        if step is AlignStep.CLAMP and align_lines.must_come_out(state, machine):
             return align_lines.in_part_word(state)
         if step is AlignStep.CLAMP and align_lines.drives_are_on(state):
-            return "clamp_drives_on"
+            return "clamp_left_on" if align_lines.ended_early(state) else "clamp_drives_on"
+        if step is AlignStep.CLAMP and align_lines.may_be_in_part(state):
+            return "clamp_left"
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
             return "clamp_refused"
         if step is AlignStep.JAW and state.alignment.flanks:
@@ -241,12 +243,12 @@ class AlignPage(Page):
         match align_lines.step_now(state.alignment, job):
             case AlignStep.VERIFY:
                 self.ui.control.post(commands.Verify())
-            case AlignStep.CLAMP if align_lines.is_in_part(state, self.ui.machine.machine):
+            case AlignStep.CLAMP if align_lines.must_come_out(state, self.ui.machine.machine):
                 # The tool must be retracted before the chuck is opened; that needs its drive.
                 self._enable_drives(key)
             case AlignStep.CLAMP if align_lines.drives_are_on(state):
                 self.ui.control.post(commands.DisableDrives())
-            case AlignStep.DRIVES:
+            case AlignStep.CLAMP | AlignStep.DRIVES:
                 self._enable_drives(key)
             case AlignStep.HOME:
                 self.ui.control.post(commands.Home())

@@ -9,6 +9,7 @@ from rich.cells import cell_len
 from textual.geometry import Size
 
 from console.session.cut.alignment import (
+    ENDED_EARLY,
     Alignment,
     AlignStep,
     current_step,
@@ -231,10 +232,12 @@ def _missing(
 def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile) -> str:
     """Return in a sentence or two how to do the present step."""
     step = current_step(state.alignment, job)
-    if step is AlignStep.CLAMP and is_in_part(state, machine):
+    if step is AlignStep.CLAMP and must_come_out(state, machine):
         return text(f"align_page.next.{in_part_word(state)}")
     if step is AlignStep.CLAMP and drives_are_on(state):
-        return text("align_page.hint.clamp_drives_on")
+        return text("align_page.hint.clamp_left_on" if ended_early(state) else "align_page.hint.clamp_drives_on")
+    if step is AlignStep.CLAMP and may_be_in_part(state):
+        return text("align_page.hint.clamp_left")
     if step is AlignStep.CLAMP and force_problems(job):
         return text("align_page.hint.clamp_refused")
     place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
@@ -276,9 +279,25 @@ def is_in_part(state: StationState, machine: MachineProfile) -> bool:
     return state.snapshot is not None and tool_in_part(state.snapshot, machine, state.alignment) is True
 
 
+def must_come_out(state: StationState, machine: MachineProfile) -> bool:
+    """Whether the chuck stays shut until the tool is out: it is in the part, or a cut has left its table on."""
+    return bool(state.alignment.tables) or is_in_part(state, machine)
+
+
+def may_be_in_part(state: StationState) -> bool:
+    """Whether the drives are off after a last cut that ended early: to take the tool out they have to be on."""
+    return ended_early(state) and not drives_are_on(state)
+
+
+def ended_early(state: StationState) -> bool:
+    """Whether the last cut ended early, and no clamping was confirmed since."""
+    return state.alignment.clamping is None and any(each.code == ENDED_EARLY for each in state.alignment.lost)
+
+
 def in_part_word(state: StationState) -> str:
     """Return the words for how to retract the tool: a disabled drive cannot do it."""
-    return "jog_out" if state.snapshot is not None and state.snapshot.loops_closed else "switch_on_to_jog_out"
+    word = "jog_out" if not state.alignment.tables else "table_off"
+    return word if state.snapshot is not None and state.snapshot.loops_closed else f"switch_on_to_{word}"
 
 
 def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:

@@ -240,7 +240,7 @@ class RunPage(Page):
                 return (Problem(code="screen.holding_already"),) if state.cut.holding else ()
             case "run.retract":
                 refused = no_retract(state.snapshot, machine, state.alignment)
-                if refused is None and in_part(state, machine) is False:
+                if refused is None and not state.alignment.tables and in_part(state, machine) is False:
                     refused = Problem(code="screen.tool_is_out")
                 return refusal(state, action) or (() if refused is None else (refused,))
         return ()

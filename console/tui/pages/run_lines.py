@@ -91,7 +91,7 @@ def _blank_check(state: StationState) -> Iterator[Interlock]:
     """
     marks = ", ".join(f"{mark_mm:.1f}" for mark_mm in state.marks_mm)
     marked = (Problem(code="screen.part_is_marked", value=marks),) if marks else ()
-    touched = state.touched
+    touched = state.cut_to
     if state.cut_done:
         yield Interlock(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
     elif touched is not None:
@@ -176,7 +176,8 @@ def check_lines(
     for check in found:
         name = text(f"run_page.check.{check.name}")
         if check.waits:
-            rows.append(line("○ ", dim(f"{name}: {text('run_page.by_arming')}")))
+            known_by = "by_drives" if check.name == "no_fault" else "by_arming"
+            rows.append(line("○ ", dim(f"{name}: {text(f'run_page.{known_by}')}")))
         elif not check.problems and not check.warnings:
             rows.append(line(("✓ ", Token.OK), dim(name)))
         else:
@@ -213,7 +214,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("force", f"{job.chucking_force_n:.0f} N"),
         ("window", window_words(job, work.machine.machine)),
         ("confirmed", _stamp(text, stamps, AlignStep.CLAMP, job, clamped)),
-        *([] if state.touched is None else [("touched", cut_words(text, state.touched))]),
+        *([] if state.cut_to is None else [("touched", cut_words(text, state.cut_to))]),
         ("depth", text.units.show(job.depth_of_cut_mm, "mm", 3)),
         ("feed", text.units.show(job.feed_mm_per_rev, "mm/rev", 3)),
         ("speed", f"{job.spindle_speed_rpm if armed is None else armed.plan.spindle_speed_rpm:.0f} rpm"),

@@ -62,6 +62,9 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
     if phase is Phase.ENDED and is_over(state):
         word = "measured" if not state.cut_done else "measure" if state.simulated else "take_out"
         return word, Token.ACTION
+    if state.alignment.tables:
+        closed = state.snapshot is not None and state.snapshot.loops_closed
+        return ("table_off" if closed else "switch_on"), Token.ACTION
     left = state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
     if left and (inside := in_part(state, machine)) is not False:
         closed = state.snapshot is not None and state.snapshot.loops_closed

@@ -35,8 +35,8 @@ def stop_lines(text: Catalogue, state: StationState, width: int, height: int | N
         drives = text("run_page.drives_closed") if stop.can_retract else text("run_page.drives_open")
         rows.append(row("tool", *_tool(text, stop)))
         rows.append(row("drives", drives, Token.TEXT if stop.can_retract else Token.WARNING))
-        if state.touched is not None:
-            rows.append(row("part", cut_words(text, state.touched), Token.TEXT))
+        if state.cut_to is not None:
+            rows.append(row("part", cut_words(text, state.cut_to), Token.TEXT))
     mark = [] if stop.rest_s is None else mark_lines(text, state.marks_mm, width)
     remedy = wrapped(_remedy(text, stop), width, Token.STRONG)
     whole, remedy_first = [*head, *rows, *mark, BLANK, *remedy], [*head, *remedy, BLANK, *mark, *rows]

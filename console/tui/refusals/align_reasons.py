@@ -41,10 +41,10 @@ def align_reasons(
 
 def _against_step(state: StationState, job: Job | None, machine: MachineProfile) -> tuple[Problem, ...]:
     match align_lines.step_now(state.alignment, job):
-        case AlignStep.CLAMP if align_lines.is_in_part(state, machine):
+        case AlignStep.CLAMP if align_lines.must_come_out(state, machine):
             closed = state.snapshot is not None and state.snapshot.loops_closed
-            return _because("machine.tool_in_part") if closed else ()
-        case AlignStep.CLAMP if align_lines.drives_are_on(state):
+            return (state.alignment.tables or _because("machine.tool_in_part")) if closed else ()
+        case AlignStep.CLAMP if align_lines.drives_are_on(state) or align_lines.may_be_in_part(state):
             return ()
         case AlignStep.TOUCH_OFF if job is None:
             return _because("screen.nothing_to_align")
@@ -78,7 +78,9 @@ def _against_take(state: StationState, job: Job | None, machine: MachineProfile)
 
 def _against_clamping(state: StationState, job: Job, machine: MachineProfile) -> tuple[Problem, ...]:
     if align_lines.drives_are_on(state):
-        return _because("screen.drives_not_off")
+        return state.alignment.tables or _because("screen.drives_not_off")
+    if state.alignment.tables:
+        return state.alignment.tables
     return _because("machine.tool_in_part") if align_lines.is_in_part(state, machine) else force_problems(job)
 
 

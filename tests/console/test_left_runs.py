@@ -1,0 +1,123 @@
+"""A cut that was left in the part is told to whoever has the machine next, also if that is after its start."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from console.session.cut.alignment import problems
+from console.session.data.records import LEFT_IN_PART, RunRecord
+from console.session.data.run_reader import ended_early
+from console.session.station.commands import ConfirmClamping, TakeControl
+from drivers.simulator.machine import SimulatedLathe
+from profiles.store import load_job, load_machine
+from tests.console.consoles import MACHINE, WithStation, station_of
+
+RUN = {
+    **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
+    "job": "ring",
+    "machine": MACHINE,
+    "simulated": 0,
+}
+
+
+def beside_another(data: Path) -> tuple[SimulatedLathe, WithStation]:
+    """A console that looks on, because another one of this computer has the machine."""
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    station_of(sim, data)
+    new = station_of(sim, data)
+    assert not new.state.controls
+    return sim, new
+
+
+def cut_left(data: Path) -> RunRecord:
+    record = RunRecord(data, RUN)
+    record.add("started", {})
+    record.add("stopped", {"reason": "SIGHUP"})
+    return record
+
+
+def leave(record: RunRecord) -> None:
+    record.add(LEFT_IN_PART, {})
+    record.close(marked=True)
+
+
+def test_whoever_takes_control_is_told_of_a_tool_that_was_left_in_the_part(tmp_path: Path) -> None:
+    _, new = beside_another(tmp_path)
+    leave(cut_left(tmp_path))
+    assert "record.left_in_part" not in new.alarms
+    new.do(TakeControl())
+    assert new.state.controls
+    (told,) = [alarm.problem for alarm in new.state.alarms if alarm.problem.code == "record.left_in_part"]
+    assert told.key == "ring"
+
+
+def test_a_console_that_is_still_ending_is_waited_for(tmp_path: Path) -> None:
+    sim, new = beside_another(tmp_path)
+    ending = cut_left(tmp_path)
+    new.do(TakeControl())
+    sim.wait(2.0)
+    new.look()
+    assert "record.left_in_part" not in new.alarms
+    leave(ending)
+    sim.wait(2.0)
+    new.look()
+    assert new.alarms.count("record.left_in_part") == 1
+    sim.wait(2.0)
+    new.look()
+    assert new.alarms.count("record.left_in_part") == 1, "told once"
+
+
+def test_a_console_that_starts_while_the_one_before_is_ending_is_told_too(tmp_path: Path) -> None:
+    ending = cut_left(tmp_path)
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    new = station_of(sim, tmp_path)
+    assert new.state.controls and "record.left_in_part" not in new.alarms
+    leave(ending)
+    sim.wait(2.0)
+    new.look()
+    assert new.alarms.count("record.left_in_part") == 1
+
+
+def test_a_restart_remembers_that_the_last_cut_ended_early_until_a_clamping_is_confirmed(tmp_path: Path) -> None:
+    cut_left(tmp_path).close()
+    job = load_job("lee-2001-experiment-1").job
+    new = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    assert "alignment.ended_early" in [problem.code for problem in problems(new.state.alignment, job)]
+    new.do(ConfirmClamping(job=job))
+    assert new.state.alignment.clamping is not None
+    assert "alignment.ended_early" not in [problem.code for problem in problems(new.state.alignment, job)]
+
+
+@pytest.mark.parametrize(
+    ("run", "kinds", "early"),
+    [
+        ({}, ("armed", "started", "stopped"), True),
+        ({}, ("armed", "started", "held"), True),
+        ({}, ("armed", "started", "ended"), True),
+        ({}, ("armed", "started", "cut"), False),
+        ({"stage": "air"}, ("armed", "started", "stopped"), False),
+        ({}, ("armed",), False),
+        ({"machine": "another"}, ("armed", "started", "stopped"), False),
+        ({"simulated": 1}, ("armed", "started", "stopped"), False),
+    ],
+)
+def test_a_cut_that_reached_its_end_or_no_part_leaves_nothing(
+    tmp_path: Path, run: dict[str, object], kinds: tuple[str, ...], early: bool
+) -> None:
+    record = RunRecord(tmp_path, {**RUN, **run})
+    for kind in kinds:
+        record.add(kind, {})
+    record.close()
+    assert ended_early(tmp_path, MACHINE) is early
+
+
+def test_of_several_cuts_the_last_one_that_was_started_counts(tmp_path: Path) -> None:
+    assert not ended_early(tmp_path, MACHINE)
+    for kinds, early in ((("started", "stopped"), True), (("armed",), True), (("started", "cut"), False)):
+        record = RunRecord(tmp_path, RUN)
+        for kind in kinds:
+            record.add(kind, {})
+        record.close()
+        assert ended_early(tmp_path, MACHINE) is early, kinds
