@@ -37,7 +37,7 @@ def profile_problems(
     Raises DriverError: the link broke, or the controller refused to answer.
     """
     unfiltered = {dialect.motor_index(tool, number): 0.0 for number in NOTCH_NUMBERS}
-    stated = {**unfiltered, **stated_settings_of(wanted, dialect)}
+    stated = dict(sorted({**unfiltered, **stated_settings_of(wanted, dialect)}.items()))
     definitions = read_definitions(wanted.axis_definitions)
     settings = read_settings(client, stated)
     found = client.query(*(f"&1#{each.motor}->" for each in definitions), again=True)
