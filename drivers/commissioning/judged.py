@@ -13,6 +13,7 @@ from drivers.commissioning.configuration import Configuration, passing_settings
 from drivers.commissioning.setting_names import Named, named
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import named_settings
+from profiles.axis.servo_gains import NOTCH_NUMBERS
 from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
@@ -60,6 +61,15 @@ class Judged:
         """The axes that the controller moves: a spindle on an inverter is only read."""
         followed = self.machine.spindle.followed
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
+
+    def wanted_gain(self, motor: int, number: int) -> float | None:
+        """Return Ix`number` as the profile has it, None where it says nothing of it.
+
+        A notch filter of the tool that is not stated is none, since a cut inverts the loop without it.
+        """
+        index = self.dialect.motor_index(motor, number)
+        unfiltered = motor == self.machine.tool.motor and number in NOTCH_NUMBERS
+        return self.wanted.get(index, 0.0 if unfiltered else None)
 
     def value(self, index: int) -> float | None:
         """Return a setting, None where the controller has none of that number."""

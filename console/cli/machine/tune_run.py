@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from console.cli.library import data_of, refuse_unsigned
@@ -17,6 +18,7 @@ from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from profiles.axis.gain_proposal import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
+from profiles.axis.servo_gains import differing_settings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -30,7 +32,8 @@ def _show(options: Namespace, card: Card, text: Catalogue) -> int:
         kept = place.trial()
         doubts = () if kept is None else air_doubts(place, kept[1], dict(trial.found))
         last = [text.problem(problem) for problem in doubts] or [text("tune.proven")]
-    return _told(options, card, text, _proposal(options, place), trial, last)
+    differing = differing_settings(card.machine, place.gains.loop("").gains)
+    return _told(options, card, text, _proposal(options, place), trial, last, differing)
 
 
 def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
@@ -92,6 +95,7 @@ def _told(
     facts: GainFacts | None,
     trial: StandingTrial | None,
     last: list[str],
+    differing: Mapping[str, tuple[float, float]] | None = None,
 ) -> int:
     found = None if facts is None else facts.proposal
     show(
@@ -102,9 +106,16 @@ def _told(
             "axis": None if facts is None else _axis_fields(facts),
             "reasons": [] if facts is None else [problem.code for problem in facts.reasons],
             "notes": [] if facts is None else [problem.code for problem in facts.notes],
+            "differing": {name: {"profile": was, "found": now} for name, (was, now) in (differing or {}).items()},
             "trial": None if trial is None else {**asdict(trial), "problems": [p.code for p in trial.problems]},
         },
-        lambda: [card_line(card, text), "", *_lines(card.machine, facts, trial, text), *last],
+        lambda: [
+            card_line(card, text),
+            "",
+            *_unlike(trial, differing, text),
+            *_lines(card.machine, facts, trial, text),
+            *last,
+        ],
     )
     return 0
 
@@ -121,6 +132,16 @@ def _axis_fields(facts: GainFacts) -> dict[str, object]:
     friction_n, off_n = facts.friction_n or (None, None)
     plant = asdict(facts.known.loop.plant)
     return {"date": facts.known.date, **plant, "friction_n": friction_n, "friction_ci_n": off_n}
+
+
+def _unlike(
+    trial: StandingTrial | None, differing: Mapping[str, tuple[float, float]] | None, text: Catalogue
+) -> list[str]:
+    """Return what is not as in the profile; gains on trial are named by their trial."""
+    if not differing or (trial is not None and trial.whole):
+        return []
+    names = ", ".join(f"{name} {found:.10g} ({stated:.10g})" for name, (stated, found) in differing.items())
+    return [text("tune_page.differing", names=names)]
 
 
 def _lines(
