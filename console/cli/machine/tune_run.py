@@ -13,6 +13,7 @@ from console.session.errors import SessionError
 from console.session.trial.known_loop import known_loop
 from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
 from console.session.trial.standing import StandingTrial, listed
+from console.session.trial.stated_filter import stated_filter_problems
 from console.session.trial.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
@@ -32,6 +33,9 @@ def _show(options: Namespace, card: Card, text: Catalogue) -> int:
         kept = place.trial()
         doubts = () if kept is None else air_doubts(place, kept[1], dict(trial.found))
         last = [text.problem(problem) for problem in doubts] or [text("tune.proven")]
+    if trial is None:
+        found = stated_filter_problems(card.machine, place.data, place.firmware, simulated=place.simulated)
+        last = [text.problem(problem) for problem in found]
     differing = differing_settings(card.machine, place.gains.loop("").gains)
     return _told(options, card, text, _proposal(options, place), trial, last, differing)
 

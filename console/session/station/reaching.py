@@ -89,6 +89,7 @@ class Commissioned:
             *safety_problems(machine, snapshot.inputs),
             *self._heartbeat.problems(),
             *self._changed(),
+            *self._filter_doubts(),
             *stop_record_problems(client, machine, dialect, self._data, self._simulated, date.today()),
         )
 
@@ -101,6 +102,14 @@ class Commissioned:
             return ()
         client, machine = self._client, self._machine
         return stop_record_problems(client, machine, client.dialect, self._data, False, date.today())
+
+    def _filter_doubts(self) -> tuple[Problem, ...]:
+        """Return why nothing is cut with the notch filter of the profile, on the firmware that was read."""
+        from console.session.trial.stated_filter import stated_filter_problems
+
+        read = None if self.fingerprint is None else self.fingerprint.configuration
+        firmware = ("", "") if read is None else (read.version, read.kind)
+        return stated_filter_problems(self._machine, self._data, firmware, simulated=self._simulated)
 
     def _changed(self) -> tuple[Problem, ...]:
         before, dialect = self.fingerprint, self._client.dialect

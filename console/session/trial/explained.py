@@ -44,3 +44,16 @@ def trial_note(data: Path, machine: MachineProfile, address: str, *, simulated: 
         Problem(code="trial.active", value=check.found, limit=check.wanted)
         for check in trial_checks(data, machine, address, simulated=simulated)
     )
+
+
+def filter_checks(
+    data: Path, machine: MachineProfile, firmware: tuple[str, str], *, simulated: bool
+) -> list[Check]:
+    """Return a warning where no test in air has proven the notch filter of the profile: no cut is armed then."""
+    from console.session.trial.stated_filter import stated_filter_problems  # it computes
+
+    found = stated_filter_problems(machine, data, firmware, simulated=simulated)
+    if not found:
+        return []
+    code = "filter_untested" if found[0].code == "trial.filter_untested" else "filter_unproven"
+    return [Check(Group.TOOL, code, Severity.WARNING, "tool")]
