@@ -13,7 +13,7 @@ from drivers.commissioning.configuration import Configuration, passing_settings
 from drivers.commissioning.setting_names import Named, named
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import named_settings
-from profiles.axis.servo_gains import NOTCH_NUMBERS
+from profiles.axis.servo_gains import NOTCH_NUMBERS, stated_settings
 from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
@@ -109,6 +109,13 @@ class Judged:
             wanted=wanted,
             facts={"nature": of.name.nature.value, **(facts or {})},
         )
+
+
+def differing_settings(machine: MachineProfile, found: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return what was read and is not as in the profile, by name: stated and found value."""
+    stated = stated_settings(machine)
+    both = {name: (stated[name], value) for name, value in found.items() if name in stated}
+    return {name: (wanted, value) for name, (wanted, value) in both.items() if not same(wanted, value)}
 
 
 def stated_settings_of(controller: Controller, dialect: Dialect) -> Mapping[int, float]:

@@ -166,12 +166,6 @@ def stated_settings(machine: MachineProfile) -> dict[str, float]:
     return complete_settings(machine, machine.controller.variables)
 
 
-def differing_settings(machine: MachineProfile, found: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Return what was read and is not as in the profile, by name: stated and found value."""
-    stated = stated_settings(machine)
-    return {name: (stated[name], value) for name, value in found.items() if stated.get(name, value) != value}
-
-
 def with_variables(machine: MachineProfile, settings: Mapping[str, float]) -> MachineProfile:
     """Return a machine with these variables in the place of its own."""
     variables = {**machine.controller.variables, **settings}

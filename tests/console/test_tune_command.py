@@ -67,6 +67,18 @@ def test_a_filter_that_the_profile_does_not_state_is_named_and_written_away(
 
 
 @on_one
+def test_once_the_profile_is_applied_nobody_says_that_gains_are_on_trial(
+    console: Console, card: Commissioned, data_folder: Path
+) -> None:
+    assert console("tune", "apply", "--factor", "0.9", "--yes").code == 0
+    assert "on trial" in console("controller", "verify").out
+    assert console("controller", "apply", "--yes").code == 0
+    verified = console("controller", "verify")
+    assert verified.code == 0 and "on trial" not in verified.out
+    assert console("tune", "show", "--json").json["trial"] is None
+
+
+@on_one
 def test_gains_beyond_the_bounds_are_refused_with_the_number(console: Console, card: Commissioned) -> None:
     before = stands(card)
     for factor, word in (("2.4", "phase margin with these gains 42.1 deg"), ("9", "0.4..3")):

@@ -17,9 +17,9 @@ from console.session.trial.stated_filter import stated_filter_problems
 from console.session.trial.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
+from drivers.commissioning.judged import differing_settings
 from profiles.axis.gain_proposal import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
-from profiles.axis.servo_gains import differing_settings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -144,7 +144,7 @@ def _unlike(
     """Return what is not as in the profile; gains on trial are named by their trial."""
     if not differing or (trial is not None and trial.whole):
         return []
-    names = ", ".join(f"{name} {found:.10g} ({stated:.10g})" for name, (stated, found) in differing.items())
+    names = ", ".join(f"{name} {found:.11g} ({stated:.11g})" for name, (stated, found) in differing.items())
     return [text("tune_page.differing", names=names)]
 
 
@@ -160,7 +160,7 @@ def _lines(
     found = facts.proposal
     if found is None:
         return lines
-    lines += [f"  {name}  {was:.10g} -> {value:.10g}" for name, was, value in found.changes]
+    lines += [f"  {name}  {was:.11g} -> {value:.11g}" for name, was, value in found.changes]
     lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
     for key, stiff, trips_n in zip(("present", "proposed"), facts.stiffness or (), facts.trips_n, strict=False):
         at = ", ".join(f"{um:.2f} @ {hz:.4g} Hz" for hz, um in zip(stiff.hz, stiff.um_per_n, strict=True))

@@ -24,6 +24,7 @@ from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.cutting.tables import SWITCH
+from drivers.identification.tool_gains import ToolGains
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
@@ -65,8 +66,8 @@ class Commissioned:
 
     def trial_note(self) -> tuple[Problem, ...]:
         """Return that gains are on trial, to explain settings that differ; nothing where none are."""
-        address = self._client.link.address
-        return trial_note(self._data, self._machine, address, simulated=self._simulated)
+        gains, address = ToolGains(self._client, self._machine.tool.motor), self._client.link.address
+        return trial_note(self._data, self._machine, address, gains.read, simulated=self._simulated)
 
     def wrote(self, values: Mapping[int, float]) -> None:
         """Take I-variables that this console has written into what others' changes are told by."""

@@ -12,12 +12,13 @@ import numpy as np
 
 from console.session.data.identified import responses_of
 from console.session.trial.known_loop import MOST_RESPONSES
+from drivers.commissioning.judged import differing_settings
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import loop_of
-from profiles.axis.servo_gains import PidGains, differing_settings, gains_from_variables
+from profiles.axis.servo_gains import PidGains, gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.paper.table_5 import FREQUENCIES_HZ, PHASE_ERROR_RAD, measured_gains
 from profiles.problem import Problem
