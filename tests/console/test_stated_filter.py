@@ -12,9 +12,11 @@ import pytest
 
 from console.session.cut.trip_cause import with_cause
 from console.session.data.health import store as store_test
+from console.session.data.identified import store as store_response
 from console.session.station.commands import Arm, CheckHealth, EnableDrives, Home, Verify
 from console.session.station.reaching import Commissioned
 from console.session.trial.explained import filter_checks
+from console.session.trial.known_loop import known_loop
 from console.session.trial.notch_evidence import NO_FIRMWARE
 from console.session.trial.stated_filter import stated_filter_problems
 from console.text.catalogue import load
@@ -32,7 +34,7 @@ from profiles.store import load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
 from tests.console.test_notch_trial import LATHE, fill
-from tests.tui.tune_stage import FIRST, bending, filter_test
+from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
 Console = Callable[..., Any]
 JOB = experiment_1()
@@ -88,6 +90,19 @@ def test_without_responses_a_test_that_does_not_fit_asks_for_them_and_blames_nob
     store_test(tmp_path, replace(tested, position_um=tuple(moved.tolist())))
     (told,) = stated_filter_problems(stating(FIRST), tmp_path, simulated=False)
     assert told.code == "trial.filter_axis" and "console identify --frequencies 25" in str(told)
+
+
+@pytest.mark.parametrize("turned", [("I136", "I137"), ("I138", "I139")])
+def test_responses_with_the_filter_do_not_prove_it(tmp_path: Path, turned: tuple[str, ...]) -> None:
+    """An axis can be fitted to them that explains the test by the stated reading: the denominator's to 4 %."""
+    misread = {name: -value if name in turned else value for name, value in FIRST.items()}
+    filtered = identified(swept(bending(misread), 0.0005), FIRST, simulated=False)
+    store_response(tmp_path, replace(filtered, date="2025-12-31T10:00:00.000Z"))
+    store_test(tmp_path, filter_test(FIRST, misread, simulated=False))
+    assert codes(tmp_path, stating(FIRST)) == ["trial.filter_axis"]
+    assert known_loop(stating(FIRST), tmp_path, simulated=False).reading is None
+    fill(tmp_path)
+    assert "trial.read_otherwise" in codes(tmp_path, stating(FIRST)), "by the axis without the filter"
 
 
 def console_at(data: Path, reading: Reading) -> WithStation:

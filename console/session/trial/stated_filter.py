@@ -11,11 +11,12 @@ from pathlib import Path
 from console.session.data.identified import FOLDER
 from console.session.data.kept_files import folder_name
 from console.session.trial.air_proof import doubts, newest_test
-from console.session.trial.bounds import FAST_SWEEP, SLOW_SWEEP
+from console.session.trial.bounds import FAST_SWEEP, SLOW_SWEEP, unmeasured
 from console.session.trial.known_loop import known_loop
 from console.session.trial.notch_evidence import NO_FIRMWARE, unexplained
 from drivers.identification.health_result import HealthResult
 from drivers.identification.tool_gains import WRITTEN
+from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import notch_from_variables, present_settings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -51,8 +52,12 @@ def _doubts(
     machine: MachineProfile, data: Path, firmware: tuple[str, str], test: HealthResult, *, simulated: bool
 ) -> tuple[Problem, ...]:
     known = known_loop(machine, data, firmware, simulated=simulated)
-    found = doubts(test, known.loop, machine.tool.motor)
-    if found and known.fit is None:  # what bends in it may explain the test just as well as another reading
-        value = unexplained(test, known.loop)
-        return (Problem(code="trial.filter_axis", key=SLOW_SWEEP, value=value, limit=FAST_SWEEP),)
-    return found
+    if known.unfiltered and known.fit is not None:
+        judged = doubts(test, known.loop, machine.tool.motor)
+        return judged if known.fit.holds else (*judged, unmeasured(known))
+    # An axis fitted to responses with the filter would explain a test with it however it is read.
+    loop = loop_of(machine)
+    if not doubts(test, loop, machine.tool.motor):
+        return ()
+    value = unexplained(test, loop)
+    return (Problem(code="trial.filter_axis", key=SLOW_SWEEP, value=value, limit=FAST_SWEEP),)
