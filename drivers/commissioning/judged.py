@@ -13,6 +13,7 @@ from drivers.commissioning.configuration import Configuration, passing_settings
 from drivers.commissioning.setting_names import Named, named
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import named_settings
+from profiles.axis.servo_gains import NOTCH_NUMBERS, stated_settings
 from profiles.findings import Severity
 from profiles.machine import Controller, MachineProfile
 
@@ -61,6 +62,15 @@ class Judged:
         followed = self.machine.spindle.followed
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
 
+    def wanted_gain(self, motor: int, number: int) -> float | None:
+        """Return Ix`number` as the profile has it, None where it says nothing of it.
+
+        A notch filter of the tool that is not stated is none, since a cut inverts the loop without it.
+        """
+        index = self.dialect.motor_index(motor, number)
+        unfiltered = motor == self.machine.tool.motor and number in NOTCH_NUMBERS
+        return self.wanted.get(index, 0.0 if unfiltered else None)
+
     def value(self, index: int) -> float | None:
         """Return a setting, None where the controller has none of that number."""
         return self.configuration.settings.get(index)
@@ -99,6 +109,13 @@ class Judged:
             wanted=wanted,
             facts={"nature": of.name.nature.value, **(facts or {})},
         )
+
+
+def differing_settings(machine: MachineProfile, found: Mapping[str, float]) -> dict[str, tuple[float, float]]:
+    """Return what was read and is not as in the profile, by name: stated and found value."""
+    stated = stated_settings(machine)
+    both = {name: (stated[name], value) for name, value in found.items() if name in stated}
+    return {name: (wanted, value) for name, (wanted, value) in both.items() if not same(wanted, value)}
 
 
 def stated_settings_of(controller: Controller, dialect: Dialect) -> Mapping[int, float]:

@@ -15,7 +15,9 @@ must not move 1 + L by more than 0.7 of it at resonance, L c / (2 z), with the l
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
+from itertools import islice
 
 import numpy as np
 
@@ -56,11 +58,16 @@ LEAST_MODE_HZ = 80.0  # below it nothing of a tool slide bends (choice)
 
 
 def designed_gains(
-    machine: MachineProfile, loop: SampledLoop, fit: PlantFit, lobe_hz: float
+    machine: MachineProfile,
+    loop: SampledLoop,
+    fit: PlantFit,
+    lobe_hz: float,
+    allowed: Callable[[PidGains], bool] = lambda _: True,
 ) -> GainProposal | None:
     """Return the stiffest gains within the margins on a fitted plant and its neighbours; None: there are none.
 
-    `machine` has the variables of the loop, `loop` its gains and the fitted plant.
+    `machine` has the variables of the loop, `loop` its gains and the fitted plant. What is not `allowed` is passed
+    over for the next stiffest.
     """
     hz = search_hz(loop, lobe_hz, _POINTS)
     found = all_candidates(loop)
@@ -72,9 +79,12 @@ def designed_gains(
     at_points = sensitivity(found, fit.measured[sure], fit.hz[sure], loop.period_s, fit.sd[sure])
     found = found.only(at_points <= MOST_SENSITIVITY)
     before = loop_margins(loop)
-    for place in in_order(yields(found, response, loop, hz, lobe_hz), found.ki)[:_MOST_TRIED]:
-        proposal = rounded_proposal(machine, loop, found.gains(place), before)
-        if proposal is not None and holds_everywhere(loop, proposal.gains, proposal.after, fit):
+    ordered = (found.gains(place) for place in in_order(yields(found, response, loop, hz, lobe_hz), found.ki))
+    for gains in islice((each for each in ordered if allowed(each)), _MOST_TRIED):
+        proposal = rounded_proposal(machine, loop, gains, before)
+        if proposal is None or not allowed(proposal.gains):
+            continue
+        if holds_everywhere(loop, proposal.gains, proposal.after, fit):
             return proposal
     return None
 

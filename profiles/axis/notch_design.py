@@ -12,9 +12,9 @@ reading (`profiles.axis.notch.Reading`), so that a wrong one is seen in numbers 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 
@@ -65,6 +65,7 @@ class _Search:
     plants: tuple[tuple[Complexes, float], ...]
     candidates: Candidates
     most_yield: float
+    allowed: Callable[[PidGains], bool]
 
 
 def design_with_notch(
@@ -75,27 +76,30 @@ def design_with_notch(
     alone: GainProposal | None,
     *,
     proven: bool,
+    allowed: Callable[[PidGains], bool] = lambda _: True,
 ) -> GainProposal | None:
     """Return gains and a filter that are stiffer than gains alone; None: there are none, or nothing bends.
 
-    `proven` is whether the controller was seen to read the coefficients as stated.
+    `proven` is whether the controller was seen to read the coefficients as stated. What is not `allowed` is passed
+    over for the next stiffest.
     """
     if not fit.plant.modes:
         return None
-    search = _search(machine, loop, fit, lobe_hz, alone)
+    search = _search(machine, loop, fit, lobe_hz, alone, allowed)
     found = sorted(
         (
-            (cost, notch, gains)
+            (cost, gains)
             for notch in _notches(loop, fit, proven=proven)
             for cost, gains in _best(search, notch, proven=proven)
         ),
         key=lambda each: each[0],
     )
     before = loop_margins(loop)
-    for _, notch, gains in found[:_MOST_TRIED]:
-        asked = replace(gains.scaled(1.0 / notch.at_rest), notch=notch)
-        proposal = rounded_proposal(machine, loop, asked, before)
-        if proposal is None or not holds_everywhere(loop, proposal.gains, proposal.after, fit):
+    for _, gains in found[:_MOST_TRIED]:
+        proposal = rounded_proposal(machine, loop, gains, before)
+        if proposal is None or not allowed(proposal.gains):
+            continue
+        if not holds_everywhere(loop, proposal.gains, proposal.after, fit):
             continue
         if proven or fails_otherwise(loop, proposal.gains, (fit.plant, *fit.others)) is None:
             return proposal
@@ -103,7 +107,12 @@ def design_with_notch(
 
 
 def _search(
-    machine: MachineProfile, loop: SampledLoop, fit: PlantFit, lobe_hz: float, alone: GainProposal | None
+    machine: MachineProfile,
+    loop: SampledLoop,
+    fit: PlantFit,
+    lobe_hz: float,
+    alone: GainProposal | None,
+    allowed: Callable[[PidGains], bool],
 ) -> _Search:
     hz = search_hz(loop, lobe_hz, _POINTS, fit.others)
     most = np.inf
@@ -118,6 +127,7 @@ def _search(
         plants=limited_plants(loop, fit, hz),
         candidates=all_candidates(loop, _EVERY),
         most_yield=most,
+        allowed=allowed,
     )
 
 
@@ -132,7 +142,7 @@ def _notches(loop: SampledLoop, fit: PlantFit, *, proven: bool) -> Iterator[Notc
 
 
 def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[float, PidGains]]:
-    """Yield the stiffest gains with a filter that hold on the grid, each with how far it yields."""
+    """Yield the stiffest allowed gains with a filter that hold on the grid, each with how far it yields."""
     period_s, hz = search.loop.period_s, search.hz
     found, filtered = search.candidates, notch.at_hz(hz, period_s) / notch.at_rest
     for place, (response, limit) in enumerate(search.plants):
@@ -148,8 +158,13 @@ def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[floa
         found = _safe_otherwise(search, notch, found)
     plant = complexes(filtered * search.plants[0][0])
     cost = yields(found, plant, search.loop, hz, search.lobe_hz)
-    for place in in_order(cost, found.ki)[:_MOST_EACH]:
-        yield float(cost[place]), found.gains(int(place))
+    ordered = ((place, _filtered(found.gains(place), notch)) for place in in_order(cost, found.ki))
+    for place, gains in islice((each for each in ordered if search.allowed(each[1])), _MOST_EACH):
+        yield float(cost[place]), gains
+
+
+def _filtered(at_rest: PidGains, notch: Notch) -> PidGains:
+    return replace(at_rest.scaled(1.0 / notch.at_rest), notch=notch)
 
 
 def fails_otherwise(loop: SampledLoop, gains: PidGains, plants: Sequence[AxisPlant]) -> Reading | None:

@@ -111,9 +111,16 @@ def console_of(
     return OneConsole(sim=sim, line=line, client=client, lathe=lathe, stop=stop, owning=owning, looks=looks)
 
 
-def station_of(sim: SimulatedLathe, data: Path, *, locking: bool = True, name: str = "") -> WithStation:
+def station_of(
+    sim: SimulatedLathe,
+    data: Path,
+    *,
+    locking: bool = True,
+    name: str = "",
+    loaded: LoadedMachine | None = None,
+) -> WithStation:
     """Connect a console with a station, as a screen has it: it claims the machine, or looks on."""
-    loaded: LoadedMachine = load_machine(MACHINE)
+    loaded = loaded or load_machine(MACHINE)
     alone = console_of(sim, loaded.machine, data, locking=locking, name=name)
     context = StationContext(
         lathe=alone.lathe,

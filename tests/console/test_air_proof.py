@@ -11,12 +11,16 @@ import pytest
 from console.session.data.health import kept_tests, store
 from console.session.station.commands import CheckHealth, EnableDrives, Home
 from console.session.trial.air_proof import unproven
+from console.session.trial.standing import StandingTrial, listed
 from console.session.trial.trial import TrialPlace, standing_trial
 from drivers.simulator.machine import SimulatedLathe
 from profiles.axis.sampled_loop import loop_of
+from profiles.axis.servo_gains import with_variables
 from profiles.store import load_machine
-from tests.console.consoles import MACHINE, station_of
+from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.test_gain_trial import HALF_KP, NO_FILTER, order, record
+from tests.console.test_notch_trial import fill
+from tests.tui.tune_stage import FIRST
 
 
 def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Path) -> None:
@@ -37,6 +41,39 @@ def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Pat
     owner.do(CheckHealth(step_um=25.0))
     assert standing_trial(place, settle=True) is None
     assert record(tmp_path)["events"][-1]["what"] == "adopted"
+
+
+def standing_with(owner: WithStation, data: Path, settings: dict[str, float]) -> StandingTrial | None:
+    """What stands of a trial by a profile that has these gains."""
+    machine = with_variables(load_machine(MACHINE).machine, settings)
+    return standing_trial(
+        TrialPlace(client=owner.client, machine=machine, data=data, simulated=False), settle=True
+    )
+
+
+def test_a_trial_is_over_when_the_controller_has_the_gains_of_the_profile_whatever_those_are(
+    tmp_path: Path,
+) -> None:
+    """As `controller apply` writes them: neither those that were tried, nor those of before."""
+    owner = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    owner.do(order(HALF_KP))
+    owner.client.request("I130=400", lines=0)
+    trial = standing_with(owner, tmp_path, {})
+    assert trial is not None and not trial.whole, "gains of nobody"
+    assert standing_with(owner, tmp_path, {"I130": 400.0}) is None
+    kept, last = record(tmp_path), record(tmp_path)["events"][-1]
+    assert (kept["open"], last["what"], last["found"]["I130"]) == (False, "restored", 400.0)
+
+
+def test_a_coefficient_of_the_profile_need_not_have_its_last_digit(tmp_path: Path) -> None:
+    fill(tmp_path)
+    owner = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    owner.do(order(FIRST | {"I136": -1.0927734375}))
+    assert owner.refusals == []
+    assert "I136 -1.0927734375" in listed(tuple(record(tmp_path)["proposed"].items())), "it is shown with it"
+    trial = standing_with(owner, tmp_path, FIRST | {"I136": -1.092773438})
+    assert trial is not None and trial.whole
+    assert [each.code for each in trial.problems] == ["trial.unproven"], "the profile has taken it over"
 
 
 @pytest.mark.parametrize(

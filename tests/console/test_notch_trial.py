@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -18,14 +19,17 @@ from console.session.station.commands import (
     Recover,
     RevertGains,
 )
+from console.session.trial.bounds import hidden_problems
 from console.session.trial.known_loop import known_loop
 from console.session.trial.notch_evidence import NO_FIRMWARE, seen_reading
 from console.session.trial.proposal import GainFacts, gain_facts
 from console.session.trial.trial import TrialPlace, air_doubts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
+from profiles.axis.loop_design import unseen_hz
 from profiles.axis.notch import Notch, Reading
-from profiles.axis.servo_gains import notch_settings, with_variables
+from profiles.axis.sampled_loop import loop_of
+from profiles.axis.servo_gains import gains_from_variables, notch_settings, with_variables
 from profiles.store import load_machine
 from tests.console.cable import cabled, until_back
 from tests.console.consoles import MACHINE, WithStation, station_of
@@ -145,10 +149,7 @@ def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_
     """The stiff one, for a controller whose reading is known: unstable with the signs of its zeros turned."""
     fill(tmp_path)
     owner = station_with(tmp_path, Reading.STATED)
-    stiff = {"I130": 3126.0, "I131": 1656.0, "I132": 1656.0, "I133": 37_134.0}
-    notch = Notch(n1=-1.087890625, n2=0.60546875, d1=-0.5078125, d2=0.22265625)
-    settings = {**stiff, **notch_settings(LATHE, notch)}
-    owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
+    owner.do(ApplyGains(settings=tuple(STIFF.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.notch_unsafe"] and stands(owner) == BEFORE
 
 
@@ -160,6 +161,66 @@ def test_a_coefficient_that_a_controller_takes_for_another_is_refused(tmp_path: 
     owner.do(ApplyGains(settings=tuple(beyond.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == ["trial.range"] and stands(owner) == BEFORE
     assert ">= -2, < 2" in str(owner.state.refusals[0])
+
+
+STIFF = {"I130": 3126.0, "I131": 1656.0, "I132": 1656.0, "I133": 37_134.0}
+STIFF |= notch_settings(LATHE, Notch(n1=-1.087890625, n2=0.60546875, d1=-0.5078125, d2=0.22265625))
+"""For a controller whose reading is known: 2.6 um/N at most, where gains alone yield 17."""
+
+
+def read_and_proven(data: Path, *tests: dict[str, float]) -> None:
+    """Keep the responses up to 225 Hz, and a health test that agrees with the model for each of these gains."""
+    fill(data)
+    for gains in tests:
+        store_test(data, filter_test(gains, gains, simulated=False))
+
+
+def test_with_the_reading_proven_the_published_gains_get_a_filter_and_not_gains_alone(tmp_path: Path) -> None:
+    """The stiffest might meet a mode above 225 Hz, which no sweep can show: the next one is taken."""
+    read_and_proven(tmp_path, FIRST)
+    found = gain_facts(LATHE, None, tmp_path, simulated=False)
+    assert found.proposal is not None and found.reasons == found.notes == ()
+    assert found.proposal.settings["I136"] < -0.5
+    assert found.stiffness is not None and found.stiffness[1].most_um_per_n < 5.0 < 10.0
+    fit = found.known.fit
+    assert fit is not None and unseen_hz(found.known.loop, found.proposal.gains, fit) is None
+
+
+def test_gains_that_are_proven_and_yield_less_than_what_may_be_proposed_are_kept(tmp_path: Path) -> None:
+    read_and_proven(tmp_path, FIRST, STIFF)
+    machine = with_variables(LATHE, STIFF)
+    found = gain_facts(machine, None, tmp_path, simulated=False)
+    assert found.proposal is None and [each.code for each in found.reasons] == ["trial.stiff_already"]
+    assert found.reasons[0].value == "2.59 um/N" and "keep them" in str(found.reasons[0])
+    assert float(found.reasons[0].limit.split()[0]) > 2.59
+
+
+def test_gains_that_no_test_has_proven_are_not_told_to_be_kept(tmp_path: Path) -> None:
+    read_and_proven(tmp_path, FIRST)
+    found = gain_facts(with_variables(LATHE, STIFF), None, tmp_path, simulated=False)
+    assert found.proposal is not None and found.reasons == ()
+
+
+@pytest.mark.parametrize(("reaches_hz", "code"), [(225.0, "trial.unseen_above"), (180.0, "trial.unseen")])
+def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: float, code: str) -> None:
+    """Stiff gains for a rigid tool, by responses so vague that a mode could hide."""
+    loop = loop_of(LATHE)
+    points = tuple(each for each in swept(loop, 0.02) if each.frequency_hz <= reaches_hz)
+    store(tmp_path, identified(points, PUBLISHED, simulated=False))
+    known = known_loop(LATHE, tmp_path, simulated=False)
+    stiff = with_variables(LATHE, {"I130": 2954.0, "I131": 1263.0, "I132": 1263.0, "I133": 55_697.0})
+    (told,) = hidden_problems(known, replace(known.loop, gains=gains_from_variables(stiff)))
+    assert told.code == code
+    assert ("console identify" in str(told)) is (code == "trial.unseen")
+    found = gain_facts(LATHE, None, tmp_path, simulated=False)
+    if code == "trial.unseen":
+        assert found.proposal is None and [each.code for each in found.reasons] == [code]
+    else:
+        assert "identify ends at 226 Hz" in str(told)
+        assert found.proposal is not None and [each.code for each in found.notes] == [code], (
+            "softer, with the reason"
+        )
+        assert hidden_problems(known, replace(known.loop, gains=found.proposal.gains)) == ()
 
 
 @pytest.mark.long

@@ -51,6 +51,34 @@ def test_gains_are_shown_applied_explained_and_taken_back(
 
 
 @on_one
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_filter_that_the_profile_does_not_state_is_named_and_written_away(
+    console: Console, card: Commissioned, language: str
+) -> None:
+    card.tell("I136=-0.5", "I138=0.25")
+    shown = console("tune", "show", "--lang", language)
+    assert "I136 -0.5 (0), I138 0.25 (0)" in shown.out
+    assert console("tune", "show", "--json").json["differing"]["I138"] == {"profile": 0.0, "found": 0.25}
+    assert console("controller", "verify").code == 1
+    assert console("controller", "apply", "--yes", "--lang", language).code == 0
+    assert card.client.numbers("I136", "I138") == (0.0, 0.0)
+    assert console("controller", "verify").code == 0
+    assert "I136" not in console("tune", "show").out
+
+
+@on_one
+def test_once_the_profile_is_applied_nobody_says_that_gains_are_on_trial(
+    console: Console, card: Commissioned, data_folder: Path
+) -> None:
+    assert console("tune", "apply", "--factor", "0.9", "--yes").code == 0
+    assert "on trial" in console("controller", "verify").out
+    assert console("controller", "apply", "--yes").code == 0
+    verified = console("controller", "verify")
+    assert verified.code == 0 and "on trial" not in verified.out
+    assert console("tune", "show", "--json").json["trial"] is None
+
+
+@on_one
 def test_gains_beyond_the_bounds_are_refused_with_the_number(console: Console, card: Commissioned) -> None:
     before = stands(card)
     for factor, word in (("2.4", "phase margin with these gains 42.1 deg"), ("9", "0.4..3")):

@@ -54,6 +54,23 @@ def test_limits_that_are_wrong_stay_as_they_are(machine: MachineProfile) -> None
     assert writes_of(card) == []
 
 
+def test_a_notch_filter_of_the_tool_that_the_profile_does_not_state_is_written_away(
+    machine: MachineProfile,
+) -> None:
+    """A cut inverts the loop without it; one of another motor is that motor's own."""
+    card = commissioned(machine)
+    card.tell("I136=-0.5", "I138=0.25", "I336=-0.5")
+    checks = [each for each in card.verify().checks if each.subject == "tool"]
+    assert {each.variable for each in checks if each.code == "differs"} == {"I136", "I138"}
+    told = [each.found for each in checks if each.code == "not_stated"]
+    assert not [found for found in told if "I136" in found or "I138" in found], "told once, as what is written"
+    writes = gain_writes(card.verify().judged)
+    assert [(each.line, each.found) for each in writes] == [("I136=0", "-0.5"), ("I138=0", "0.25")]
+    apply(card.client, card.dialect, writes)
+    assert card.client.numbers("I136", "I138", "I336") == (0.0, 0.0, -0.5)
+    assert [each for each in card.verify().checks if each.code == "differs"] == []
+
+
 def test_nothing_is_sent_while_a_drive_is_on(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.tell("I130=600")

@@ -156,6 +156,20 @@ def test_where_the_reading_is_known_the_tool_is_five_times_as_stiff_and_other_re
     assert not stable_by_control(replace(tuned(proven), gains=wrong)), "so it is not what is tried first"
 
 
+def test_what_is_not_allowed_is_passed_over_for_the_next_stiffest() -> None:
+    loop, (alone, _, stiffest) = replace(LOOP, plant=fit().plant), designs()
+
+    def other(gains: PidGains) -> bool:
+        return abs(gains.at_rest.kp_v_per_m / stiffest.gains.at_rest.kp_v_per_m - 1.0) > 0.02
+
+    found = design_with_notch(MACHINE, loop, fit(), 50.0, alone, proven=True, allowed=other)
+    assert found is not None and found.settings != stiffest.settings and other(found.gains)
+    before, after = (lobe_stiffness(tuned(each), THRUST, 50.0) for each in (alone, found))
+    assert after.most_um_per_n < 0.4 * before.most_um_per_n
+    refused = design_with_notch(MACHINE, loop, fit(), 50.0, alone, proven=True, allowed=lambda _: False)
+    assert refused is None
+
+
 def test_an_axis_without_a_mode_gets_no_filter() -> None:
     rigid = fit_of(NOMINAL)
     loop = replace(LOOP, plant=rigid.plant)

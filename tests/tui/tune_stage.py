@@ -129,14 +129,16 @@ def bending(settings: Mapping[str, float] | None = None) -> SampledLoop:
     return loop_of(machine, replace(profile_plant(machine), modes=(BENDS,)))
 
 
-def filter_test(gains: Mapping[str, float] = FIRST) -> HealthResult:
-    """The step of a health test with the first filter, on a tool that bends; `gains` are those that it names."""
-    loop, made = bending(FIRST), health()
+def filter_test(
+    gains: Mapping[str, float] = FIRST, tuned: Mapping[str, float] = FIRST, *, simulated: bool = True
+) -> HealthResult:
+    """The step of a health test with a filter, on a tool that bends; `gains` are those that it names."""
+    loop, made = bending(tuned), health()
     at_ms = 1000.0 * loop.period_s * np.arange(-20, 200)
     reference = np.clip(5.0 * at_ms, 0.0, 25.0)
     return replace(
         made,
-        origin=replace(made.origin, gains=gains),
+        origin=replace(made.origin, gains=gains, simulated=simulated),
         times_ms=tuple(at_ms.tolist()),
         reference_um=tuple(reference.tolist()),
         position_um=tuple(modelled(loop, reference).tolist()),

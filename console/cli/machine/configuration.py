@@ -14,7 +14,7 @@ from console.cli.machine.doctor_checks import signature_checks
 from console.cli.output import show
 from console.session.data.controller_backups import backup_path, compare_backup, write_backup
 from console.session.data.kept_files import make_folder
-from console.session.trial.explained import trial_checks
+from console.session.trial.explained import explained_checks
 from console.text.catalogue import Catalogue
 from drivers.commissioning.gains import Write, apply, gain_writes, refuse_unready
 from drivers.commissioning.judged import Judged
@@ -37,9 +37,10 @@ def _backup(options: Namespace, card: Card, text: Catalogue) -> int:
 
 
 def _verify(options: Namespace, card: Card, text: Catalogue) -> int:
-    verified = verify(card.client, card.machine, card.client.dialect).checks
-    trial = trial_checks(data_of(options), card.machine, card.address, simulated=card.simulated)
-    checks = in_order([*verified, *signature_checks(card), *trial])
+    verified = verify(card.client, card.machine, card.client.dialect)
+    read = verified.judged.configuration
+    trial = explained_checks(data_of(options), card.machine, card.address, read, simulated=card.simulated)
+    checks = in_order([*verified.checks, *signature_checks(card), *trial])
     unmet = [check for check in checks if check.severity is not Severity.OK]
     show(
         options,

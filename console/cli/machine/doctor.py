@@ -25,15 +25,16 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.machine.check_report import check_fields, check_lines, summary_line
     from console.cli.machine.data_folder_checks import data_folder_checks
     from console.cli.output import agreed, show
-    from console.session.trial.explained import trial_checks
+    from console.session.trial.explained import explained_checks
     from drivers.commissioning.proofs.bench import names_of, unproven
     from drivers.commissioning.verification import in_order, verify
     from profiles.findings import Severity, worst
 
     with opened_card(options, text) as card:
         unsigned = doctor_checks.signature_checks(card)
-        trial = trial_checks(data_of(options), card.machine, card.address, simulated=card.simulated)
         verification = verify(card.client, card.machine, card.client.dialect)
+        read = verification.judged.configuration
+        trial = explained_checks(data_of(options), card.machine, card.address, read, simulated=card.simulated)
         moves = options.prove and not unsigned and agreed(options, card.machine.name, card.simulated, text)
         proofs = unproven(names_of(card.machine))
         if moves:

@@ -25,7 +25,7 @@ from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.run_alarms import RunAlarms
 from console.session.feed.server import FeedServer
@@ -36,6 +36,7 @@ from console.session.signals import Interruption
 from console.session.stages import Stage
 from console.session.station.actions import stopped_by
 from console.session.station.reaching import Reached, commissioning, guard, leave, machine_context, reach
+from console.session.trial.stated_filter import stated_filter_problems
 from console.text.catalogue import Catalogue
 from console.text.fingerprint import fingerprint_line
 from drivers.lathe.snapshot import Snapshot
@@ -291,6 +292,7 @@ def _cut(
     On a machine behind a link, print on stderr how to stop it; leave its drives off.
     """
     if request.address is None:
+        refuse(stated_filter_problems(request.machine.machine, data, simulated=True))
 
         def open_machine() -> CutContext:
             """Open a new simulated machine for each part."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from argparse import Namespace
+from collections.abc import Mapping
 from dataclasses import asdict
 
 from console.cli.library import data_of, refuse_unsigned
@@ -12,9 +13,11 @@ from console.session.errors import SessionError
 from console.session.trial.known_loop import known_loop
 from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
 from console.session.trial.standing import StandingTrial, listed
+from console.session.trial.stated_filter import stated_filter_problems
 from console.session.trial.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
+from drivers.commissioning.judged import differing_settings
 from profiles.axis.gain_proposal import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.machine import MachineProfile
@@ -30,7 +33,11 @@ def _show(options: Namespace, card: Card, text: Catalogue) -> int:
         kept = place.trial()
         doubts = () if kept is None else air_doubts(place, kept[1], dict(trial.found))
         last = [text.problem(problem) for problem in doubts] or [text("tune.proven")]
-    return _told(options, card, text, _proposal(options, place), trial, last)
+    if trial is None:
+        found = stated_filter_problems(card.machine, place.data, place.firmware, simulated=place.simulated)
+        last = [text.problem(problem) for problem in found]
+    differing = differing_settings(card.machine, place.gains.loop("").gains)
+    return _told(options, card, text, _proposal(options, place), trial, last, differing)
 
 
 def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
@@ -92,6 +99,7 @@ def _told(
     facts: GainFacts | None,
     trial: StandingTrial | None,
     last: list[str],
+    differing: Mapping[str, tuple[float, float]] | None = None,
 ) -> int:
     found = None if facts is None else facts.proposal
     show(
@@ -102,9 +110,16 @@ def _told(
             "axis": None if facts is None else _axis_fields(facts),
             "reasons": [] if facts is None else [problem.code for problem in facts.reasons],
             "notes": [] if facts is None else [problem.code for problem in facts.notes],
+            "differing": {name: {"profile": was, "found": now} for name, (was, now) in (differing or {}).items()},
             "trial": None if trial is None else {**asdict(trial), "problems": [p.code for p in trial.problems]},
         },
-        lambda: [card_line(card, text), "", *_lines(card.machine, facts, trial, text), *last],
+        lambda: [
+            card_line(card, text),
+            "",
+            *_unlike(trial, differing, text),
+            *_lines(card.machine, facts, trial, text),
+            *last,
+        ],
     )
     return 0
 
@@ -123,6 +138,16 @@ def _axis_fields(facts: GainFacts) -> dict[str, object]:
     return {"date": facts.known.date, **plant, "friction_n": friction_n, "friction_ci_n": off_n}
 
 
+def _unlike(
+    trial: StandingTrial | None, differing: Mapping[str, tuple[float, float]] | None, text: Catalogue
+) -> list[str]:
+    """Return what is not as in the profile; gains on trial are named by their trial."""
+    if not differing or (trial is not None and trial.whole):
+        return []
+    names = ", ".join(f"{name} {found:.11g} ({stated:.11g})" for name, (stated, found) in differing.items())
+    return [text("tune_page.differing", names=names)]
+
+
 def _lines(
     machine: MachineProfile, facts: GainFacts | None, trial: StandingTrial | None, text: Catalogue
 ) -> list[str]:
@@ -135,7 +160,7 @@ def _lines(
     found = facts.proposal
     if found is None:
         return lines
-    lines += [f"  {name}  {was:.10g} -> {value:.10g}" for name, was, value in found.changes]
+    lines += [f"  {name}  {was:.11g} -> {value:.11g}" for name, was, value in found.changes]
     lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
     for key, stiff, trips_n in zip(("present", "proposed"), facts.stiffness or (), facts.trips_n, strict=False):
         at = ", ".join(f"{um:.2f} @ {hz:.4g} Hz" for hz, um in zip(stiff.hz, stiff.um_per_n, strict=True))

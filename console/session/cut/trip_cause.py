@@ -14,11 +14,24 @@ from dataclasses import replace
 
 from drivers.errors import DriverError
 from drivers.lathe.lathe import Lathe
+from drivers.lathe.left_behind import BEHIND
 from drivers.lathe.snapshot import AxisName
+from profiles.axis.servo_gains import notch_from_variables, notch_settings
 from profiles.problem import Problem
 
 BY_FRICTION, AFTER_CHANGE = "machine.tool_left_behind", "machine.behind_after_change"
 IDENTIFIED = "machine.tool_left_behind_identified"
+
+
+def filter_suspected(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]:
+    """Return that a notch filter may be read otherwise, where the tool tripped on its following error with one."""
+    machine = lathe.as_set
+    tripped = any(each.code == BY_FRICTION or BEHIND in each.value for each in problems)
+    if not tripped or not notch_from_variables(machine):
+        return ()
+    filters = notch_settings(machine, notch_from_variables(machine))
+    value = ", ".join(f"{name} {number:.11g}" for name, number in filters.items())
+    return (Problem(code="trial.filter_suspected", value=value),)
 
 
 def with_cause(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]:
@@ -26,14 +39,16 @@ def with_cause(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]
 
     Nothing is written.
     """
+    suspected = filter_suspected(lathe, problems)
     if all(problem.code != BY_FRICTION for problem in problems):
-        return tuple(problems)
+        return (*problems, *suspected)
     changed: tuple[Problem, ...] = ()
     with suppress(DriverError):
         changed = (*lathe.verify(), *lathe.program.changes())
     if not changed:
         friction = lathe.friction()
-        return tuple(_identified(problem, friction) if friction else problem for problem in problems)
+        found = tuple(_identified(problem, friction) if friction else problem for problem in problems)
+        return (*found, *suspected)
     told = (_after_change(problem) if problem.code == BY_FRICTION else problem for problem in problems)
     return (*told, *(problem for problem in changed if problem not in problems))
 

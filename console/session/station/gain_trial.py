@@ -11,6 +11,7 @@ from console.session.station import commands
 from console.session.station.alarms import Priority
 from console.session.station.context import StationContext
 from console.session.trial.standing import UNPROVEN, StandingTrial
+from console.session.trial.stated_filter import stated_filter_problems
 from console.session.trial.trial import TrialPlace, apply_trial, revert_trial, safe_trial
 from drivers.errors import LinkError
 from profiles.problem import Problem, ProblemError
@@ -34,8 +35,11 @@ def verified(context: StationContext) -> tuple[Problem, ...]:
 
 def trial_problems(context: StationContext) -> tuple[Problem, ...]:
     """Return why nothing is cut with the gains that are in the controller."""
-    trial = context.state.trial
-    return () if trial is None else trial.problems
+    trial, state = context.state.trial, context.state
+    if trial is not None:
+        return trial.problems
+    machine = context.loaded_machine.machine
+    return stated_filter_problems(machine, context.records, state.firmware, simulated=state.simulated)
 
 
 def apply_gains(context: StationContext, command: commands.ApplyGains) -> None:

@@ -24,6 +24,7 @@ from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.cutting.tables import SWITCH
+from drivers.identification.tool_gains import ToolGains
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
@@ -75,8 +76,8 @@ class Commissioned:
 
     def trial_note(self) -> tuple[Problem, ...]:
         """Return that gains are on trial, to explain settings that differ; nothing where none are."""
-        address = self._client.link.address
-        return trial_note(self._data, self._machine, address, simulated=self._simulated)
+        gains, address = ToolGains(self._client, self._machine.tool.motor), self._client.link.address
+        return trial_note(self._data, self._machine, address, gains.read, simulated=self._simulated)
 
     def wrote(self, values: Mapping[int, float]) -> None:
         """Take I-variables that this console has written into what others' changes are told by."""
@@ -99,6 +100,7 @@ class Commissioned:
             *safety_problems(machine, snapshot.inputs),
             *self._heartbeat.problems(),
             *self._changed(),
+            *self._filter_doubts(),
             *stop_record_problems(client, machine, dialect, self._data, self._simulated, date.today()),
         )
 
@@ -111,6 +113,14 @@ class Commissioned:
             return ()
         client, machine = self._client, self._machine
         return stop_record_problems(client, machine, client.dialect, self._data, False, date.today())
+
+    def _filter_doubts(self) -> tuple[Problem, ...]:
+        """Return why nothing is cut with the notch filter of the profile, on the firmware that was read."""
+        from console.session.trial.stated_filter import stated_filter_problems
+
+        read = None if self.fingerprint is None else self.fingerprint.configuration
+        firmware = ("", "") if read is None else (read.version, read.kind)
+        return stated_filter_problems(self._machine, self._data, firmware, simulated=self._simulated)
 
     def _changed(self) -> tuple[Problem, ...]:
         before, dialect = self.fingerprint, self._client.dialect

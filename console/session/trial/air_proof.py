@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from console.session.data.health import kept_tests
-from console.session.trial.notch_evidence import MOST_TESTS, filter_doubts
+from console.session.data.health import KeptHealth, kept_tests
+from console.session.trial.notch_evidence import MOST_TESTS, NO_FIRMWARE, filter_doubts
 from drivers.identification.health_result import HealthResult
 from drivers.identification.tool_gains import matches
 from profiles.axis.sampled_loop import SampledLoop
@@ -31,14 +31,38 @@ def unproven(
 ) -> tuple[Problem, ...]:
     """Return why gains are not proven in air; nothing where they are. `loop` has them, and the known axis."""
     try:
-        tests = kept_tests(data, machine.name, MOST_TESTS)
+        kept = newest_test(data, machine, gains, simulated=simulated)
     except ProfileError as error:
         return tuple(error.problems)
-    for kept in tests:
+    if kept is None or kept.result is None:
+        return (Problem(code="trial.unproven", key=machine.name),)
+    return doubts(kept.result, loop, machine.tool.motor)
+
+
+def newest_test(
+    data: Path,
+    machine: MachineProfile,
+    gains: Mapping[str, float],
+    firmware: tuple[str, str] = NO_FIRMWARE,
+    *,
+    simulated: bool,
+) -> KeptHealth | None:
+    """Return the newest test with exactly these gains; None where none was made, on this firmware if it is known.
+
+    Raises ProfileError: the folder cannot be read.
+    """
+    for kept in kept_tests(data, machine.name, MOST_TESTS):
         found = kept.result
-        if found is not None and found.origin.simulated is simulated and matches(found.origin.gains, gains):
-            return (*_swings(found), *filter_doubts(found, loop, machine.tool.motor))
-    return (Problem(code="trial.unproven", key=machine.name),)
+        if found is None or found.origin.simulated is not simulated or not matches(found.origin.gains, gains):
+            continue
+        if firmware in (NO_FIRMWARE, (found.origin.version, found.origin.kind)):
+            return kept
+    return None
+
+
+def doubts(test: HealthResult, loop: SampledLoop, motor: int) -> tuple[Problem, ...]:
+    """Return why a test does not prove the gains of a loop of a motor."""
+    return (*_swings(test), *filter_doubts(test, loop, motor))
 
 
 def _swings(test: HealthResult) -> Iterator[Problem]:

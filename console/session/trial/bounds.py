@@ -12,6 +12,7 @@ from dataclasses import replace
 
 from console.session.trial.known_loop import KnownLoop
 from console.session.trial.notch_evidence import misread
+from drivers.identification.request import CYCLES_A_PERIOD
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import MOST_SETTINGS
 from profiles.axis.loop_design import softer, unseen_hz
@@ -34,6 +35,9 @@ FAST_SWEEP = "--frequencies 60,75,90,105,120,135,150,165,180,195,210,225 --ampli
 """What a design needs: two amplitudes, by which friction shows, and frequencies at which modes do."""
 
 
+REACHED = 0.95  # of the highest frequency of an identification: nothing is gained by another sweep
+
+
 def bound_problems(
     machine: MachineProfile, read: ToolLoop, settings: Mapping[str, float], known: KnownLoop
 ) -> tuple[Problem, ...]:
@@ -50,7 +54,7 @@ def bound_problems(
     tuned = replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
     stated = replace(known.loop, gains=gains_from_variables(machine))
     hidden = () if softer(stated, tuned.gains) else hidden_problems(known, tuned)
-    return *_margin_problems(loop_margins(tuned)), *hidden
+    return *margin_problems(loop_margins(tuned)), *hidden
 
 
 def filter_problems(
@@ -111,7 +115,16 @@ def hidden_problems(known: KnownLoop, tuned: SampledLoop) -> tuple[Problem, ...]
     if hz is None:
         return ()
     value, limit = f"{hz:.0f} Hz", f"{fit.hz.min():.4g} … {fit.hz.max():.4g} Hz"
+    if swept_to_the_end(known):
+        end = f"{1.0 / (CYCLES_A_PERIOD * known.loop.period_s):.0f} Hz"
+        return (Problem(code="trial.unseen_above", key=end, value=value, limit=limit),)
     return (Problem(code="trial.unseen", key=FAST_SWEEP, value=value, limit=limit),)
+
+
+def swept_to_the_end(known: KnownLoop) -> bool:
+    """Whether responses reach about as high as an identification can."""
+    most_hz = 1.0 / (CYCLES_A_PERIOD * known.loop.period_s)
+    return known.fit is not None and float(known.fit.hz.max()) >= REACHED * most_hz
 
 
 def unmeasured(known: KnownLoop) -> Problem:
@@ -123,7 +136,8 @@ def unmeasured(known: KnownLoop) -> Problem:
     return Problem(code="trial.misfit", where=f"{fit.worst_hz:.4g} Hz", value=value, limit=limit)
 
 
-def _margin_problems(margins: LoopMargins) -> Iterator[Problem]:
+def margin_problems(margins: LoopMargins) -> Iterator[Problem]:
+    """Yield each margin that is less than is usual, with its limit."""
     if not margins.stable:
         yield Problem(code="trial.unstable")
         return

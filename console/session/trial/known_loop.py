@@ -28,13 +28,15 @@ LEAST_COHERENCE = 0.95
 class KnownLoop:
     """The present loop with the axis that is known: `fit` is None, and `date` "", where it is the profile's.
 
-    `reading` is how a test has shown that the controller reads a notch filter, None where none has.
+    `reading` is how a test has shown that the controller reads a notch filter, None where none has. It is known by
+    responses without one alone: `unfiltered` is whether the fit rests on such.
     """
 
     loop: SampledLoop
     fit: PlantFit | None = None
     date: str = ""
     reading: Reading | None = None
+    unfiltered: bool = False
 
 
 def known_loop(
@@ -61,13 +63,18 @@ def known_loop(
         else:
             plain += points
         date = date or found.date
-    fit = fitted_plant(loop, plain) or fitted_plant(loop, plain + filtered)
+    unfiltered = fitted_plant(loop, plain)
+    fit = unfiltered or fitted_plant(loop, plain + filtered)
     if fit is None:
         return KnownLoop(loop=loop)
-    reading = seen_reading(here, data, fit.plant, firmware, simulated=simulated)
+    reading = None
+    if unfiltered is not None:  # an axis fitted with a filter may take another reading of it for its own
+        reading = seen_reading(here, data, fit.plant, firmware, simulated=simulated)
     if filtered and plain and reading is Reading.STATED:
         fit = fitted_plant(loop, plain + filtered) or fit
-    return KnownLoop(loop=replace(loop, plant=fit.plant), fit=fit, date=date, reading=reading)
+    return KnownLoop(
+        loop=replace(loop, plant=fit.plant), fit=fit, date=date, reading=reading, unfiltered=unfiltered is not None
+    )
 
 
 def _points(machine: MachineProfile, found: IdentifiedResponse) -> list[LoopPoint]:

@@ -66,6 +66,11 @@ def filter_doubts(test: HealthResult, loop: SampledLoop, motor: int) -> Iterator
         yield Problem(code="trial.disagrees", value=value, limit=f"<= {_percent(MOST_LEFT)}")
 
 
+def unexplained(test: HealthResult, loop: SampledLoop) -> str:
+    """Return as text how much of the step of a test the model leaves, its coefficients read as stated."""
+    return _percent(left_by(loop, gathered(test))[Reading.STATED])
+
+
 def misread(reading: Reading, motor: int) -> str:
     """Return the names of the coefficients whose signs a controller reads otherwise."""
     numbers = {Reading.NUMERATOR: NOTCH_NUMBERS[:2], Reading.DENOMINATOR: NOTCH_NUMBERS[2:]}

@@ -9,15 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.trial.bounds import hidden_problems, unmeasured
+from console.session.trial.air_proof import unproven
+from console.session.trial.bounds import hidden_problems, margin_problems, swept_to_the_end, unmeasured
 from console.session.trial.known_loop import KnownLoop, known_loop
 from console.session.trial.notch_evidence import NO_FIRMWARE, misread
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import GainProposal
-from profiles.axis.loop_design import designed_gains
+from profiles.axis.loop_design import designed_gains, unseen_hz
 from profiles.axis.notch import Reading
 from profiles.axis.notch_design import design_with_notch
-from profiles.axis.servo_gains import error_limit_um
+from profiles.axis.plant_fit import PlantFit
+from profiles.axis.servo_gains import PidGains, error_limit_um
 from profiles.axis.stiffness import LobeStiffness, lobe_stiffness, tripping_friction_n
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -67,8 +69,16 @@ def gain_facts(
 ) -> GainFacts:
     """Return the proposal for the loop that was read; ProfileError where the profile lacks a gain."""
     here = machine if read is None else read.on(machine)
-    facts = _designed(here, known_loop(here, data, firmware, simulated=simulated), lobe_hz)
-    return with_figures(machine, facts, lobe_hz)
+    known = known_loop(here, data, firmware, simulated=simulated)
+    facts = with_figures(machine, _designed(here, known, lobe_hz), lobe_hz)
+    found, stiffness = facts.proposal, facts.stiffness
+    if found is None or stiffness is None or stiffness[1].most_um_per_n <= stiffness[0].most_um_per_n:
+        return facts
+    if any(margin_problems(found.before)) or unproven(data, here, found.present, known.loop, simulated=simulated):
+        return facts
+    value, limit = (f"{each.most_um_per_n:.2f} um/N" for each in stiffness)
+    reasons = (Problem(code="trial.stiff_already", value=value, limit=limit),)
+    return GainFacts(proposal=None, known=known, reasons=reasons, friction_n=facts.friction_n)
 
 
 def _designed(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFacts:
@@ -80,23 +90,47 @@ def _designed(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFac
     if proposal is None:
         return GainFacts(proposal=None, known=known, reasons=(Problem(code="trial.no_design"),))
     reasons = hidden_problems(known, replace(known.loop, gains=proposal.gains))
-    if reasons and alone is not None and proposal.gains.notch:
-        proposal, notes = alone, reasons
-        reasons = hidden_problems(known, replace(known.loop, gains=alone.gains))
+    if reasons and swept_to_the_end(known):  # nobody can measure more: the stiffest that no hidden mode meets
+        notes, hidden = reasons, _Hidden(known, fit)
+        proposal = designed_gains(here, known.loop, fit, lobe_hz, hidden.shown)
+        reasons = () if proposal is not None else (*reasons, Problem(code="trial.no_design"))
     return GainFacts(proposal=None if reasons else proposal, known=known, reasons=reasons, notes=notes)
+
+
+class _Hidden:
+    """Which gains may meet a flexible mode that the responses would not show; `first` is the stiffest of them."""
+
+    def __init__(self, known: KnownLoop, fit: PlantFit) -> None:
+        self._known, self._fit = known, fit
+        self.first: PidGains | None = None
+
+    def shown(self, gains: PidGains) -> bool:
+        """Whether the responses would show every mode that these gains could make oscillate."""
+        shown = unseen_hz(self._known.loop, gains, self._fit) is None
+        if not shown and self.first is None:
+            self.first = gains
+        return shown
 
 
 def _with_filter(
     here: MachineProfile, known: KnownLoop, lobe_hz: float, alone: GainProposal | None
 ) -> tuple[GainProposal | None, tuple[Problem, ...]]:
-    """Return gains with a notch filter where they are stiffer, else gains alone; and what is to be said of it."""
+    """Return gains with a notch filter where they are stiffer, else gains alone; and what is to be said of it.
+
+    What is proposed does not depend on the gains in the controller: a filter that may meet a hidden mode is passed
+    over also where they have more gain.
+    """
     fit, reading = known.fit, known.reading
     if fit is None or not fit.plant.modes:
         return alone, ()
     if reading not in (None, Reading.STATED):
         return alone, (Problem(code="trial.other_reading", value=misread(reading, here.tool.motor)),)
-    proven = reading is Reading.STATED
-    found = design_with_notch(here, known.loop, fit, lobe_hz, alone, proven=proven)
-    if found is None:
-        return alone, (Problem(code="trial.no_notch" if proven else "trial.no_safe_notch"),)
-    return found, () if proven else (Problem(code="trial.first_notch"),)
+    proven, hidden = reading is Reading.STATED, _Hidden(known, fit)
+    found = design_with_notch(here, known.loop, fit, lobe_hz, alone, proven=proven, allowed=hidden.shown)
+    if found is not None:
+        return found, () if proven else (Problem(code="trial.first_notch"),)
+    if hidden.first is not None:
+        notes = hidden_problems(known, replace(known.loop, gains=hidden.first))
+        if notes:
+            return alone, notes
+    return alone, (Problem(code="trial.no_notch" if proven else "trial.no_safe_notch"),)

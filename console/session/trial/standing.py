@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from drivers.commissioning.judged import same
 from profiles.axis.servo_gains import shown_names
 from profiles.problem import Problem
 
@@ -41,7 +42,7 @@ class StandingTrial:
 def listed(gains: Gains) -> str:
     """Return gains as text, `-` for none; a notch filter that there is not is left out."""
     values = dict(gains)
-    return ", ".join(f"{name} {values[name]:.10g}" for name in shown_names(values)) or "-"
+    return ", ".join(f"{name} {values[name]:.11g}" for name in shown_names(values)) or "-"
 
 
 def divided(before: Gains, proposed: Gains, found: Gains) -> tuple[Gains, Gains, Gains]:
@@ -50,7 +51,7 @@ def divided(before: Gains, proposed: Gains, found: Gains) -> tuple[Gains, Gains,
     old: list[tuple[str, float]] = []
     others: list[tuple[str, float]] = []
     for (name, was), (_, wanted), (_, now) in zip(before, proposed, found, strict=True):
-        (old if now == was else new if now == wanted else others).append((name, now))
+        (old if same(now, was) else new if same(now, wanted) else others).append((name, now))
     return tuple(new), tuple(old), tuple(others)
 
 

@@ -15,6 +15,7 @@ from console.session.errors import SessionError, refuse
 from console.session.trial import record as records
 from console.session.trial.air_proof import unproven
 from console.session.trial.bounds import bound_problems, filter_problems, margins_with
+from console.session.trial.ended import ended_by
 from console.session.trial.known_loop import KnownLoop, known_loop
 from console.session.trial.record import TrialRecord, open_trial, plant_of, values_of
 from console.session.trial.standing import Gains, StandingTrial, listed, stands_problem
@@ -25,7 +26,7 @@ from drivers.identification.tool_loop import ToolLoop
 from drivers.link.address import without_options
 from drivers.pmac.client import PmacClient
 from profiles.axis.sampled_loop import loop_of
-from profiles.axis.servo_gains import stated_settings, with_variables
+from profiles.axis.servo_gains import with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError, ProfileError
 
@@ -65,20 +66,18 @@ def standing_trial(place: TrialPlace, *, settle: bool) -> StandingTrial | None:
     """Return the trial that stands in the controller, by reading its gains; nothing is written to it.
 
     With `settle` one that has ended by itself is closed on disk: the old gains are back (power-up, another host),
-    or the machine profile has the new ones, and they are proven in air.
+    those of the machine profile are there (`controller apply`), or it has the new ones, proven in air.
     Raises ProfileError: a file; DriverError: the link broke.
     """
     kept = place.trial()
     if kept is None:
         return None
     file, trial = kept
-    found, stated = place.gains.read(), stated_settings(place.machine)
-    ended = records.RESTORED if matches(found, trial.before) else ""
-    if matches(found, trial.proposed) and all(stated.get(name) == value for name, value in found.items()):
-        if doubts := air_doubts(place, trial, found):
-            standing = _standing(place, trial, found)
-            return replace(standing, problems=doubts) if standing.whole else standing
-        ended = records.ADOPTED
+    found = place.gains.read()
+    ended = ended_by(place.machine, trial, found)
+    if ended == records.ADOPTED and (doubts := air_doubts(place, trial, found)):
+        standing = _standing(place, trial, found)
+        return replace(standing, problems=doubts) if standing.whole else standing
     if ended:
         if settle:
             records.write_again(file, trial.then(ended, found, over=True))

@@ -75,14 +75,14 @@ class ConfigurationReader:
     def verify(self) -> Result:
         """Judge the controller by its profile and the rules of commissioning, as `console controller verify`."""
         from console.cli.machine.check_report import check_fields, summary_line
-        from console.session.trial.explained import trial_checks
+        from console.session.trial.explained import explained_checks
         from drivers.commissioning.verification import in_order, verify
 
         with self._side.working(reading=True):
-            checks = verify(self.client, self._machine, self.client.dialect).checks
-        address = self.client.link.address
-        trial = trial_checks(self._data, self._machine, address, simulated=self._simulated)
-        checks = in_order([*checks, *trial])
+            verified = verify(self.client, self._machine, self.client.dialect)
+        address, read = self.client.link.address, verified.judged.configuration
+        trial = explained_checks(self._data, self._machine, address, read, simulated=self._simulated)
+        checks = in_order([*verified.checks, *trial])
         unmet = [check for check in checks if check.severity is not Severity.OK]
         listed = tuple(
             Listed(group=check.group, severity=check.severity, sentence=str(fields["text"]))

@@ -35,7 +35,7 @@ def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[L
     lines = [row for each in facts.notes for row in hanging(("· ", Token.WARNING), text.problem(each), width)]
     lines.append(_row("", text("tune_page.present"), text("tune_page.proposed"), head=True))
     for name, was, value in found.changes:
-        lines.append(_row(name, f"{was:.7g}", f"{value:.7g}"))
+        lines.append(_row(name, f"{was:.11g}", f"{value:.11g}"))
     gains = found.gains.at_rest
     for key, value in (("kp", gains.kp_v_per_m), ("ki", gains.ki_v_per_m_s), ("kd", gains.kd_v_s_per_m)):
         unit = {"kp": "v_per_m", "ki": "v_per_m_s", "kd": "v_s_per_m"}[key]

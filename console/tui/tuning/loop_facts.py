@@ -12,12 +12,13 @@ import numpy as np
 
 from console.session.data.identified import responses_of
 from console.session.trial.known_loop import MOST_RESPONSES
+from drivers.commissioning.judged import differing_settings
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import loop_of
-from profiles.axis.servo_gains import PidGains, gains_from_variables, stated_settings
+from profiles.axis.servo_gains import PidGains, gains_from_variables
 from profiles.machine import MachineProfile
 from profiles.paper.table_5 import FREQUENCIES_HZ, PHASE_ERROR_RAD, measured_gains
 from profiles.problem import Problem
@@ -73,7 +74,6 @@ def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
     here = machine if read is None else read.on(machine)
     loop = loop_of(here)
     hz = floats(np.geomspace(LOWEST_HZ, 0.98 * loop.nyquist_hz, POINTS))
-    stated, named = stated_settings(machine), {} if read is None else read.gains
     return LoopFacts(
         read=read,
         gains=gains_from_variables(here),
@@ -82,7 +82,7 @@ def loop_facts(machine: MachineProfile, read: ToolLoop | None, data: Path, *, si
         model=Curve.of(hz, loop.closed(hz)),
         responses=tuple(_seen(data, here, simulated=simulated)),
         paper=paper_curve() if machine.name == PAPER_MACHINE else None,
-        differing={name: (stated[name], v) for name, v in named.items() if stated.get(name, v) != v},
+        differing=differing_settings(machine, {} if read is None else read.gains),
     )
 
 

@@ -94,7 +94,7 @@ def gain_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     if facts.read is not None:
         read = facts.read.gains
-        lines += _packed([f"{name} {read[name]:.7g}" for name in shown_names(read)], width, Token.TEXT)
+        lines += _packed([f"{name} {read[name]:.11g}" for name in shown_names(read)], width, Token.TEXT)
     lines += _packed([f"{text(f'tune_page.{key}')} {value}" for key, value in rows], width, Token.DIM)
     return lines + (hanging(dim("  "), text("tune_page.metric"), width, Token.DIM) if text.units.is_inch else [])
 
@@ -118,7 +118,9 @@ def warning_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
         lines += hanging(("! ", Token.WARNING), text("tune_page.not_read"), width)
         return lines
     if facts.differing:
-        names = ", ".join(f"{name} {read:g} ({stated:g})" for name, (stated, read) in facts.differing.items())
+        names = ", ".join(
+            f"{name} {read:.11g} ({stated:.11g})" for name, (stated, read) in facts.differing.items()
+        )
         lines += hanging(("! ", Token.WARNING), text("tune_page.differing", names=names), width)
     if facts.read.unmodelled:
         names = ", ".join(facts.read.unmodelled)

@@ -20,7 +20,7 @@ def asked_lines(asked: AskedGains, text: Catalogue, width: int, left_s: float) -
     first = text(f"tune_page.ask.{key}", seconds=f"{left_s:.0f}")
     lines = hanging(("▶ ", Token.ACTION), first, width, Token.ACTION)
     changes = [
-        f"{name} {was:.7g} → {value:.7g}"
+        f"{name} {was:.11g} → {value:.11g}"
         for (name, was), (_, value) in zip(asked.before, asked.after, strict=True)
         if was != value
     ]
@@ -41,7 +41,7 @@ def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]
     before, proposed, found = dict(trial.before), dict(trial.proposed), dict(trial.found)
     for name in shown_names(before, proposed, found):
         other = found[name] not in (before[name], proposed[name])
-        row = _row(name, *(f"{each[name]:.7g}" for each in (before, proposed, found)))
+        row = _row(name, *(f"{each[name]:.11g}" for each in (before, proposed, found)))
         lines.append(line((row, token if other else Token.TEXT)))
     return [*lines, BLANK]
 
