@@ -140,7 +140,8 @@ def test_the_command_that_cuts_asks_the_same_of_the_firmware_that_it_reads(tmp_p
     owner = console_at(tmp_path, Reading.STATED)
     machine = owner.context.loaded_machine.machine
     heartbeat = Heartbeat(owner.client, owner.sim, machine)
-    commissioned = Commissioned(owner.client, heartbeat, machine, tmp_path, simulated=False)
+    defined = machine.controller.axis_definitions
+    commissioned = Commissioned(owner.client, heartbeat, machine, tmp_path, lambda: defined, simulated=False)
     commissioned.take_fingerprint()
 
     def refused() -> bool:
