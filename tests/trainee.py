@@ -20,7 +20,7 @@ from tests.terminal import Terminal
 FIRST_JOB = "lee-2001-experiment-1"
 A_NUMBER = r"([+-]?\d+(?:\.\d+)?)[^\n]*?"
 SPINDLE_STEPS = (30.0, 10.0, 1.0, 0.1, 0.01)
-TOOL_STEPS = (1.0, 0.1, 0.01, 0.001)
+TOOL_STEPS = (0.1, 0.01, 0.001)  # before the touch-off longer ones are refused
 PACE_S = 0.15
 """Between two keys of a quick person."""
 

@@ -18,6 +18,7 @@ from drivers.commissioning.reading import read_gathering, read_settings
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.cam_path import CamPath
 from drivers.identification.excitation import Excitation
+from drivers.identification.kept_table import kept_table
 from drivers.identification.measuring import measure
 from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
@@ -86,9 +87,10 @@ def identify(
     cycles = request.path.traits.late_cycles(rig.machine) - excitation.late_cycles
     gathering = read_gathering(rig.client, rig.dialect)
     table = excitation.table is not None
+    before = kept_table(rig.client, rig.machine.tool.motor) if table else ()
     points = []
     try:
-        _place(rig, excitation)
+        _place(rig, excitation, occupied=bool(before))
         for frequency_hz in request.frequencies_hz:
             if table:
                 rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
@@ -98,9 +100,9 @@ def identify(
         if table:  # at the zero of the table switching it off causes next to no step
             rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
             _refuse_step(rig, excitation)
-        put_back(rig, gathering, table=table)
+        put_back(rig, gathering, table=table, table_before=before)
     except BaseException as error:
-        restore_after(rig, gathering, error, table=table)
+        restore_after(rig, gathering, error, table=table, table_before=before)
         raise
     return IdentifiedResponse(
         origin=origin,
@@ -127,13 +129,17 @@ def origin_of(rig: Rig, *, version: str, kind: str, simulated: bool) -> Origin:
     )
 
 
-def _place(rig: Rig, excitation: Excitation) -> None:
-    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there."""
+def _place(rig: Rig, excitation: Excitation, *, occupied: bool) -> None:
+    """Bring the tool to its zero, clear of everything; with a table the carriage too, and switch it on there.
+
+    `occupied`: the tool has a table, which is kept.
+    """
     rig.lathe.jog_to(AxisName.TOOL, 0.0, settle=False)
     if excitation.table is None:
         return
     rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
-    for line in table_lines(excitation.table):
+    deletion = (f"#{rig.machine.tool.motor}DELETE COMP",) if occupied else ()
+    for line in (*deletion, *table_lines(excitation.table)):
         rig.lathe.stop.check()
         rig.client.request(line, lines=0)
     _refuse_step(rig, excitation)
@@ -148,7 +154,14 @@ def _refuse_step(rig: Rig, excitation: Excitation) -> None:
         raise DriverError(Problem(code="identify.table_steps", key="carriage", value=value, limit=limit))
 
 
-def restore_after(rig: Rig, gathering: Mapping[int, float], error: BaseException, *, table: bool) -> None:
+def restore_after(
+    rig: Rig,
+    gathering: Mapping[int, float],
+    error: BaseException,
+    *,
+    table: bool,
+    table_before: tuple[str, ...] = (),
+) -> None:
     """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step."""
     off = False
     try:
@@ -157,7 +170,7 @@ def restore_after(rig: Rig, gathering: Mapping[int, float], error: BaseException
     finally:
         if not rig.lathe.anothers:
             with suppress(DriverError):  # the first error matters more
-                put_back(rig, gathering, table=table and off)
+                put_back(rig, gathering, table=table and off, table_before=table_before)
 
 
 def _leave_at_rest(rig: Rig, error: BaseException) -> None:

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.commissioning.reading import ask_or_none, holds_program
+from drivers.commissioning.reading import holds_program
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
@@ -72,14 +72,9 @@ def homed(snapshot: Snapshot) -> bool:
 
 
 def _in_use(rig: Rig) -> Iterator[Problem]:
-    """Find what somebody else uses: a program of that number, a table of the tool, a running gather."""
-    motor = rig.machine.tool.motor
-    used = {
-        f"PROG {PROGRAM}": holds_program(rig.client, PROGRAM),
-        f"#{motor} COMP": bool(ask_or_none(rig.client, f"#{motor}LIST COMP DEF")),
-    }
-    for key in [key for key, found in used.items() if found]:
-        yield Problem(code="identify.in_use", where=rig.where, key=key)
+    """Find what somebody else uses: a program of that number, a running gather."""
+    if holds_program(rig.client, PROGRAM):
+        yield Problem(code="identify.in_use", where=rig.where, key=f"PROG {PROGRAM}")
     (digits,) = rig.client.query("???", again=True)
     if "gathering" in decode(digits.strip(), rig.dialect.global_bits):
         yield Problem(code="identify.in_use", where=rig.where, key="GATHER")
@@ -94,15 +89,16 @@ def _spindle_turns(rig: Rig) -> Iterator[Problem]:
         yield Problem(code="identify.spindle_turns", key="spindle", value=value, limit=limit)
 
 
-def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool) -> None:
+def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool, table_before: tuple[str, ...] = ()) -> None:
     """Delete the program, the gather buffer and the table, and restore the gather settings.
 
     What the controller refuses is left. With a `table` the correction is set to 0: at its zero, or with the drives
-    killed.
+    killed; then `table_before` is sent, the lines of the table whose place it took.
     """
     lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
     if table:
         lines += ["I51=0", f"{correction_register(rig.machine)}=0", f"#{rig.machine.tool.motor}DELETE COMP"]
+        lines += table_before
     lines += [f"I{index}={format_constant(value)}" for index, value in gathering.items()]
     for line in lines:
         with suppress(ControllerError):

@@ -22,6 +22,7 @@ from console.session.station.commands import (
     TakeTouchOff,
 )
 from console.session.station.context import StationContext
+from console.session.station.jogging import STEP_TOLERANCE_MM, longest_toward_mm
 from console.session.station.owning import Owning
 from console.session.station.progress import CutStage
 from console.session.station.state import StationState
@@ -87,11 +88,26 @@ class Floor:
             self.do(Jog(axis=AxisName.SPINDLE, distance=-seen.jaw_1_past_mark_deg))
         self.do(TakeJaw())
         self.do(Approach(job=job))
-        for _ in range(4):
+        self.touch()
+        self.do(TakeTouchOff(radius_mm=job.radius_mm))
+
+    def touch(self, off_mm: float = 0.0) -> None:
+        """Bring the tip to the surface as the chuck shows it, or so far off it (positive: short of the part)."""
+        for _ in range(2):  # the second way is what the drift of the first has left
             seen = self.idle().seen
             assert seen is not None and seen.tool_gap_mm is not None
-            self.do(Jog(axis=AxisName.TOOL, distance=min(seen.tool_gap_mm, 1.0)))
-        self.do(TakeTouchOff(radius_mm=job.radius_mm))
+            self.infeed(seen.tool_gap_mm - off_mm)
+
+    def infeed(self, mm: float) -> None:
+        """Jog the tool toward the part, by the longest steps that are allowed before the touch-off."""
+        while mm > STEP_TOLERANCE_MM:
+            machine = self.context.loaded_machine.machine
+            longest_mm = longest_toward_mm(self.lathe.snapshot(), machine, self.state.alignment)
+            step_mm = min(mm, longest_mm - 0.002)  # the tool is a few counts elsewhere at the next poll
+            self.do(Jog(axis=AxisName.TOOL, distance=step_mm))
+            assert not self.state.refusals, self.state.refusals
+            mm -= step_mm
+        self.do(Jog(axis=AxisName.TOOL, distance=mm))
 
     def arm(self, job: Job, strategy: Strategy = Strategy.PVT, **more: Any) -> StationState:
         return self.do(Arm(job=job, job_sha256="0" * 64, strategy=strategy, **more))

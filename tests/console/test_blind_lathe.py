@@ -44,7 +44,7 @@ def turn(floor: Floor, deg: float) -> None:
 
 
 def infeed(floor: Floor, mm: float) -> None:
-    floor.do(Jog(axis=AxisName.TOOL, distance=mm))
+    floor.infeed(mm)
 
 
 def find_flank(floor: Floor, side: int) -> None:

@@ -19,7 +19,8 @@ def said(data: Path, language: str = "en") -> list[tuple[str, str, str]]:
 
 
 CASES = {
-    0o700: ("data_folder_private", "holds", "private to its owner"),
+    0o700: ("data_folder_private", "holds", "only its owner can write"),
+    0o755: ("data_folder_private", "holds", "only its owner can write"),  # and everybody can read
     0o2770: ("data_folder_shared", "holds", "shared within the group"),
     0o2777: ("data_folder_open", "fails", "chmod o-rwx"),
     0o777: ("data_folder_open", "fails", "chmod o-rwx"),

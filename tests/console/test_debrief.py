@@ -96,10 +96,7 @@ class Pupil:
             floor.do(Jog(axis=AxisName.SPINDLE, distance=off_deg - seen.jaw_1_past_mark_deg))
         floor.do(TakeJaw())
         floor.do(Approach(job=JOB))
-        for _ in range(4):
-            seen = floor.idle().seen
-            assert seen is not None and seen.tool_gap_mm is not None
-            floor.do(Jog(axis=AxisName.TOOL, distance=min(seen.tool_gap_mm - off_mm, 1.0)))
+        floor.touch(off_mm)
         floor.do(TakeTouchOff(radius_mm=JOB.radius_mm))
 
     def cuts(self) -> None:

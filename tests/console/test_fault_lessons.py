@@ -89,10 +89,7 @@ def a_jam(pupil: Pupil) -> None:
     floor.do(EnableDrives())
     floor.idle()
     floor.do(Approach(job=JOB))
-    for _ in range(4):
-        seen = floor.idle().seen
-        assert seen is not None and seen.tool_gap_mm is not None
-        floor.do(Jog(axis=AxisName.TOOL, distance=min(seen.tool_gap_mm, 1.0)))
+    floor.touch()
     floor.do(TakeTouchOff(radius_mm=JOB.radius_mm))
 
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import pytest
 
-from console.session.cut.alignment import Alignment, TouchOff, clamping_of
+from console.session.cut.alignment import Alignment, Mounted, TouchOff, clamping_of
 from console.session.station.durations import jog_s
 from console.session.station.jogging import (
     STEPS_DEG,
@@ -15,6 +15,7 @@ from console.session.station.jogging import (
     is_too_long,
     longest_in_mm,
     longest_toward_mm,
+    step_problem,
     stopping_distance,
     tool_radius_mm,
 )
@@ -128,26 +129,85 @@ def test_steps_toward_the_work_keep_to_the_gap_that_is_known() -> None:
     assert longest_in_mm(-0.1) == 0.01
 
 
-def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineProfile) -> None:
-    axis = AxisState(position=250_000.0, following_error=0.0, flags=frozenset({"home_complete"}))
-    look = Snapshot(
+def over_the_part(tool_mm: float, carriage_mm: float) -> Snapshot:
+    """Return a lathe at rest and homed, its tool and carriage so far from their homes."""
+    spindle = AxisState(position=0.0, following_error=0.0, flags=frozenset({"home_complete"}))
+    return Snapshot(
         asked_s=0.0,
         at_s=0.0,
-        tool=axis,
-        spindle=axis,
-        carriage=axis,
+        tool=replace(spindle, position=tool_mm * 5000.0),
+        spindle=spindle,
+        carriage=replace(spindle, position=carriage_mm * 1000.0),
         program_running=False,
         runtime_error=False,
     )
-    clamped = Alignment(
-        clamping=replace(clamping_of(load_job("lee-2001-experiment-1").job, at="08:40"), diameter_mm=51.0)
+
+
+def clamped_ring(diameter_mm: float = 48.0) -> Alignment:
+    """Return the set-up with a ring in the chuck and no touch-off."""
+    job = load_job("lee-2001-experiment-1").job
+    return Alignment(
+        clamping=replace(clamping_of(job, at="08:40"), diameter_mm=diameter_mm, wall_thickness_mm=3.0)
     )
-    assert longest_toward_mm(look, machine, clamped) == 1.0
+
+
+BESIDE_MM, OVER_MM = 0.0, 195.0  # of the carriage: far before the face of the part, and 5 mm before the jaws
+
+
+def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineProfile) -> None:
+    look, clamped = over_the_part(50.0, OVER_MM), clamped_ring(51.0)
     touched = replace(clamped, touch_off=TouchOff(zero_radius_mm=77.5, diameter_mm=52.0, at="08:45"))
     # R 27.5 mm before a part of R 25.5 mm.
     assert longest_toward_mm(look, machine, touched) == pytest.approx(2.0)
     assert longest_toward_mm(look, machine, replace(touched, clamping=None)) == 1.0
     assert longest_toward_mm(None, machine, touched) == 1.0
+
+
+@pytest.mark.parametrize(
+    ("gap_mm", "longest_mm"),
+    [
+        (5.0, 1.0),
+        (2.5, 1.0),
+        (2.0, 0.5),
+        (1.55, 0.1),
+        (1.0, 0.1),
+        (0.0, 0.1),
+        (-1.4, 0.1),
+        (-1.45, 0.05),
+        (-1.5, 0.0),
+    ],
+)
+def test_before_the_touch_off_steps_are_short_where_the_surface_may_be(
+    machine: MachineProfile, gap_mm: float, longest_mm: float
+) -> None:
+    # Home at R 76 mm, a ring of R 24 mm: its surface is within 1.5 mm of there, as the touch-off accepts it.
+    look = over_the_part(76.0 - 24.0 - gap_mm, OVER_MM)
+    assert longest_toward_mm(look, machine, clamped_ring()) == pytest.approx(longest_mm)
+
+
+def test_before_the_touch_off_no_steps_lead_through_the_wall_of_the_ring(machine: MachineProfile) -> None:
+    tool_mm, ring = 76.0 - 24.0 - 2.0, clamped_ring()  # where the approach leaves it
+    for step_mm in (1.0, 0.1, 0.01):
+        while step_problem(step_mm, over_the_part(tool_mm, OVER_MM), machine, ring) is None:
+            tool_mm += step_mm
+    assert 76.0 - tool_mm == pytest.approx(24.0 - 1.5)
+    refused = step_problem(0.001, over_the_part(tool_mm, OVER_MM), machine, ring)
+    assert refused is not None and refused.code == "machine.below_surface"
+    assert refused.value == "1.500 mm", "and that is how far it stands below the surface of the ring"
+    too_long = step_problem(1.0, over_the_part(51.0, OVER_MM), machine, ring)
+    assert too_long is not None and (too_long.code, too_long.limit) == ("machine.step_too_long", "<= 0.100 mm")
+
+
+def test_beside_the_part_and_with_an_empty_chuck_a_step_is_as_long_as_ever(machine: MachineProfile) -> None:
+    deep = over_the_part(60.0, BESIDE_MM)
+    assert longest_toward_mm(deep, machine, clamped_ring()) == 1.0
+    assert longest_toward_mm(over_the_part(60.0, OVER_MM), machine, Alignment()) == 1.0
+
+
+def test_a_touch_off_of_another_tool_does_not_tell_where_this_one_is(machine: MachineProfile) -> None:
+    touched = TouchOff(zero_radius_mm=77.5, diameter_mm=48.0, at="08:45")
+    ring = replace(clamped_ring(), touch_off=touched, on=Mounted(tool="another"))
+    assert longest_toward_mm(over_the_part(51.0, OVER_MM), machine, ring) == pytest.approx(0.1)
 
 
 def test_half_a_micrometre_does_not_make_a_step_too_long() -> None:

@@ -168,7 +168,9 @@ def test_a_ring_that_is_clamped_with_less_force_is_rounder(tmp_path: Path) -> No
     pupil = Pupil(floor, lesson)
     job = replace(load_job(lesson.job).job, cut_length_mm=0.5)
     for force_n in (900.0, 300.0):
-        part = replace(job, chucking_force_n=force_n)
+        # What the form does: the lobe of the model goes with the force.
+        lobe_um = job.lobe_error_um_pp * force_n / job.chucking_force_n
+        part = replace(job, chucking_force_n=force_n, lobe_error_um_pp=lobe_um)
         floor.set_up(part)
         assert floor.arm(part, Strategy.NONE).armed is not None, floor.state.refusals
         floor.idle()

@@ -154,7 +154,7 @@ def test_the_skimmed_diameter_gives_the_tip_wherever_the_tool_is_by_then(homed: 
     homed.do(Approach(job=experiment_1()))
     seen = homed.idle().seen
     assert seen is not None and seen.tool_gap_mm is not None
-    homed.do(Jog(axis=AxisName.TOOL, distance=min(seen.tool_gap_mm, 1.0)))
+    homed.infeed(min(seen.tool_gap_mm, 1.0))
     seen = homed.idle().seen
     assert seen is not None and seen.tool_gap_mm is not None
     tip_mm = 26.0 + seen.tool_gap_mm

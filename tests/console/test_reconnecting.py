@@ -268,7 +268,9 @@ def armed(console: WithStation) -> None:
     console.do(Home())
     console.do(TakeJaw())
     console.do(Approach(job=job))
-    console.do(Jog(axis=AxisName.TOOL, distance=1.0))
+    console.do(Jog(axis=AxisName.TOOL, distance=0.5))
+    for _ in range(5):  # steps are short where the surface may be
+        console.do(Jog(axis=AxisName.TOOL, distance=0.1))
     console.do(TakeTouchOff(radius_mm=job.radius_mm))
     assert console.refusals == []
     console.do(Arm(job=job, job_sha256="0" * 64, strategy=Strategy.PVT))

@@ -48,7 +48,7 @@ def test_before_the_touch_off_the_tip_is_known_to_its_band_only(floor: Floor) ->
     floor.do(Approach(job=job))
     machine = floor.context.loaded_machine.machine
     assert tool_in_part(floor.lathe.snapshot(), machine, floor.state.alignment) is False
-    floor.do(Jog(axis=AxisName.TOOL, distance=1.0))
+    floor.infeed(1.0)
     assert tool_in_part(floor.lathe.snapshot(), machine, floor.state.alignment) is None
 
 

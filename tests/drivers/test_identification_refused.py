@@ -15,7 +15,7 @@ from drivers.identification.excitation import axis_word
 from drivers.identification.identify import identify, take_up
 from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems
 from profiles.machine import MachineProfile
-from profiles.problem import ProfileError
+from profiles.problem import ProblemError, ProfileError
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families
 from tests.drivers.identification_bench import Stand, ready, stand
@@ -140,7 +140,6 @@ ALREADY: dict[str, tuple[Callable[[Stand], None], str]] = {
     "spindle turning": (lambda made: jog(made, 2), "identify.spindle_turns"),
     "carriage moving": (lambda made: jog(made, 3), "machine.moving"),
     "somebody's program": (lambda made: made.tell("OPEN PROG998", "CLEAR", "X0", "CLOSE"), "identify.in_use"),
-    "somebody's table": (lambda made: made.tell("#1DEFINE COMP 2,#2,#1,10000", "16 0"), "identify.in_use"),
     "tables on": (lambda made: made.tell("I51=1"), "cut.table_on"),
     "other gains": (lambda made: made.tell("I130=600"), "controller.setting"),
 }
@@ -158,6 +157,39 @@ def test_a_machine_that_is_not_ready_is_not_moved(machine: MachineProfile, what:
             identify(made.rig, replace(PVT, path=path), made.origin, "D")
         assert code in [problem.code for problem in refused.value.problems], path
     assert not any(MOVES.search(line) for line in made.lines if not line.startswith("LIST"))
+
+
+TABLE = ("#1DEFINE COMP 2,#2,#1,10000", "16 0")
+
+
+def listed(made: Stand) -> list[str]:
+    return [*made.rig.client.question("#1LIST COMP DEF"), *made.rig.client.question("#1LIST COMP")]
+
+
+@ON_ONE
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_a_table_that_the_tool_has_is_no_obstacle_and_stands_as_before(
+    machine: MachineProfile, path: Strategy
+) -> None:
+    """A cut by `cam` leaves one, switched off; it may be another host's, too."""
+    made = ready(machine)
+    made.tell(*TABLE)
+    before = listed(made)
+    assert identify(made.rig, replace(PVT, path=path), made.origin, "D").points
+    assert listed(made) == before == ["2,#2,#1,10000", "16 0"]
+
+
+@ON_ONE
+def test_a_table_that_the_tool_has_is_sent_again_where_the_measurement_ends_early(machine: MachineProfile) -> None:
+    made = ready(machine)
+    made.tell(*TABLE)
+
+    def stops(_: object) -> None:
+        made.rig.lathe.stop.stop("test")
+
+    with pytest.raises(ProblemError):
+        identify(made.rig, replace(CAM, frequencies_hz=(50.0, 60.0)), made.origin, "D", tell=stops)
+    assert listed(made) == ["2,#2,#1,10000", "16 0"]
 
 
 @ON_ONE

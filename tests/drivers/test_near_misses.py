@@ -74,7 +74,7 @@ def test_a_tool_that_cuts_a_turning_part_meets_nothing_that_stands() -> None:
     assert made.contact_mm_per_s is None
 
 
-@pytest.mark.parametrize(("step_mm", "costs"), [(0.2, True), (0.005, False)])
+@pytest.mark.parametrize(("step_mm", "costs"), [(0.1, True), (0.005, False)])
 def test_a_touch_in_great_steps_costs_points_and_one_in_small_steps_none(
     step_mm: float, costs: bool, tmp_path: Path
 ) -> None:
@@ -84,9 +84,9 @@ def test_a_touch_in_great_steps_costs_points_and_one_in_small_steps_none(
     pupil.floor.do(Approach(job=JOB))
     seen = pupil.floor.idle().seen
     assert seen is not None and seen.tool_gap_mm is not None
-    for distance in (1.0, seen.tool_gap_mm - 1.0 - 0.5 * step_mm, step_mm):
-        pupil.floor.do(Jog(axis=AxisName.TOOL, distance=distance))
-        assert not pupil.floor.state.refusals
+    pupil.floor.infeed(seen.tool_gap_mm - 0.5 * step_mm)
+    pupil.floor.do(Jog(axis=AxisName.TOOL, distance=step_mm))
+    assert not pupil.floor.state.refusals
     truth = pupil.floor.do(AskTruth()).truth
     assert truth is not None and truth.contact_mm_per_s is not None
     # The jaws of the compact lathe begin at 40 mm; the touch-off is before the cut, 8 mm and more away.

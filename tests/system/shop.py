@@ -232,7 +232,7 @@ class Operator(Trainee):
 
     def jogs_to_the_part(self) -> None:
         self.press("j")
-        self._jogs(self.shop.gap_mm, ("down", "up"), TOOL_STEPS[:3], CLOSE_MM, SETTLES_MM, "mm")
+        self._jogs(self.shop.gap_mm, ("down", "up"), TOOL_STEPS[:2], CLOSE_MM, SETTLES_MM, "mm")
         self.press("enter")
         self.sees("align_page.valid_title")
 

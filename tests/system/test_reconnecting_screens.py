@@ -115,7 +115,7 @@ def test_a_line_that_is_cut_in_mid_cut(serve: Serve, tmp_path: Path) -> None:
         trainee.press("f4")
         terminal.wait_for(r"R 28\.0000 mm", 30.0)
         trainee.sees("activity.ready", 30.0)
-        trainee.press("j", "+", "+", "down")
+        trainee.press("j", "+", *["down"] * 10)
         terminal.wait_for(r"R 27\.0000 mm", 10.0)  # near enough to count as a touch-off: the cut is in air
         trainee.sees("activity.ready", 10.0)
         trainee.press("enter")

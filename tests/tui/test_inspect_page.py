@@ -16,6 +16,7 @@ from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import load
 from console.tui.inspecting.comparison import compared
+from console.tui.inspecting.next_words import next_word
 from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
@@ -369,3 +370,12 @@ def test_o_corrects_the_touch_off_where_there_is_a_size() -> None:
     page.act("inspect.offset")
     assert control.orders == []
     assert [problem.code for problem in page.ui.said] == ["offset.no_size"]
+
+
+@pytest.mark.parametrize("activity", [Activity.POSITIONING, Activity.CUTTING])
+@pytest.mark.parametrize("measured", [None, AFTER], ids=["first", "next"])
+def test_while_a_cut_runs_no_other_is_asked_for(activity: Activity, measured: MeasuredPart | None) -> None:
+    for simulated in (True, False):
+        state = StationState(activity=activity, measured=measured, simulated=simulated)
+        assert next_word(View(state=state, work=experiment(), now_s=0.0)) == "next_cutting"
+    assert load("en")("inspect_page.next_cutting") == "Cutting: 5 shows it. Space stops."

@@ -305,6 +305,16 @@ def test_the_page_needs_no_numerics() -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("name", ["steel-bar-65", "thin-ring-3-jaws", "thin-ring-6-jaws"])
+def test_the_lobe_of_a_model_is_whole_at_80_columns(name: str, language: str) -> None:
+    """So is one below what is shown: < 0.1 um."""
+    rows = plain(job_lines(load_job(name).job, load(language), 32))
+    assert load(language)("jobs_page.model") in rows and "um" in rows and "…" not in rows
+    if name == "steel-bar-65":
+        assert "< 0.1 um" in rows
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
 def test_the_lobe_of_another_cut_is_whole_at_80_columns(language: str) -> None:
     """A single digit of the force in a file makes the lobe that of another cut: 32 cells have room for it."""
     job = replace(load_job("lee-2001-experiment-1").job, chucking_force_n=9314.0)

@@ -21,6 +21,7 @@ from console.tui.pages.run import RunPage
 from console.tui.pages.run_lines import input_lines
 from drivers.cutting.bounds import Changed, Trim
 from drivers.cutting.planning import Strategy
+from profiles.problem import Problem
 from profiles.store import load_job, save_job
 from tests.tui.machine_states import ON
 from tests.tui.page_stage import shown_in_turn, too_wide
@@ -296,6 +297,21 @@ def test_after_the_cut_figures_and_the_way_on() -> None:
     assert page.next_step.startswith("6 ")
     real = shown(replace(STATES["done"], simulated=False))
     assert "simulated" not in real.text
+
+
+def test_after_the_cut_the_phase_error_of_its_end_is_there() -> None:
+    ended = STATES["done"].cut
+    assert ended is not None and ended.phase is not None and ended.phase_limit_deg is not None
+    assert f"{ended.phase.error_deg:+.2f} °" in shown(STATES["done"]).text
+    late = replace(ended, path_phase=None, phase=replace(ended.phase, error_deg=9.0, within_deg=0.1))
+    assert "! OUT +9.00 °" in shown(replace(STATES["done"], cut=late)).text
+
+
+def test_the_remedy_of_a_tool_out_of_phase_is_one_that_changes_its_phase() -> None:
+    """Both are on the spindle: jaw 1 turns the lobe and the path alike, so it is no remedy."""
+    for language, words in {"en": ("console identify", "learn"), "ko": ("console identify", "학습")}.items():
+        said = load(language).problem(Problem(code="cut.out_of_phase", limit="± 1.4 deg"))
+        assert all(word in said for word in words) and "jaw" not in said and "조 1" not in said
 
 
 def test_a_held_cut_is_not_called_done() -> None:

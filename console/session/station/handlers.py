@@ -163,10 +163,8 @@ def jog(context: StationContext, command: commands.Jog) -> None:
     refuse_unless_homed(context)
     if command.axis is AxisName.TOOL:
         nominal, alignment = context.loaded_machine.machine, context.state.alignment
-        longest_mm = jogging.longest_toward_mm(context.lathe.snapshot(), nominal, alignment)
-        if jogging.is_too_long(command.distance, longest_mm):
-            value, limit = f"{command.distance:.3f} mm", f"<= {longest_mm:.3f} mm"
-            raise SessionError(Problem(code="machine.step_too_long", key="tool", value=value, limit=limit))
+        toward = jogging.step_problem(command.distance, context.lathe.snapshot(), nominal, alignment)
+        refuse(() if toward is None else (toward,))
     too_fast = jogging.speed_problem(context.machine, command.axis, command.distance)
     refuse(() if too_fast is None else (too_fast,))
     _jog_by(context, command.axis, command.distance)

@@ -28,6 +28,7 @@ IDLE_S = 30.0
 BLIND_STEP_MM = 1.0
 """Longest step toward the work while its position is unknown: half of the usual retract distance."""
 
+APPROACH_STEP_MM = 0.1  # longest step toward the work where its surface may already be
 FEELING_STEP_MM = 0.01  # longest step toward a surface that should already be in contact
 STEP_TOLERANCE_MM = 0.0005
 """Tolerance on the step limit: what is shown with three decimals must agree with what is allowed."""
@@ -103,10 +104,40 @@ def longest_in_mm(gap_mm: float | None) -> float:
 
 
 def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> float:
-    """Return the longest step of the tool toward the work: to the clamped part, once touched off."""
-    if snapshot is None or alignment.touch_off is None:
+    """Return the longest step of the tool toward the work: to the clamped part, as far as that is known.
+
+    Without a touch-off the surface is somewhere in the touch-off band about its place by the profile: there steps
+    are short, and none leads beyond the band.
+    """
+    gap_mm = None if snapshot is None else tool_gap_mm(snapshot, machine, alignment)
+    if snapshot is None or gap_mm is None or alignment.clamping is None:
         return longest_in_mm(None)
-    return longest_in_mm(tool_gap_mm(snapshot, machine, alignment))
+    if is_touched_off(machine, alignment):
+        return longest_in_mm(gap_mm)
+    if not over_part(snapshot, machine, alignment.clamping.overhang_mm):
+        return BLIND_STEP_MM
+    longest_mm = min(max(gap_mm - TOUCH_OFF_BAND_MM, APPROACH_STEP_MM), BLIND_STEP_MM)
+    return max(min(longest_mm, gap_mm + TOUCH_OFF_BAND_MM), 0.0)
+
+
+def is_touched_off(machine: MachineProfile, alignment: Alignment) -> bool:
+    """Whether the tip position is that of a touch-off with the tool that is mounted."""
+    return aligned_machine(machine, alignment) is not machine
+
+
+def step_problem(
+    step_mm: float, snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment
+) -> Problem | None:
+    """Return why a step of the tool toward the work is refused; None where it is not. Nothing is shortened."""
+    longest_mm = longest_toward_mm(snapshot, machine, alignment)
+    if not is_too_long(step_mm, longest_mm):
+        return None
+    if snapshot is not None and is_too_long(STEPS_MM[0], longest_mm):
+        deep_mm = -(tool_gap_mm(snapshot, machine, alignment) or 0.0)
+        limit = f"<= {TOUCH_OFF_BAND_MM:.3f} mm"
+        return Problem(code="machine.below_surface", key="tool", value=f"{deep_mm:.3f} mm", limit=limit)
+    value, limit = f"{step_mm:.3f} mm", f"<= {longest_mm:.3f} mm"
+    return Problem(code="machine.step_too_long", key="tool", value=value, limit=limit)
 
 
 def is_too_long(step_mm: float, longest_mm: float) -> bool:

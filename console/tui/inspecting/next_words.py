@@ -7,6 +7,11 @@ from console.tui.inspecting.plain_words import in_scatter, is_elsewhere, is_kept
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import View
 
+_UNDER_WAY = {
+    Activity.MEASURING: "next_wait",
+    Activity.POSITIONING: "next_cutting",
+    Activity.CUTTING: "next_cutting",
+}
 WORSE = ("learned.diverges",)  # reasons to revert
 MADE_WORSE = "learned.worse"  # a reason to check the set-up: reverting would not help
 
@@ -19,8 +24,8 @@ def where(state: StationState) -> str:
 def next_word(view: View) -> str:
     """Return the word for what comes next: air, half, whole; learning; the next part."""
     state, part = view.state, view.state.measured
-    if state.activity is Activity.MEASURING:
-        return "next_wait"
+    if state.activity in _UNDER_WAY:
+        return _UNDER_WAY[state.activity]
     if part is None:
         if state.cut is not None and state.cut.in_air and not state.cut_done:
             return "next_air"

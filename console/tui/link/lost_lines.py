@@ -8,6 +8,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, Line, hanging, line
 from console.tui.theme import Token
+from drivers.link.base import GONE
 
 if TYPE_CHECKING:
     from console.session.station.link.lost_link import LostLink, Validity  # not for the first paint
@@ -20,7 +21,9 @@ def lost_step(text: Catalogue, state: StationState) -> str:
     """Return what to do about a lost link, or one that is back since; empty where neither is the case."""
     lost = state.lost_link
     if state.activity is Activity.LOST:
-        return text("frame.lost") if lost is None else _lost(text, lost)
+        if lost is None:  # not yet known to be lost: the stop is under way, or nothing is tried again
+            return text("lost_link.silent" if _is_asked_again(state) else "frame.lost")
+        return _lost(text, lost)
     if lost is None or lost.back_s is None:
         return ""
     if is_watched(state):
@@ -59,6 +62,11 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
         mark, token = ("✓ ", Token.TEXT) if each.holds else ("✗ ", Token.WARNING)
         rows += hanging((mark, token), _why(text, each), width, token)
     return rows
+
+
+def _is_asked_again(state: StationState) -> bool:
+    """Whether a stop is sent again until the machine answers: on a link that is there, once it was connected."""
+    return state.stop is not None and not any(alarm.problem.code in GONE for alarm in state.alarms)
 
 
 def _lost(text: Catalogue, lost: LostLink) -> str:

@@ -8,7 +8,7 @@ from dataclasses import replace
 from console.session.cut.alignment import AlignStep
 from console.session.station.commands import GoTo, Jog
 from console.session.station.durations import jog_s
-from console.session.station.jogging import JogEnable, Steps, is_too_long, longest_toward_mm, speed_problem
+from console.session.station.jogging import JogEnable, Steps, speed_problem, step_problem
 from console.session.station.state import Activity, StationState
 from console.tui.align.hold_run import (
     CALIBRATION_S,
@@ -123,10 +123,12 @@ class JogKeys:
 
     def _too_long(self, key: str, state: StationState) -> tuple[Problem, ...]:
         step = self._steps.of(JOGS[key][0])
-        longest = longest_toward_mm(state.snapshot, self.ui.machine.machine, state.alignment)
-        if key != "align.in" or not is_too_long(step, longest):
+        if key != "align.in":
             return ()
-        return (Problem(code="screen.step_too_long", value=f"{step:.3f} mm", limit=f"<= {longest:.3f} mm"),)
+        problem = step_problem(step, state.snapshot, self.ui.machine.machine, state.alignment)
+        if problem is not None and problem.code == "machine.step_too_long":
+            problem = Problem(code="screen.step_too_long", value=problem.value, limit=problem.limit)
+        return () if problem is None else (problem,)
 
     def enable(self, key: str) -> None:
         """Enable the jog keys for a while."""

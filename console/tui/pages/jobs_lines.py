@@ -20,6 +20,7 @@ from drivers.cutting.strategy import UNCOMPENSATED
 from profiles.files import printable
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import lobe_source
+from profiles.lobe.lobe_origin import MODEL
 from profiles.problem import Problem
 from profiles.store import LibraryEntry, LoadedJob
 
@@ -192,12 +193,6 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
     """Return what is cut and how, a line for each value."""
     solid = job.wall_thickness_mm >= job.radius_mm
     form = text("jobs_page.bar" if solid else "jobs_page.tube", material=job.material)
-    source = text(f"source.{lobe_source(job)}")
-    lobe_error = (
-        source
-        if job.lobe_error_source == NO_LOBE
-        else f"{source} {lobe_number(job, text.units)} {text.units.unit('um')}"
-    )
     diameter, wall = (text.units.figure(each, "mm", 1) for each in (job.diameter_mm, job.wall_thickness_mm))
     size = f"D {diameter}" + ("" if solid else f" x {wall}") + f" {text.units.unit('mm')}"
     lobe = text("jobs_page.jaws", count=job.jaws, frequency=f"{job.lobe_frequency_hz:.1f}")
@@ -212,10 +207,19 @@ def job_lines(job: Job, text: Catalogue, width: int) -> list[Line]:
         ),
         (text("jobs_page.spindle"), f"{job.spindle_speed_rpm:.1f} rpm"),
         (text("jobs_page.lobe"), lobe),
-        (text("jobs_page.uncompensated"), lobe_error),
+        (text("jobs_page.uncompensated"), _lobe_error(job, text)),
         (text("jobs_page.tolerance"), text.units.show(job.roundness_tolerance_um, "um", 1)),
     )
     return [_fact(label, value, width) for label, value in rows]
+
+
+def _lobe_error(job: Job, text: Catalogue) -> str:
+    """Return the lobe error with its source, in a word that leaves room for the number."""
+    name = lobe_source(job)
+    source = text("jobs_page.model" if name == MODEL else f"source.{name}")
+    if job.lobe_error_source == NO_LOBE:
+        return source
+    return f"{source} {lobe_number(job, text.units)} {text.units.unit('um')}"
 
 
 def _label_lines(job: Job, text: Catalogue, width: int) -> list[Line]:

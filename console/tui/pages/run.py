@@ -258,7 +258,7 @@ class RunPage(Page):
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
         if view.state.activity is Activity.LOST:
-            return line((self.ui.text("frame.lost"), Token.ACTION))
+            return BLANK  # `lost_step`, the same on every page
         word, token = next_word(view, self.ui.machine.machine)
         armed, until_s = view.state.armed, view.state.loading_until_s
         if armed is not None:

@@ -277,6 +277,7 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
             ("speed", f"{figures.spindle_speed_rpm:.1f} rpm"),
             ("error_peak", text.units.show(figures.tool_error_um, "um", 2) if cut.judged else NOTHING),
             ("error_rms", text.units.show(figures.tool_error_rms_um, "um", 2) if cut.judged else NOTHING),
+            *_phase_pair(text, cut),
             ("following_peak", text.units.show(figures.following_error_um, "um", 2)),
             ("following_rms", text.units.show(figures.following_error_rms_um, "um", 2)),
             ("samples", f"{figures.samples}"),
@@ -291,6 +292,18 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
         changed = [*wrapped(force_words(cut.force, text), width, token), BLANK, *changed]
     head = [*wrapped(text(f"run_page.{word}"), width, Token.STRONG), BLANK, *rows, BLANK]
     return [*head, *changed, *words]
+
+
+def _phase_pair(text: Catalogue, cut: CutProgress) -> list[tuple[str, str]]:
+    """Return the phase error of the last turns; none without a lobe.
+
+    The words on force and changes of a cut have its row, unless it is beyond its limit.
+    """
+    is_out, has_words = cut.in_phase is False, cut.force is not None or cut.changed is not None
+    if cut.phase_error_deg is None or (has_words and not is_out):
+        return []
+    out = f"! {text('run_page.out_of_phase')} " if is_out else ""
+    return [("phase", f"{out}{cut.phase_error_deg:+z.2f} °")]
 
 
 def after_lines(
