@@ -98,8 +98,12 @@ def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool, table_bef
     lines = ["ENDGATHER", "DELETE GATHER", f"OPEN PROG{PROGRAM}", "CLEAR", "CLOSE"]
     if table:
         lines += ["I51=0", f"{correction_register(rig.machine)}=0", f"#{rig.machine.tool.motor}DELETE COMP"]
-        lines += table_before
     lines += [f"I{index}={format_constant(value)}" for index, value in gathering.items()]
     for line in lines:
         with suppress(ControllerError):
+            rig.client.request(line, lines=0)
+    with suppress(
+        ControllerError
+    ):  # entries after a definition that was refused would be numbers for something else
+        for line in table_before if table else ():
             rig.client.request(line, lines=0)

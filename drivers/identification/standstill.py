@@ -37,21 +37,34 @@ LONGEST_WAIT_S = 0.02  # well within the watchdog timeout
 def confirming_wait_s(periods: float, frequency_hz: float, background_s: float) -> float:
     """Return how long to wait for a poll that many periods later.
 
-    A controller answers once per background cycle: whole periods are added until the poll sees another one.
+    A controller answers once per background cycle: whole periods are added until the poll sees another one. Where
+    that would take too long it waits no whole period, for a wait that is cut short has lost its phase: a poll in
+    the same cycle then proves nothing, and the next ones do.
     """
     more = max(0, math.ceil(background_s * frequency_hz - periods))
-    return min((periods + more) / frequency_hz, LONGEST_WAIT_S)
+    whole_s = (periods + more) / frequency_hz
+    return whole_s if whole_s <= LONGEST_WAIT_S else min(periods / frequency_hz, LONGEST_WAIT_S)
+
+
+def detected_within_s(round_trip_s: float) -> float:
+    """Return the time in which a frozen reading is detected over such a link.
+
+    Two polls of the watch, two to confirm each, and one more, since an answer may be that of the poll before. The
+    exception is a swing of which every poll sees the same phase, at a multiple of half the rate of the background.
+    """
+    pairs = PROVING_POLLS / 2
+    return (pairs + 1) * CUT_POLL_S + pairs * LONGEST_WAIT_S + (PROVING_POLLS + 2) * round_trip_s
 
 
 def pushed_mm(machine: MachineProfile, amplitude_um: float, round_trip_s: float) -> float:
     """Return how far the tool may have moved, mm, by the time a frozen reading is detected over such a link.
 
     The command swings about the frozen reading, by the amplitude at most: that is the mean error that drives
-    the tool. Two polls of the watch, two to confirm, and the stop take their time; then the tool coasts.
+    the tool until the stop; then it coasts.
     """
     tool = machine.tool
     force_n = gains_from_variables(machine).at_rest.kp_v_per_m * tool.loop_gain_n_per_v * amplitude_um * 1e-6
-    late_s = PROVING_POLLS / 2 * (CUT_POLL_S + LONGEST_WAIT_S) + (PROVING_POLLS + 1) * round_trip_s
+    late_s = detected_within_s(round_trip_s)
     pushed_m = 0.5 * force_n / tool.moving_mass_kg * late_s**2
     if tool.damping_n_s_per_m > 0.0:
         settled_m_s = force_n / tool.damping_n_s_per_m

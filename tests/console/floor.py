@@ -99,13 +99,18 @@ class Floor:
             self.infeed(seen.tool_gap_mm - off_mm)
 
     def infeed(self, mm: float) -> None:
-        """Jog the tool toward the part, by the longest steps that are allowed before the touch-off."""
+        """Jog the tool toward the part, by the longest steps that are allowed before the touch-off.
+
+        A step that is refused, or that a fault ends, is the last one.
+        """
+        machine = self.context.loaded_machine.machine
         while mm > STEP_TOLERANCE_MM:
-            machine = self.context.loaded_machine.machine
-            longest_mm = longest_toward_mm(self.lathe.snapshot(), machine, self.state.alignment)
+            seen = self.idle().snapshot
+            if seen is None or self.state.stop is not None or self.state.refusals:
+                return
+            longest_mm = longest_toward_mm(seen, machine, self.state.alignment)
             step_mm = min(mm, longest_mm - 0.002)  # the tool is a few counts elsewhere at the next poll
             self.do(Jog(axis=AxisName.TOOL, distance=step_mm))
-            assert not self.state.refusals, self.state.refusals
             mm -= step_mm
         self.do(Jog(axis=AxisName.TOOL, distance=mm))
 

@@ -115,9 +115,29 @@ def test_a_cut_that_reached_its_end_or_no_part_leaves_nothing(
 
 def test_of_several_cuts_the_last_one_that_was_started_counts(tmp_path: Path) -> None:
     assert not ended_early(tmp_path, MACHINE)
-    for kinds, early in ((("started", "stopped"), True), (("armed",), True), (("started", "cut"), False)):
-        record = RunRecord(tmp_path, RUN)
+    cuts: tuple[tuple[dict[str, object], tuple[str, ...], bool], ...] = (
+        ({}, ("started", "stopped"), True),
+        ({}, ("armed",), True),
+        ({"stage": "air"}, ("started", "cut"), True),  # to look at what was wrong
+        ({}, ("started", "cut"), False),
+    )
+    for run, kinds, early in cuts:
+        record = RunRecord(tmp_path, {**RUN, **run})
         for kind in kinds:
             record.add(kind, {})
         record.close()
         assert ended_early(tmp_path, MACHINE) is early, kinds
+
+
+def test_who_looks_on_at_a_cut_is_not_told_that_it_ended_early(tmp_path: Path) -> None:
+    """It has no end yet, because it runs."""
+    lathe = SimulatedLathe(load_machine(MACHINE).machine)
+    first = station_of(lathe, tmp_path)
+    assert first.state.controls
+    record = RunRecord(tmp_path, RUN)
+    record.add("started", {})
+    second = station_of(lathe, tmp_path)
+    assert not second.state.controls
+    job = load_job("lee-2001-experiment-1").job
+    assert "alignment.ended_early" not in [problem.code for problem in problems(second.state.alignment, job)]
+    record.close()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -10,7 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError
-from drivers.identification.standstill import CONFIRMING_PERIODS, LONGEST_WAIT_S, Standstill, confirming_wait_s
+from drivers.identification.standstill import (
+    CONFIRMING_PERIODS,
+    LONGEST_WAIT_S,
+    Standstill,
+    confirming_wait_s,
+    detected_within_s,
+)
+from drivers.lathe.motion import CUT_POLL_S
 from drivers.pmac.dialect import DIALECTS
 from profiles.store import load_machine
 
@@ -65,8 +73,45 @@ def test_a_reading_that_stays_while_new_answers_show_another_command_is_told() -
 
 @given(st.floats(0.5, 400.0), st.sampled_from(CONFIRMING_PERIODS), st.floats(0.001, 0.01))
 def test_it_waits_a_background_cycle_and_keeps_the_phase(hz: float, periods: float, background_s: float) -> None:
+    """Or, where that takes too long, it waits no whole period: a wait that is cut short has lost its phase."""
     wait_s = confirming_wait_s(periods, hz, background_s)
     assert wait_s <= LONGEST_WAIT_S
-    if wait_s < LONGEST_WAIT_S:
+    whole = wait_s * hz - periods
+    if whole >= 0.5:
         assert wait_s >= background_s * (1.0 - 1e-9)
-        assert (wait_s * hz - periods) == pytest.approx(round(wait_s * hz - periods), abs=1e-9)
+    if wait_s < LONGEST_WAIT_S:
+        assert whole == pytest.approx(round(whole), abs=1e-9)
+
+
+class FrozenCard(Card):
+    """Answers once per background cycle; its command swings on, and its reading stands."""
+
+    def __init__(self, hz: float, began_s: float, round_trip_s: float) -> None:
+        super().__init__()
+        self._hz, self._round_trip_s = hz, round_trip_s
+        self._cycle_s, self._counts = 11e-3 * MACHINE.controller.servo_period_ms, 35.0 / MACHINE.tool.count_um
+        self.now_s = began_s
+        self.rig.clock.wait, self.rig.client.numbers = self.wait, self.answer
+
+    def wait(self, seconds: float) -> None:
+        self.now_s += seconds
+
+    def answer(self, *items: str, again: bool = True) -> tuple[float, float, float]:
+        self.wait(self._round_trip_s)
+        latched_s = math.floor(self.now_s / self._cycle_s + 1e-9) * self._cycle_s
+        return 7.0, self._counts * math.sin(2.0 * math.pi * self._hz * latched_s) - 7.0, 0.0
+
+
+@pytest.mark.parametrize("round_trip_s", [0.0005, 0.003])
+@pytest.mark.parametrize("hz", [10.0, 37.0, 46.5, 50.0, 50.2, 51.3, 62.5, 81.0, 120.0, 187.5, 225.0])
+def test_a_frozen_reading_is_detected_in_time_whatever_the_phase(hz: float, round_trip_s: float) -> None:
+    for eighth in range(8):
+        began_s = eighth / 8 / hz
+        card = FrozenCard(hz, began_s, round_trip_s)
+        watch = Standstill(card.rig, hz, 35.0)
+        with pytest.raises(DriverError):
+            while card.now_s < began_s + 3.0:
+                position, error, _ = card.answer()
+                watch.see(poll(position, position + error))
+                card.wait(CUT_POLL_S)
+        assert card.now_s - began_s <= detected_within_s(round_trip_s)

@@ -50,7 +50,7 @@ def with_cause(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]
         found = tuple(_identified(problem, friction) if friction else problem for problem in problems)
         return (*found, *suspected)
     told = (_after_change(problem) if problem.code == BY_FRICTION else problem for problem in problems)
-    return (*told, *(problem for problem in changed if problem not in problems))
+    return (*told, *(problem for problem in changed if problem not in problems), *suspected)
 
 
 def _identified(problem: Problem, friction: str) -> Problem:

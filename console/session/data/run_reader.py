@@ -36,7 +36,6 @@ from console.session.data.run_rows import (
 )
 from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
 from console.session.errors import SessionError
-from console.session.stages import Stage
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -68,7 +67,7 @@ SHOWN_IDS = 4
 
 
 _LAST = """
-SELECT run_id, stage FROM runs WHERE machine = ? AND simulated = 0
+SELECT run_id FROM runs WHERE machine = ? AND simulated = 0 AND stage IS NOT 'air'
     AND EXISTS (SELECT 1 FROM events WHERE events.run_id = runs.run_id
         AND (kind IN ('started', 'result') OR kind = 'step' AND data LIKE '%"step": "cut"%'))
     ORDER BY rowid DESC LIMIT 1
@@ -133,12 +132,13 @@ def runs(
 def ended_early(folder: Path, machine: str) -> bool:
     """Whether the last cut on a real machine has no end as planned in the record: its part may be cut in part.
 
-    A cut in air has touched nothing. What cannot be read is no reason: the check of the record tells of it.
+    A cut in air has touched nothing: the cut before it counts. What cannot be read is no reason: the check of the
+    record tells of it.
     """
     with suppress(SessionError), _reading(folder) as database:
         found = None if database is None else database.execute(_LAST, (machine,)).fetchone()
-        if database is not None and found is not None and found[1] != Stage.AIR:
-            return database.execute(_COMPLETE, found[:1]).fetchone() is None
+        if database is not None and found is not None:
+            return database.execute(_COMPLETE, found).fetchone() is None
     return False
 
 

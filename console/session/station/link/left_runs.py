@@ -28,7 +28,8 @@ class LeftRuns:
         """Wait for the runs that are not over now, and tell how the last cut ended."""
         context = self._context
         self._held = held_marks(context.records)
-        if context.shop is None:  # a simulated lathe begins with a blank
+        # A simulated lathe begins with a blank; and the cut of another console that runs now has no end yet.
+        if context.shop is None and context.state.controls:
             early = ended_early(context.records, context.loaded_machine.machine.name)
             context.tell(alignment=after_last_cut(context.state.alignment, ended_early=early))
 
