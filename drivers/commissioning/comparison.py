@@ -18,9 +18,7 @@ from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.language.text import format_number
-from profiles.axis.servo_gains import NOTCH_NUMBERS
 from profiles.findings import Severity
-from profiles.machine import Controller as ControllerSettings
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -28,17 +26,15 @@ _Key = TypeVar("_Key", int, str, tuple[int, str])
 
 
 def profile_problems(
-    client: Controller, wanted: ControllerSettings, dialect: Dialect, motors: frozenset[int], *, tool: int
+    client: Controller, wanted: MachineProfile, dialect: Dialect, motors: frozenset[int]
 ) -> tuple[Problem, ...]:
     """Return every setting and axis definition that differs, and every unexpected active motor, in a few requests.
 
-    A notch filter of which the profile says nothing differs from none on the motor of the `tool`, whose loop a cut
-    inverts. TA, TS and F of the coordinate system are left out: they are what the last program left behind.
+    TA, TS and F of the coordinate system are left out: they are what the last program left behind.
     Raises DriverError: the link broke, or the controller refused to answer.
     """
-    unfiltered = {dialect.motor_index(tool, number): 0.0 for number in NOTCH_NUMBERS}
-    stated = dict(sorted({**unfiltered, **stated_settings_of(wanted, dialect)}.items()))
-    definitions = read_definitions(wanted.axis_definitions)
+    stated = stated_settings_of(wanted, dialect)
+    definitions = read_definitions(wanted.controller.axis_definitions)
     settings = read_settings(client, stated)
     found = client.query(*(f"&1#{each.motor}->" for each in definitions), again=True)
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]
@@ -72,19 +68,10 @@ def stated_settings(judged: Judged) -> list[Check]:
         factory = found is not None and same(found, judged.dialect.factory.get(index, 0.0))
         code = "factory" if factory else "differs"
         checks.append(judged.about(code, Severity.REFUSAL, index, wanted=amount(wanted, of, judged.machine)))
-    checks += _unstated_notch(judged)
     for (group, subject), count in held.items():
         facts = {"count": str(count)}
         checks.append(Check(group, "settings_hold", Severity.OK, subject=subject, facts=facts))
     return checks
-
-
-def _unstated_notch(judged: Judged) -> Iterator[Check]:
-    """Yield each coefficient of a notch filter of the tool that is not 0, where the profile says nothing of it."""
-    for number in NOTCH_NUMBERS:
-        index = judged.dialect.motor_index(judged.machine.tool.motor, number)
-        if index not in judged.wanted and judged.value(index):
-            yield judged.about("differs", Severity.REFUSAL, index, wanted="0")
 
 
 def differences(before: Configuration, now: Configuration, machine: MachineProfile) -> list[Check]:

@@ -21,7 +21,7 @@ SHOWN = 60  # characters of a line that a sentence names
 
 
 def refusals(source: SourceText, where: str, family: str) -> tuple[Problem, ...]:
-    """Return why the buffers of a text `where` are not sent to this family, each with its line; none: they are."""
+    """Return why the buffers of a text `where` are not sent to a controller of this family, each with its line."""
     if not source.buffers and not source.outside:
         return (Problem(code="download.nothing", where=where),)
     outside = (

@@ -79,11 +79,11 @@ def gain_writes(judged: Judged) -> tuple[Write, ...]:
 
 
 def _gain_lines(judged: Judged) -> Iterator[Write]:
-    """Set what the profile states; a notch filter of the tool that it does not state is none."""
+    """Set what the profile states."""
     for axis in judged.driven_axes:
         for number in GAIN_NUMBERS:
             index = judged.dialect.motor_index(axis.motor, number)
-            wanted, found = judged.wanted_gain(axis.motor, number), judged.value(index)
+            wanted, found = judged.wanted.get(index), judged.value(index)
             if wanted is not None and found is not None and not same(wanted, found):
                 text, question = format_constant(wanted), f"I{index}"
                 yield Write(f"{question}={text}", question, text, format_constant(found))

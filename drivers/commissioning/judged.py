@@ -13,9 +13,9 @@ from drivers.commissioning.configuration import Configuration, passing_settings
 from drivers.commissioning.setting_names import Named, named
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.settings import named_settings
-from profiles.axis.servo_gains import NOTCH_NUMBERS, stated_settings
+from profiles.axis.servo_gains import stated_settings
 from profiles.findings import Severity
-from profiles.machine import Controller, MachineProfile
+from profiles.machine import MachineProfile
 
 SAME = 1e-6  # relative tolerance for equal numbers: a controller has fewer digits than a host
 
@@ -44,7 +44,7 @@ class Judged:
     @cached_property
     def wanted(self) -> Mapping[int, float]:
         """The settings that the profile states, without those that ordinary work changes."""
-        return stated_settings_of(self.machine.controller, self.dialect)
+        return stated_settings_of(self.machine, self.dialect)
 
     @property
     def axes(self) -> tuple[JudgedAxis, ...]:
@@ -61,15 +61,6 @@ class Judged:
         """The axes that the controller moves: a spindle on an inverter is only read."""
         followed = self.machine.spindle.followed
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
-
-    def wanted_gain(self, motor: int, number: int) -> float | None:
-        """Return Ix`number` as the profile has it, None where it says nothing of it.
-
-        A notch filter of the tool that is not stated is none, since a cut inverts the loop without it.
-        """
-        index = self.dialect.motor_index(motor, number)
-        unfiltered = motor == self.machine.tool.motor and number in NOTCH_NUMBERS
-        return self.wanted.get(index, 0.0 if unfiltered else None)
 
     def value(self, index: int) -> float | None:
         """Return a setting, None where the controller has none of that number."""
@@ -118,9 +109,12 @@ def differing_settings(machine: MachineProfile, found: Mapping[str, float]) -> d
     return {name: (wanted, value) for name, (wanted, value) in both.items() if not same(wanted, value)}
 
 
-def stated_settings_of(controller: Controller, dialect: Dialect) -> Mapping[int, float]:
-    """Return the settings that a profile states, by number, without those that ordinary work changes."""
-    passing, stated = passing_settings(dialect), named_settings(controller.variables, dialect)
+def stated_settings_of(machine: MachineProfile, dialect: Dialect) -> Mapping[int, float]:
+    """Return the settings that a profile states, by number, without those that ordinary work changes.
+
+    A notch filter of the tool of which it says nothing is none, since a cut inverts the loop without it.
+    """
+    passing, stated = passing_settings(dialect), named_settings(stated_settings(machine), dialect)
     return {index: value for index, value in sorted(stated.items()) if index not in passing}
 
 

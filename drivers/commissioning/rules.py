@@ -261,9 +261,12 @@ def _tool(judged: Judged) -> Iterator[Check]:
 
 def _not_stated(judged: Judged, axis: JudgedAxis) -> Iterator[Check]:
     """Report what the profile does not state: addresses, flags, filter limits, commutation. Never written."""
-    open_numbers = (number for number in _SHOWN_NUMBERS if judged.wanted_gain(axis.motor, number) is None)
-    indices = (_index(judged, axis, number) for number in open_numbers)
-    shown = [judged.about("shown", Severity.NOTICE, index) for index in indices if judged.value(index)]
+    indices = (_index(judged, axis, number) for number in _SHOWN_NUMBERS)
+    shown = [
+        judged.about("shown", Severity.NOTICE, index)
+        for index in indices
+        if index not in judged.wanted and judged.value(index)
+    ]
     if shown:
         found = ", ".join(f"{check.variable} = {check.found}" for check in shown)
         yield Check(axis.group, "not_stated", Severity.NOTICE, subject=axis.name, found=found)

@@ -102,8 +102,7 @@ def put_back(rig: Rig, gathering: Mapping[int, float], *, table: bool, table_bef
     for line in lines:
         with suppress(ControllerError):
             rig.client.request(line, lines=0)
-    with suppress(
-        ControllerError
-    ):  # entries after a definition that was refused would be numbers for something else
+    # All or none: entries behind a definition that was refused would be numbers for something else.
+    with suppress(ControllerError):
         for line in table_before if table else ():
             rig.client.request(line, lines=0)

@@ -188,10 +188,11 @@ class Lathe:
 
         Gains on trial are compared with what was applied; nothing is cut with them.
         """
-        as_defined = replace(self.as_set.controller, axis_definitions=self.program.definitions)
-        motors = frozenset(motor_of(self.machine, axis) for axis in AxisName)
-        tool = self.machine.tool.motor
-        problems = profile_problems(self._client, as_defined, self._dialect, motors, tool=tool)
+        machine = self.as_set
+        controller = replace(machine.controller, axis_definitions=self.program.definitions)
+        motors = frozenset(motor_of(machine, axis) for axis in AxisName)
+        as_defined = replace(machine, controller=controller)
+        problems = profile_problems(self._client, as_defined, self._dialect, motors)
         self._poller.verified = not problems
         return problems
 
