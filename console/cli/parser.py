@@ -22,7 +22,7 @@ _WORDING = {
 """Messages of argparse, and our sentence for each."""
 
 
-UNKNOWN = 80  # columns
+UNKNOWN_COLUMNS = 80
 
 
 class _Formatter(argparse.HelpFormatter):
@@ -43,9 +43,12 @@ def columns() -> int:
     if width.isdecimal() and int(width) > 0:
         return int(width)
     try:
-        return os.get_terminal_size(1 if sys.__stdout__ is None else sys.__stdout__.fileno()).columns or UNKNOWN
+        return (
+            os.get_terminal_size(1 if sys.__stdout__ is None else sys.__stdout__.fileno()).columns
+            or UNKNOWN_COLUMNS
+        )
     except (ValueError, OSError):  # closed, or no terminal
-        return UNKNOWN
+        return UNKNOWN_COLUMNS
 
 
 class Parser(argparse.ArgumentParser):

@@ -70,7 +70,7 @@ def held_back() -> Iterator[None]:
 
 
 def _raise(number: int, _: FrameType | None) -> None:
-    """End the command; a terminal that closes sends more than one, and only a person hurries what ends already."""
+    """Raise Interrupted for the first signal and for every SIGINT: a terminal that closes sends several."""
     is_first = that_came() is None
     name = has_come(number)
     if is_first or number == signal.SIGINT:

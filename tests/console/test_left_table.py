@@ -17,6 +17,7 @@ from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from profiles.words.sentences import LANGUAGES
 from tests.console.floor import Floor, experiment_1, floor_at, set_up_once
+from tests.console.test_stopped_cam_cut import commissioned
 from tests.tui.stage import experiment, ui_for
 
 JOB = experiment_1()
@@ -88,6 +89,7 @@ def test_by_keys_alone_the_tool_comes_out_and_the_table_is_switched_off(
     tmp_path: Path, in_copies: None, language: str
 ) -> None:
     keys = Keys(left_in_mid_cut(tmp_path), language)
+    commissioned(keys.floor, tmp_path)
     floor, text = keys.floor, keys.ui.text
     assert keys.next_step(keys.run) == text("run_page.next.switch_on")
     assert "F4" in keys.press(keys.run, "run.retract")
@@ -111,6 +113,8 @@ def test_by_keys_alone_the_tool_comes_out_and_the_table_is_switched_off(
     assert floor.lathe.program.tables_left() == ()
     assert keys.press(keys.align, "align.step") == "" and not drives_are_on(floor)
     assert keys.press(keys.align, "align.take") == "" and is_clamped(floor)
+    checks = floor.context.commissioned
+    assert checks is not None and checks.problems(floor.lathe.snapshot()) == (), "no other host is blamed for it"
 
 
 def test_until_the_table_is_off_nothing_else_moves_and_nothing_is_clamped(tmp_path: Path, in_copies: None) -> None:

@@ -145,7 +145,7 @@ def test_the_command_that_cuts_asks_the_same_of_the_firmware_that_it_reads(tmp_p
     commissioned.take_fingerprint()
 
     def refused() -> bool:
-        found = commissioned.problems(owner.lathe.snapshot())
+        found = commissioned.filter_doubts()
         return "trial.filter_untested" in [each.code for each in found]
 
     assert refused()

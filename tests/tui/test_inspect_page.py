@@ -378,4 +378,3 @@ def test_while_a_cut_runs_no_other_is_asked_for(activity: Activity, measured: Me
     for simulated in (True, False):
         state = StationState(activity=activity, measured=measured, simulated=simulated)
         assert next_word(View(state=state, work=experiment(), now_s=0.0)) == "next_cutting"
-    assert load("en")("inspect_page.next_cutting") == "Cutting: 5 shows it. Space stops."

@@ -23,13 +23,13 @@ def lost(code: str, *, stopped: bool) -> StationState:
 def test_a_controller_that_is_silent_is_asked_again_and_no_restart_is_advised(code: str) -> None:
     now = lost(code, stopped=True)
     said = lost_step(load("en"), now)
-    assert "stop is sent again until it does" in said and said.endswith("when it is back: F2.")
+    assert "stop is sent again until it does" in said and said.endswith("when it answers, press F2.")
     assert "restart" not in said + shown(now).words
 
 
 @pytest.mark.parametrize(("code", "stopped"), [("link.lost", True), ("link.not_in_step", False)])
 def test_where_nothing_is_tried_again_the_way_is_to_quit(code: str, stopped: bool) -> None:
-    """The connection is gone and is not opened anew, or nothing ever answered on it."""
+    """The connection is gone and is not opened again, or nothing ever answered on it."""
     now = lost(code, stopped=stopped)
     assert lost_step(load("en"), now).endswith("quit with ^Q and restart.")
 

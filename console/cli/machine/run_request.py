@@ -134,7 +134,7 @@ def _of_versions(
     learned: LearnedCompensation | None,
     asked: HoldsFor,
 ) -> tuple[Problem, ...]:
-    """Return what is to be said of the learned version of this cut, or of those that it does without."""
+    """Return the warnings about the learned version of this cut, or about those that it leaves unused."""
     return (
         *date_problems(learned),
         *lathe_problems(learned, asked),

@@ -132,8 +132,8 @@ def runs(
 def ended_early(folder: Path, machine: str) -> bool:
     """Whether the last cut on a real machine has no end as planned in the record: its part may be cut in part.
 
-    A cut in air has touched nothing: the cut before it counts. What cannot be read is no reason: the check of the
-    record tells of it.
+    A cut in air has touched nothing: the cut before it counts. False where the record cannot
+    be read; its own check reports that.
     """
     with suppress(SessionError), _reading(folder) as database:
         found = None if database is None else database.execute(_LAST, (machine,)).fetchone()

@@ -22,7 +22,7 @@ class GuardedMotion(Protocol):
 
 
 class RunAlarms:
-    """What stands now. Nobody acknowledges: alarms leave with their cause, a lapse with the next motion."""
+    """What stands now. Nobody acknowledges: an alarm ends with its cause, that of a lapse with the next motion."""
 
     def __init__(self, note: Note = lambda *_: None) -> None:
         self.standing: Alarms = ()

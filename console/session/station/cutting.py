@@ -36,6 +36,7 @@ from console.session.station.state import Activity, Armed, TouchedBlank
 from drivers.cutting.feed_hold import HoldState
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import CutPlan, first_spindle_counts
+from drivers.cutting.tables import SWITCH
 from drivers.errors import RefusedError
 from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import Snapshot
@@ -201,8 +202,6 @@ def start(context: StationContext, _: Start) -> None:
         context.tell(armed=None)
         raise SessionError(Problem(code="session.not_armed"))
     context.started = armed
-    if context.commissioned is not None and armed.plan.program.tables:
-        context.commissioned.switched_tables()
     context.tell(armed=None, cut=None, cut_done=False, measured=None)
     watched = _Watched(context, armed)
     context.seen = watched.publish
@@ -316,6 +315,8 @@ def retract(context: StationContext, _: Retract) -> None:
         out = min(plan.setup.retracted, snapshot.tool.position) if alignment.tables else plan.setup.retracted
         retract_and_switch_tables_off(context.lathe, out, zero_z)
     if alignment.tables:
+        if context.commissioned is not None:
+            context.commissioned.wrote({int(SWITCH[1:]): 0.0})
         context.tell(alignment=replace(context.state.alignment, tables=()))
 
 

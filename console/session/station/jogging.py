@@ -134,7 +134,7 @@ def step_problem(
         return None
     if snapshot is not None and is_too_long(STEPS_MM[0], longest_mm):
         deep_mm = -(tool_gap_mm(snapshot, machine, alignment) or 0.0)
-        limit = f"<= {TOUCH_OFF_BAND_MM:.3f} mm"
+        limit = f"{TOUCH_OFF_BAND_MM:.3f} mm"
         return Problem(code="machine.below_surface", key="tool", value=f"{deep_mm:.3f} mm", limit=limit)
     value, limit = f"{step_mm:.3f} mm", f"<= {longest_mm:.3f} mm"
     return Problem(code="machine.step_too_long", key="tool", value=value, limit=limit)

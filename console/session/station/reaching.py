@@ -23,7 +23,6 @@ from console.session.trial.explained import trial_note
 from drivers.beside.heard import Heard
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
-from drivers.cutting.tables import SWITCH
 from drivers.identification.tool_gains import ToolGains
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -64,7 +63,6 @@ class Commissioned:
         self._client, self._heartbeat, self._machine = client, heartbeat, machine
         self._data, self._defined, self._simulated = data, defined, simulated
         self.fingerprint: Fingerprint | None = None
-        self._own = frozenset[str]()
 
     def take_fingerprint(self) -> None:
         """Read the controller's settings once; changes by somebody else from then on are reported before each arm.
@@ -86,13 +84,6 @@ class Commissioned:
             configuration = replace(known.configuration, settings={**known.configuration.settings, **values})
             self.fingerprint = replace(known, configuration=configuration)
 
-    def switched_tables(self) -> None:
-        """Take the switch of tables for our own: a cut by a table was begun, and a stop leaves it on.
-
-        Whoever has left it on, arming refuses, and says how it is switched off (`cut.table_on`).
-        """
-        self._own = frozenset((SWITCH,))
-
     def problems(self, snapshot: Snapshot) -> tuple[Problem, ...]:
         """Return every reason why this machine may not be armed; `snapshot` is of now."""
         client, machine, dialect = self._client, self._machine, self._client.dialect
@@ -100,7 +91,6 @@ class Commissioned:
             *safety_problems(machine, snapshot.inputs),
             *self._heartbeat.problems(),
             *self._changed(),
-            *self._filter_doubts(),
             *stop_record_problems(client, machine, dialect, self._data, self._simulated, date.today()),
         )
 
@@ -114,8 +104,11 @@ class Commissioned:
         client, machine = self._client, self._machine
         return stop_record_problems(client, machine, client.dialect, self._data, False, date.today())
 
-    def _filter_doubts(self) -> tuple[Problem, ...]:
-        """Return why nothing is cut with the notch filter of the profile, on the firmware that was read."""
+    def filter_doubts(self) -> tuple[Problem, ...]:
+        """Return why nothing is cut with the notch filter of the profile, on the firmware that was read.
+
+        It may take up to a second, at rest.
+        """
         from console.session.trial.stated_filter import stated_filter_problems
 
         read = None if self.fingerprint is None else self.fingerprint.configuration
@@ -127,9 +120,7 @@ class Commissioned:
         if before is None:
             return (Problem(code="alignment.not_verified"),)
         now = read_fingerprint(self._client, self._machine, dialect, before)
-        return fingerprint_problems(
-            before.as_defined(self._defined()), now, ours(self._machine, dialect) | self._own
-        )
+        return fingerprint_problems(before.as_defined(self._defined()), now, ours(self._machine, dialect))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -284,7 +275,7 @@ def machine_context(reached: Reached, commissioned: Commissioned) -> CutContext:
         reached.owning.claim()
         refuse_differing(lathe, commissioned.trial_note())
         commissioned.take_fingerprint()
-        refuse(commissioned.problems(lathe.snapshot()))
+        refuse(commissioned.problems(lathe.snapshot()), commissioned.filter_doubts())
 
     return CutContext(
         lathe=lathe,

@@ -159,7 +159,7 @@ class Station:
             for problem in error.problems:
                 context.alarm(problem, Priority.MEDIUM)
         context.tell_standing()
-        self._left.watch()
+        self._left.ask()
         self._carry_out(Verify())
         begins = context.begins
         if begins is not None:

@@ -22,7 +22,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
 _judged: dict[tuple[object, ...], tuple[Problem, ...]] = {}
-"""What was found of each test since the program started: a new test or response has the axis fitted anew."""
+"""What was found of each test since the program started: after a new test or response the axis is fitted again."""
 
 
 def stated_filter_problems(

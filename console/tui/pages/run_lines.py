@@ -297,7 +297,7 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
 def _phase_pair(text: Catalogue, cut: CutProgress) -> list[tuple[str, str]]:
     """Return the phase error of the last turns; none without a lobe.
 
-    The words on force and changes of a cut have its row, unless it is beyond its limit.
+    It is left out where words on force or changes need the row, unless the phase is out of its limit.
     """
     is_out, has_words = cut.in_phase is False, cut.force is not None or cut.changed is not None
     if cut.phase_error_deg is None or (has_words and not is_out):

@@ -35,12 +35,12 @@ class LeftRuns:
 
     def ask(self) -> None:
         """Raise an alarm for each run that was left, and watch those that are not over."""
+        self.watch()  # first: what is let go from here on is found by the next poll
         context = self._context
         machine, simulated = context.loaded_machine.machine.name, context.shop is not None
         for problem in killed_or_refused(context.records, machine, simulated=simulated, checked=False):
             if not context.alarmed_of(problem):
                 context.alarm(problem, Priority.MEDIUM)
-        self.watch()
 
     def look(self) -> None:
         """Ask again once a mark has been let go that was held; a console that controls does so at rest."""
