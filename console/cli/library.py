@@ -119,9 +119,9 @@ def true_parameters_of(options: Namespace, machine: MachineProfile) -> TrueParam
 
 
 def known_lathe(address: LinkAddress, machine: MachineProfile) -> tuple[LinkAddress, str]:
-    """Return an address with the lathe that is met there, "" for a real one.
+    """Return an address with its seed drawn, and the name of the simulated lathe there, "" for a real one.
 
-    The seed of a simulated one is drawn now, so that what was learned on another is refused before it starts.
+    The seed is drawn now, so that what was learned on another is refused before it starts.
     """
     if not isinstance(address, SimulatedAddress):
         return address, ""
