@@ -43,10 +43,8 @@ def columns() -> int:
     if width.isdecimal() and int(width) > 0:
         return int(width)
     try:
-        return (
-            os.get_terminal_size(1 if sys.__stdout__ is None else sys.__stdout__.fileno()).columns
-            or UNKNOWN_COLUMNS
-        )
+        output = 1 if sys.__stdout__ is None else sys.__stdout__.fileno()
+        return os.get_terminal_size(output).columns or UNKNOWN_COLUMNS
     except (ValueError, OSError):  # closed, or no terminal
         return UNKNOWN_COLUMNS
 
