@@ -161,8 +161,21 @@ def test_nobody_is_sent_on_to_align_past_what_was_found(language: str) -> None:
         for work in works:
             page = shown_on(PreviewPage, StationState(activity=Activity.READY), work=work, language=language)
             assert cell_len(page.next_step) <= 77
-            read = text("preview_page.next_findings" if work is plainly else "preview_page.then_findings")
+            opens = text("preview_page.opens_align")
+            read = text("preview_page.then_findings", digit="4")
+            if work is plainly:
+                read = text("preview_page.next_findings", opens=opens)
             assert page.next_step.endswith(read) is found
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_preview_opens_the_run_where_the_alignment_is_valid(language: str) -> None:
+    """It sent to Align after the alignment, too."""
+    text, work = load(language), replace(signed(), outlook=(made := previewed(signed().job)), preview=made)
+    for alignment, page in ((run_stage.VALID, "run"), (Alignment(), "align")):
+        state = StationState(activity=Activity.READY, alignment=alignment)
+        shown = shown_on(PreviewPage, state, work=work, language=language)
+        assert text(f"preview_page.opens_{page}") in shown.next_step
 
 
 def test_while_the_tool_is_taken_out_the_row_says_so_and_names_the_stop() -> None:

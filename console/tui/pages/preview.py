@@ -10,14 +10,14 @@ import numpy as np
 from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 
-from console.session.cut.alignment import Alignment
+from console.session.cut.alignment import Alignment, problems
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import of_lobe
 from console.session.stages import Stage
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import Catalogue
-from console.tui.keymap import PageName
+from console.tui.keymap import DIGITS, PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages import preview_lines
@@ -214,7 +214,7 @@ class PreviewPage(ChartPage):
         return (Problem(code="screen.program_closed"),)
 
     def next_step(self, view: View) -> Line:
-        """Return what comes next: mostly the alignment."""
+        """Return what comes next: mostly the alignment, and the cut where that is valid."""
         text, work = self.ui.text, view.work
         if work is None:
             return line((text("preview_page.next_job"), Token.ACTION))
@@ -232,7 +232,8 @@ class PreviewPage(ChartPage):
         elif self._reading:
             words = text("preview_page.next_program")
         else:
-            words = _next_words(text, work, seen)
+            aligned = not problems(view.state.alignment, work.job)
+            words = _next_words(text, work, seen, "run" if aligned else "align")
         return line((words, Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
@@ -353,12 +354,13 @@ def _waiting_word(work: Work) -> str:
     return "next_problem" if work.inverts is None else "next_problem_response"
 
 
-def _next_words(text: Catalogue, work: Work, seen: Underway) -> str:
-    """Return the kind of cut, where that needs a word, and what comes next: the findings, then the alignment."""
+def _next_words(text: Catalogue, work: Work, seen: Underway, page: str) -> str:
+    """Return the kind of cut, where that needs a word, and what comes next: the findings, then a page."""
     found, word = preview_lines.findings_of(seen, Strategy(work.strategy)), _next_word(work, seen)
-    if word == "next_align":
-        return text("preview_page.next_findings" if found else "preview_page.next_align")
-    then = text("preview_page.then_findings" if found else "preview_page.then_align")
+    opens, digit = text(f"preview_page.opens_{page}"), DIGITS[PageName(page)]
+    if word == "next_modelled":
+        return text("preview_page.next_findings" if found else f"preview_page.{word}", opens=opens)
+    then = text("preview_page.then_findings", digit=digit) if found else opens
     return f"{text(f'preview_page.{word}')} {then}"
 
 
@@ -369,4 +371,4 @@ def _next_word(work: Work, seen: Underway) -> str:
         return "next_plain"
     if work.set_aside:
         return "next_aside"
-    return "next_align" if preview_lines.by_part(seen, Strategy(work.strategy)) is None else "next_learned"
+    return "next_modelled" if preview_lines.by_part(seen, Strategy(work.strategy)) is None else "next_learned"
