@@ -209,7 +209,7 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
     store(tmp_path, identified(points, PUBLISHED, simulated=False))
     known = known_loop(LATHE, tmp_path, simulated=False)
     stiff = with_variables(LATHE, {"I130": 2954.0, "I131": 1263.0, "I132": 1263.0, "I133": 55_697.0})
-    (told,) = hidden_problems(known, replace(known.loop, gains=gains_from_variables(stiff)))
+    (told,) = hidden_problems(LATHE, known, replace(known.loop, gains=gains_from_variables(stiff)))
     assert told.code == code
     assert ("console identify" in str(told)) is (code == "trial.unseen")
     found = gain_facts(LATHE, None, tmp_path, simulated=False)
@@ -220,7 +220,7 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
         assert found.proposal is not None and [each.code for each in found.notes] == [code], (
             "softer, with the reason"
         )
-        assert hidden_problems(known, replace(known.loop, gains=found.proposal.gains)) == ()
+        assert hidden_problems(LATHE, known, replace(known.loop, gains=found.proposal.gains)) == ()
 
 
 @pytest.mark.long

@@ -89,8 +89,10 @@ def _designed(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFac
     proposal, notes = _with_filter(here, known, lobe_hz, alone)
     if proposal is None:
         return GainFacts(proposal=None, known=known, reasons=(Problem(code="trial.no_design"),))
-    reasons = hidden_problems(known, replace(known.loop, gains=proposal.gains))
-    if reasons and swept_to_the_end(known):  # nobody can measure more: the stiffest that no hidden mode meets
+    reasons = hidden_problems(here, known, replace(known.loop, gains=proposal.gains))
+    if reasons and swept_to_the_end(
+        here, known
+    ):  # nobody can measure more: the stiffest that no hidden mode meets
         notes, hidden = reasons, _Hidden(known, fit)
         proposal = designed_gains(here, known.loop, fit, lobe_hz, hidden.shown)
         reasons = () if proposal is not None else (*reasons, Problem(code="trial.no_design"))
@@ -130,7 +132,7 @@ def _with_filter(
     if found is not None:
         return found, () if proven else (Problem(code="trial.first_notch"),)
     if hidden.first is not None:
-        notes = hidden_problems(known, replace(known.loop, gains=hidden.first))
+        notes = hidden_problems(here, known, replace(known.loop, gains=hidden.first))
         if notes:
             return alone, notes
     return alone, (Problem(code="trial.no_notch" if proven else "trial.no_safe_notch"),)
