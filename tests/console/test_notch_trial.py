@@ -223,6 +223,17 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
         assert hidden_problems(LATHE, known, replace(known.loop, gains=found.proposal.gains)) == ()
 
 
+@pytest.mark.parametrize("present", [PUBLISHED, STIFF], ids=["published", "stiff"])
+def test_a_filter_that_a_hidden_mode_might_meet_is_told_so_whatever_the_present_gains(
+    tmp_path: Path, present: dict[str, float]
+) -> None:
+    """Responses so vague that a mode could hide above them: not that no filter would be safe."""
+    store(tmp_path, identified(swept(bending(), 0.04), PUBLISHED, simulated=False))
+    found = gain_facts(with_variables(LATHE, present), None, tmp_path, simulated=False)
+    assert found.proposal is not None and found.proposal.settings["I136"] == 0.0, "gains alone"
+    assert [each.code for each in found.notes] == ["trial.unseen_above"]
+
+
 @pytest.mark.long
 def test_proven_in_air_it_makes_room_for_a_stiffer_one(tmp_path: Path) -> None:
     fill(tmp_path)

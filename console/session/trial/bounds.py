@@ -26,7 +26,7 @@ from profiles.axis.margins import (
 from profiles.axis.notch import MOST, Reading, is_coefficient
 from profiles.axis.notch_design import fails_otherwise
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.axis.servo_gains import gains_from_variables, is_filter, with_variables
+from profiles.axis.servo_gains import PidGains, gains_from_variables, is_filter, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -110,12 +110,15 @@ def hidden_problems(here: MachineProfile, known: KnownLoop, tuned: SampledLoop) 
 
     `here` is the machine of the known loop, with its servo period.
     """
+    return () if softer(known.loop, tuned.gains) else unseen_problems(here, known, tuned.gains)
+
+
+def unseen_problems(here: MachineProfile, known: KnownLoop, gains: PidGains) -> tuple[Problem, ...]:
+    """Return why gains may meet a flexible mode that nothing has shown, whatever the present ones are."""
     fit = known.fit
-    if softer(known.loop, tuned.gains):
-        return ()
     if fit is None or not fit.holds:
         return (unmeasured(known),)
-    hz = unseen_hz(known.loop, tuned.gains, fit)
+    hz = unseen_hz(known.loop, gains, fit)
     if hz is None:
         return ()
     value, limit = f"{hz:.0f} Hz", f"{fit.hz.min():.4g} … {fit.hz.max():.4g} Hz"
