@@ -11,12 +11,24 @@ from drivers.commissioning.reading import read_settings
 from drivers.errors import DriverError
 from drivers.identification.tool_loop import ToolLoop, read_tool_loop
 from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.text import format_constant
 from profiles.axis.servo_gains import NOTCH_NUMBERS, is_filter
 from profiles.problem import Problem
 
 WRITTEN = (30, 31, 32, 33, *NOTCH_NUMBERS)
 """Ix30 to Ix33 and Ix36 to Ix39: what a proposal changes. Scales, integration mode, limits are never written."""
+
+
+def names_of(motor: int) -> tuple[str, ...]:
+    """Return the names of what is written for a motor, as in a profile."""
+    return tuple(f"I{motor}{number}" for number in WRITTEN)
+
+
+def indices_of(dialect: Dialect, motor: int) -> dict[str, int]:
+    """Return the number of each I-variable that is written for a motor, by its name."""
+    numbers = (dialect.motor_index(motor, number) for number in WRITTEN)
+    return dict(zip(names_of(motor), numbers, strict=True))
 
 
 def in_writing_order(found: Mapping[str, float], wanted: Mapping[str, float]) -> list[tuple[str, float]]:
@@ -47,13 +59,12 @@ class ToolGains:
     @property
     def names(self) -> tuple[str, ...]:
         """The names of what is written, as in a profile."""
-        return tuple(f"I{self.motor}{number}" for number in WRITTEN)
+        return names_of(self.motor)
 
     @property
     def indices(self) -> Mapping[str, int]:
         """The number of each I-variable by its name."""
-        dialect = self.client.dialect
-        return {f"I{self.motor}{number}": dialect.motor_index(self.motor, number) for number in WRITTEN}
+        return indices_of(self.client.dialect, self.motor)
 
     def loop(self, at: str) -> ToolLoop:
         """Read the whole loop; errors as `read_tool_loop`."""

@@ -17,6 +17,7 @@ from console.session.station.jogging import (
     longest_toward_mm,
     step_problem,
     stopping_distance,
+    tool_in_part,
     tool_radius_mm,
 )
 from drivers.lathe.lengths import settings_of
@@ -208,6 +209,13 @@ def test_a_touch_off_of_another_tool_does_not_tell_where_this_one_is(machine: Ma
     touched = TouchOff(zero_radius_mm=77.5, diameter_mm=48.0, at="08:45")
     ring = replace(clamped_ring(), touch_off=touched, on=Mounted(tool="another"))
     assert longest_toward_mm(over_the_part(51.0, OVER_MM), machine, ring) == pytest.approx(0.1)
+    # 0.3 mm from the surface by the profile, and a touch-off may find it 1.5 mm elsewhere.
+    near = over_the_part(51.7, OVER_MM)
+    assert tool_in_part(near, machine, ring) is None
+    assert (
+        tool_in_part(near, machine, replace(clamped_ring(), touch_off=replace(touched, zero_radius_mm=76.0)))
+        is False
+    )
 
 
 def test_half_a_micrometre_does_not_make_a_step_too_long() -> None:

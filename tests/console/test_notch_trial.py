@@ -209,7 +209,7 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
     store(tmp_path, identified(points, PUBLISHED, simulated=False))
     known = known_loop(LATHE, tmp_path, simulated=False)
     stiff = with_variables(LATHE, {"I130": 2954.0, "I131": 1263.0, "I132": 1263.0, "I133": 55_697.0})
-    (told,) = hidden_problems(known, replace(known.loop, gains=gains_from_variables(stiff)))
+    (told,) = hidden_problems(LATHE, known, replace(known.loop, gains=gains_from_variables(stiff)))
     assert told.code == code
     assert ("console identify" in str(told)) is (code == "trial.unseen")
     found = gain_facts(LATHE, None, tmp_path, simulated=False)
@@ -220,7 +220,18 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
         assert found.proposal is not None and [each.code for each in found.notes] == [code], (
             "softer, with the reason"
         )
-        assert hidden_problems(known, replace(known.loop, gains=found.proposal.gains)) == ()
+        assert hidden_problems(LATHE, known, replace(known.loop, gains=found.proposal.gains)) == ()
+
+
+@pytest.mark.parametrize("present", [PUBLISHED, STIFF], ids=["published", "stiff"])
+def test_a_filter_that_a_hidden_mode_might_meet_is_told_so_whatever_the_present_gains(
+    tmp_path: Path, present: dict[str, float]
+) -> None:
+    """Responses so vague that a mode could hide above them: not that no filter would be safe."""
+    store(tmp_path, identified(swept(bending(), 0.04), PUBLISHED, simulated=False))
+    found = gain_facts(with_variables(LATHE, present), None, tmp_path, simulated=False)
+    assert found.proposal is not None and found.proposal.settings["I136"] == 0.0, "gains alone"
+    assert [each.code for each in found.notes] == ["trial.unseen_above"]
 
 
 @pytest.mark.long

@@ -10,9 +10,11 @@ from typing import Any
 
 import pytest
 
+from console.cli.machine.identify_run import with_origin
 from console.session.cut.trip_cause import with_cause
 from console.session.data.health import store as store_test
 from console.session.data.identified import store as store_response
+from console.session.errors import SessionError
 from console.session.station.commands import Arm, CheckHealth, EnableDrives, Home, Verify
 from console.session.station.reaching import Commissioned
 from console.session.trial.explained import filter_checks
@@ -21,6 +23,8 @@ from console.session.trial.notch_evidence import NO_FIRMWARE
 from console.session.trial.stated_filter import stated_filter_problems
 from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
+from drivers.identification.result import Origin
+from drivers.identification.rig import Rig
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
@@ -29,7 +33,7 @@ from profiles.axis.notch import Notch, Reading
 from profiles.axis.servo_gains import gains_from_variables, notch_settings, variables_from_gains, with_variables
 from profiles.axis.step_figures import modelled
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
@@ -201,3 +205,23 @@ def test_a_trip_with_a_filter_names_its_reading_too(language: str, tmp_path: Pat
     assert "I136 -1.09375" in load(language).problem(told[1])
     owner.lathe.machine = LATHE
     assert with_cause(owner.lathe, (tripped,)) == (tripped,), "without a filter nothing is said of it"
+
+
+@pytest.mark.parametrize(("machine", "filtered"), [(stating(FIRST), True), (LATHE, False)])
+def test_a_measurement_that_trips_with_a_filter_names_its_reading_too(
+    tmp_path: Path, machine: MachineProfile, filtered: bool
+) -> None:
+    """`console health` and `console identify` move the tool with the same filter."""
+    owner = console_at(tmp_path, Reading.STATED)
+    owner.lathe.machine = machine
+    rig = Rig(client=owner.client, lathe=owner.lathe, clock=owner.sim)
+    tripped = Problem(code="machine.fault", key="poll", value="tool: fatal_following_error")
+
+    def trips(origin: Origin) -> None:
+        raise ProblemError(tripped)
+
+    with pytest.raises(ProblemError) as told:
+        with_origin(rig, None, True, tmp_path, lambda: None, trips)
+    suspected = ["trial.filter_suspected"] if filtered else []
+    assert [each.code for each in told.value.problems] == ["machine.fault", *suspected]
+    assert isinstance(told.value, SessionError) is filtered

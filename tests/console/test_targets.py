@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.cut.alignment import Alignment, TouchOff, clamping_of
+from console.session.cut.alignment import Alignment, Mounted, TouchOff, clamping_of
 from console.session.station.commands import DisableDrives, EnableDrives, GoTo, Home, Jog
 from console.session.station.jogging import speed_problem
 from console.session.station.state import Activity
@@ -76,6 +76,10 @@ def test_before_the_touch_off_the_tip_may_be_nearer_than_it_seems(machine: Machi
     (problem,) = target_problems(at(26.5, 10.0), machine, CLAMPED, Z, 175.0)
     assert (problem.code, problem.limit) == ("machine.tool_in_the_way", "1.7 mm")
     assert codes(at(28.0, 10.0), machine, CLAMPED, Z, 175.0) == []
+    (problem,) = target_problems(at(26.5, 10.0), machine, replace(TOUCHED, on=Mounted(tool="another")), Z, 175.0)
+    assert (problem.code, problem.limit) == ("machine.tool_in_the_way", "1.7 mm"), (
+        "the touch-off is another tool's"
+    )
 
 
 def test_while_nobody_knows_what_is_clamped_the_carriage_goes_away_alone(machine: MachineProfile) -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 from console.cli.library import data_of, machine_of
 from console.cli.machine.identify_run import reached_machine, with_origin
 from console.cli.output import agreed, show, tell
-from console.session.cut.trip_cause import filter_suspected
 from console.session.data.health import kept_tests, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
@@ -23,7 +22,6 @@ from drivers.identification.identify import take_up
 from drivers.identification.result import Origin
 from drivers.link.tracing import Tracing
 from profiles.files import printable
-from profiles.problem import ProblemError
 
 NOTHING = "-"
 
@@ -46,12 +44,7 @@ def check_and_keep(options: Namespace, interruption: Interruption, text: Catalog
 
             def work(origin: Origin) -> HealthResult:
                 take_up(rig)
-                try:
-                    return check_health(rig, request, origin, utc_now())
-                except ProblemError as error:
-                    if suspected := filter_suspected(rig.lathe, error.problems):
-                        raise SessionError(*error.problems, *suspected) from error
-                    raise
+                return check_health(rig, request, origin, utc_now())
 
             result = with_origin(rig, owning, simulated, data, lambda: refuse_health(rig, request), work)
     finally:

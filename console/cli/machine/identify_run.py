@@ -12,6 +12,7 @@ from console.cli.library import data_of, machine_of, true_parameters_of
 from console.cli.machine.identify_report import Teller, response_fields
 from console.cli.machine.stopping import Stopping
 from console.cli.output import agreed, show, tell
+from console.session.cut.trip_cause import filter_suspected
 from console.session.data.identified import store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
@@ -35,6 +36,7 @@ from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
+from profiles.problem import ProblemError
 from profiles.store import LoadedMachine
 
 Result = TypeVar("Result")
@@ -128,7 +130,10 @@ def with_origin(
     refuse: Callable[[], None],
     work: Callable[[Origin], Result],
 ) -> Result:
-    """Take control, refuse what must not be, and work; the machine is left at rest, drives off, released."""
+    """Take control, refuse what must not be, and work; the machine is left at rest, drives off, released.
+
+    Where the tool trips in the work with a notch filter, it is told that its coefficients may be read otherwise.
+    """
     version, kind = rig.lathe.connect()
     if not simulated and (unsafe := safety_problems(rig.machine, rig.lathe.snapshot().inputs)):
         raise SessionError(*unsafe)
@@ -138,7 +143,12 @@ def with_origin(
         if owning is not None:
             rig.lathe.on_trial = _trial_gains(rig, data, simulated)
         refuse()
-        return work(origin_of(rig, version=version, kind=kind, simulated=simulated))
+        try:
+            return work(origin_of(rig, version=version, kind=kind, simulated=simulated))
+        except ProblemError as error:
+            if suspected := filter_suspected(rig.lathe, error.problems):
+                raise SessionError(*error.problems, *suspected) from error
+            raise
     finally:
         leave(rig.lathe, owning)
 

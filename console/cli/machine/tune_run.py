@@ -12,12 +12,13 @@ from console.cli.output import show
 from console.session.errors import SessionError
 from console.session.trial.known_loop import known_loop
 from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
-from console.session.trial.standing import StandingTrial, listed
+from console.session.trial.standing import StandingTrial, differing_words, listed
 from console.session.trial.stated_filter import stated_filter_problems
 from console.session.trial.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from drivers.commissioning.judged import differing_settings
+from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.machine import MachineProfile
@@ -36,13 +37,14 @@ def _show(options: Namespace, card: Card, text: Catalogue) -> int:
     if trial is None:
         found = stated_filter_problems(card.machine, place.data, place.firmware, simulated=place.simulated)
         last = [text.problem(problem) for problem in found]
-    differing = differing_settings(card.machine, place.gains.loop("").gains)
-    return _told(options, card, text, _proposal(options, place), trial, last, differing)
+    read = place.gains.loop("")
+    differing = differing_settings(card.machine, read.gains)
+    return _told(options, card, text, _proposal(options, place, read), trial, last, differing)
 
 
 def _apply(options: Namespace, card: Card, text: Catalogue) -> int:
     place = _place(options, card)
-    facts = _proposal(options, place)
+    facts = _proposal(options, place, place.gains.loop(""))
     found = facts.proposal
     if found is None:
         raise SessionError(*facts.reasons)
@@ -75,9 +77,9 @@ def _place(options: Namespace, card: Card) -> TrialPlace:
     )
 
 
-def _proposal(options: Namespace, place: TrialPlace) -> GainFacts:
+def _proposal(options: Namespace, place: TrialPlace, read: ToolLoop) -> GainFacts:
     """Return the design for the loop that was read, or the gains of a given factor."""
-    read, factor, lobe_hz = place.gains.loop(""), options.factor, options.lobe or LOBE_HZ
+    factor, lobe_hz = options.factor, options.lobe or LOBE_HZ
     if factor is None:
         return gain_facts(
             place.machine, read, place.data, place.firmware, simulated=place.simulated, lobe_hz=lobe_hz
@@ -144,8 +146,7 @@ def _unlike(
     """Return what is not as in the profile; gains on trial are named by their trial."""
     if not differing or (trial is not None and trial.whole):
         return []
-    names = ", ".join(f"{name} {found:.11g} ({stated:.11g})" for name, (stated, found) in differing.items())
-    return [text("tune_page.differing", names=names)]
+    return [text("tune_page.differing", names=differing_words(differing))]
 
 
 def _lines(

@@ -280,10 +280,18 @@ def aligned_machine(machine: MachineProfile, alignment: Alignment) -> MachinePro
 
     The tip does not depend on what is clamped: only a change of tool or machine invalidates it.
     """
-    touched = alignment.touch_off
-    if touched is None or _mounted_otherwise(alignment, touched.on, "machine", "tool"):
+    touched = touch_off_here(alignment)
+    if touched is None:
         return machine
     return replace(machine, tool=replace(machine.tool, home_radius_mm=touched.zero_radius_mm))
+
+
+def touch_off_here(alignment: Alignment) -> TouchOff | None:
+    """Return the touch-off with the tool that is mounted on the machine at hand; None without one."""
+    touched = alignment.touch_off
+    if touched is None or _mounted_otherwise(alignment, touched.on, "machine", "tool"):
+        return None
+    return touched
 
 
 def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:

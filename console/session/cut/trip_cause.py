@@ -26,10 +26,11 @@ IDENTIFIED = "machine.tool_left_behind_identified"
 def filter_suspected(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]:
     """Return that a notch filter may be read otherwise, where the tool tripped on its following error with one."""
     machine = lathe.as_set
+    notch = notch_from_variables(machine)
     tripped = any(each.code == BY_FRICTION or BEHIND in each.value for each in problems)
-    if not tripped or not notch_from_variables(machine):
+    if not tripped or not notch:
         return ()
-    filters = notch_settings(machine, notch_from_variables(machine))
+    filters = notch_settings(machine, notch)
     value = ", ".join(f"{name} {number:.11g}" for name, number in filters.items())
     return (Problem(code="trial.filter_suspected", value=value),)
 

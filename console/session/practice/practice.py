@@ -142,8 +142,8 @@ def _of_part(recording: Recording, begin: Before, placed: Placed) -> Iterator[Pr
         yield Problem(code="practice.no_open_job")
     if _alignment(begin).clamping is not None and placed.job is None:
         yield Problem(code="practice.other_blank")
-    if state.touched is not None and not begin.at_start:
-        yield Problem(code="practice.fresh_blank", value=f"{state.touched.to_mm:.2f} mm")
+    if state.cut_to is not None and not begin.at_start:
+        yield Problem(code="practice.fresh_blank", value=f"{state.cut_to.to_mm:.2f} mm")
 
 
 def _of_cut(recording: Recording, event: RecordedEvent, begin: Before) -> Iterator[Problem]:

@@ -205,7 +205,8 @@ def start(context: StationContext, _: Start) -> None:
     context.tell(armed=None, cut=None, cut_done=False, measured=None)
     watched = _Watched(context, armed)
     context.seen = watched.publish
-    touched_mm = 0.0 if context.state.touched is None else context.state.touched.to_mm
+    before = context.state.cut_to
+    touched_mm = 0.0 if before is None else before.to_mm
     try:
         end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see, touched_mm=touched_mm)
         force = watched.force.result() if watched.force else None

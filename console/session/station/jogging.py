@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from console.session.cut.alignment import Alignment, aligned_machine
+from console.session.cut.alignment import Alignment, aligned_machine, touch_off_here
 from console.session.station.state import Activity, StationState
 from drivers.lathe.lengths import settings_of
 from drivers.lathe.motion import LINK_LATENCY_MS
@@ -112,17 +112,12 @@ def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignm
     gap_mm = None if snapshot is None else tool_gap_mm(snapshot, machine, alignment)
     if snapshot is None or gap_mm is None or alignment.clamping is None:
         return longest_in_mm(None)
-    if is_touched_off(machine, alignment):
+    if touch_off_here(alignment) is not None:
         return longest_in_mm(gap_mm)
     if not over_part(snapshot, machine, alignment.clamping.overhang_mm):
         return BLIND_STEP_MM
     longest_mm = min(max(gap_mm - TOUCH_OFF_BAND_MM, APPROACH_STEP_MM), BLIND_STEP_MM)
     return max(min(longest_mm, gap_mm + TOUCH_OFF_BAND_MM), 0.0)
-
-
-def is_touched_off(machine: MachineProfile, alignment: Alignment) -> bool:
-    """Whether the tip position is that of a touch-off with the tool that is mounted."""
-    return aligned_machine(machine, alignment) is not machine
 
 
 def step_problem(
@@ -203,7 +198,7 @@ def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignme
 
 def least_gap_mm(alignment: Alignment) -> float:
     """Return the gap from which on the tool counts as clear of the part, by where its tip is believed to be."""
-    return CLEAR_MM if alignment.touch_off is not None else CLEAR_MM + TOUCH_OFF_BAND_MM
+    return CLEAR_MM if touch_off_here(alignment) is not None else CLEAR_MM + TOUCH_OFF_BAND_MM
 
 
 def over_part(snapshot: Snapshot, machine: MachineProfile, overhang_mm: float) -> bool:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from console.session.data.health import KeptHealth, kept_tests
-from console.session.trial.notch_evidence import MOST_TESTS, NO_FIRMWARE, filter_doubts
+from console.session.trial.notch_evidence import MOST_TESTS, NO_FIRMWARE, filter_doubts, same_firmware
 from drivers.identification.health_result import HealthResult
 from drivers.identification.tool_gains import matches
 from profiles.axis.sampled_loop import SampledLoop
@@ -55,7 +55,7 @@ def newest_test(
         found = kept.result
         if found is None or found.origin.simulated is not simulated or not matches(found.origin.gains, gains):
             continue
-        if firmware in (NO_FIRMWARE, (found.origin.version, found.origin.kind)):
+        if same_firmware(firmware, found):
             return kept
     return None
 

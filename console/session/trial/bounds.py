@@ -12,7 +12,7 @@ from dataclasses import replace
 
 from console.session.trial.known_loop import KnownLoop
 from console.session.trial.notch_evidence import misread
-from drivers.identification.request import CYCLES_A_PERIOD
+from drivers.identification.request import most_hz
 from drivers.identification.tool_loop import ToolLoop
 from profiles.axis.gain_proposal import MOST_SETTINGS
 from profiles.axis.loop_design import softer, unseen_hz
@@ -26,7 +26,7 @@ from profiles.axis.margins import (
 from profiles.axis.notch import MOST, Reading, is_coefficient
 from profiles.axis.notch_design import fails_otherwise
 from profiles.axis.sampled_loop import SampledLoop
-from profiles.axis.servo_gains import gains_from_variables, is_filter, with_variables
+from profiles.axis.servo_gains import PidGains, gains_from_variables, is_filter, with_variables
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -51,9 +51,10 @@ def bound_problems(
         return (Problem(code="trial.unmodelled", key=", ".join(read.unmodelled)),)
     if beyond := tuple(_beyond(settings)):
         return beyond
-    tuned = replace(known.loop, gains=gains_from_variables(with_variables(read.on(machine), settings)))
+    here = read.on(machine)
+    tuned = replace(known.loop, gains=gains_from_variables(with_variables(here, settings)))
     stated = replace(known.loop, gains=gains_from_variables(machine))
-    hidden = () if softer(stated, tuned.gains) else hidden_problems(known, tuned)
+    hidden = () if softer(stated, tuned.gains) else hidden_problems(here, known, tuned)
     return *margin_problems(loop_margins(tuned)), *hidden
 
 
@@ -104,27 +105,31 @@ def margins_with(
     )
 
 
-def hidden_problems(known: KnownLoop, tuned: SampledLoop) -> tuple[Problem, ...]:
-    """Return why more gain may meet a flexible mode that nothing has shown; none for gains that are not more."""
+def hidden_problems(here: MachineProfile, known: KnownLoop, tuned: SampledLoop) -> tuple[Problem, ...]:
+    """Return why more gain may meet a flexible mode that nothing has shown; none for gains that are not more.
+
+    `here` is the machine of the known loop, with its servo period.
+    """
+    return () if softer(known.loop, tuned.gains) else unseen_problems(here, known, tuned.gains)
+
+
+def unseen_problems(here: MachineProfile, known: KnownLoop, gains: PidGains) -> tuple[Problem, ...]:
+    """Return why gains may meet a flexible mode that nothing has shown, whatever the present ones are."""
     fit = known.fit
-    if softer(known.loop, tuned.gains):
-        return ()
     if fit is None or not fit.holds:
         return (unmeasured(known),)
-    hz = unseen_hz(known.loop, tuned.gains, fit)
+    hz = unseen_hz(known.loop, gains, fit)
     if hz is None:
         return ()
     value, limit = f"{hz:.0f} Hz", f"{fit.hz.min():.4g} … {fit.hz.max():.4g} Hz"
-    if swept_to_the_end(known):
-        end = f"{1.0 / (CYCLES_A_PERIOD * known.loop.period_s):.0f} Hz"
-        return (Problem(code="trial.unseen_above", key=end, value=value, limit=limit),)
+    if swept_to_the_end(here, known):
+        return (Problem(code="trial.unseen_above", key=f"{most_hz(here):.0f} Hz", value=value, limit=limit),)
     return (Problem(code="trial.unseen", key=FAST_SWEEP, value=value, limit=limit),)
 
 
-def swept_to_the_end(known: KnownLoop) -> bool:
+def swept_to_the_end(here: MachineProfile, known: KnownLoop) -> bool:
     """Whether responses reach about as high as an identification can."""
-    most_hz = 1.0 / (CYCLES_A_PERIOD * known.loop.period_s)
-    return known.fit is not None and float(known.fit.hz.max()) >= REACHED * most_hz
+    return known.fit is not None and float(known.fit.hz.max()) >= REACHED * most_hz(here)
 
 
 def unmeasured(known: KnownLoop) -> Problem:

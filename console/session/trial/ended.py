@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from console.session.trial import record as records
 from console.session.trial.record import TrialRecord
-from drivers.commissioning.judged import same
 from drivers.identification.tool_gains import matches
 from profiles.axis.servo_gains import stated_settings
 from profiles.machine import MachineProfile
@@ -21,7 +20,6 @@ def ended_by(machine: MachineProfile, trial: TrialRecord, found: Mapping[str, fl
     """
     if matches(found, trial.before):
         return records.RESTORED
-    stated = stated_settings(machine)
-    if all(name in stated and same(stated[name], value) for name, value in found.items()):
+    if matches(stated_settings(machine), found):
         return records.ADOPTED if matches(found, trial.proposed) else records.RESTORED
     return ""

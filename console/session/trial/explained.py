@@ -10,7 +10,7 @@ from console.session.trial.record import RESTORED, open_trial
 from console.session.trial.standing import listed
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration
-from drivers.identification.tool_gains import WRITTEN
+from drivers.identification.tool_gains import indices_of
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -24,8 +24,7 @@ def explained_checks(
     """Return warnings beside the checks of a configuration: gains on trial, a filter that no test has proven."""
 
     def gains() -> dict[str, float]:
-        motor, settings = machine.tool.motor, read.settings
-        indices = {f"I{motor}{number}": read.dialect.motor_index(motor, number) for number in WRITTEN}
+        settings, indices = read.settings, indices_of(read.dialect, machine.tool.motor)
         return {name: settings[index] for name, index in indices.items() if index in settings}
 
     firmware = read.version, read.kind

@@ -39,7 +39,7 @@ def seen_reading(
         test = kept.result
         if test is None or test.origin.simulated is not simulated:
             continue
-        if firmware != NO_FIRMWARE and firmware != (test.origin.version, test.origin.kind):
+        if not same_firmware(firmware, test):
             continue
         tested = with_variables(machine, complete_settings(machine, test.origin.gains))
         loop = loop_of(tested, plant)
@@ -49,6 +49,11 @@ def seen_reading(
             if reading is not None and left[reading] <= MOST_LEFT:
                 return reading
     return None
+
+
+def same_firmware(firmware: tuple[str, str], test: HealthResult) -> bool:
+    """Whether a test was made on this firmware (version and type); any counts where that is not known."""
+    return firmware in (NO_FIRMWARE, (test.origin.version, test.origin.kind))
 
 
 def filter_doubts(test: HealthResult, loop: SampledLoop, motor: int) -> Iterator[Problem]:

@@ -10,7 +10,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.trial.air_proof import unproven
-from console.session.trial.bounds import hidden_problems, margin_problems, swept_to_the_end, unmeasured
+from console.session.trial.bounds import (
+    hidden_problems,
+    margin_problems,
+    swept_to_the_end,
+    unmeasured,
+    unseen_problems,
+)
 from console.session.trial.known_loop import KnownLoop, known_loop
 from console.session.trial.notch_evidence import NO_FIRMWARE, misread
 from drivers.identification.tool_loop import ToolLoop
@@ -18,7 +24,6 @@ from profiles.axis.gain_proposal import GainProposal
 from profiles.axis.loop_design import designed_gains, unseen_hz
 from profiles.axis.notch import Reading
 from profiles.axis.notch_design import design_with_notch
-from profiles.axis.plant_fit import PlantFit
 from profiles.axis.servo_gains import PidGains, error_limit_um
 from profiles.axis.stiffness import LobeStiffness, lobe_stiffness, tripping_friction_n
 from profiles.machine import MachineProfile
@@ -89,27 +94,15 @@ def _designed(here: MachineProfile, known: KnownLoop, lobe_hz: float) -> GainFac
     proposal, notes = _with_filter(here, known, lobe_hz, alone)
     if proposal is None:
         return GainFacts(proposal=None, known=known, reasons=(Problem(code="trial.no_design"),))
-    reasons = hidden_problems(known, replace(known.loop, gains=proposal.gains))
-    if reasons and swept_to_the_end(known):  # nobody can measure more: the stiffest that no hidden mode meets
-        notes, hidden = reasons, _Hidden(known, fit)
-        proposal = designed_gains(here, known.loop, fit, lobe_hz, hidden.shown)
+    reasons = hidden_problems(here, known, replace(known.loop, gains=proposal.gains))
+    if reasons and swept_to_the_end(here, known):
+        # Nobody can measure more: the stiffest that no hidden mode meets.
+        notes = reasons
+        proposal = designed_gains(
+            here, known.loop, fit, lobe_hz, allowed=lambda gains: unseen_hz(known.loop, gains, fit) is None
+        )
         reasons = () if proposal is not None else (*reasons, Problem(code="trial.no_design"))
     return GainFacts(proposal=None if reasons else proposal, known=known, reasons=reasons, notes=notes)
-
-
-class _Hidden:
-    """Which gains may meet a flexible mode that the responses would not show; `first` is the stiffest of them."""
-
-    def __init__(self, known: KnownLoop, fit: PlantFit) -> None:
-        self._known, self._fit = known, fit
-        self.first: PidGains | None = None
-
-    def shown(self, gains: PidGains) -> bool:
-        """Whether the responses would show every mode that these gains could make oscillate."""
-        shown = unseen_hz(self._known.loop, gains, self._fit) is None
-        if not shown and self.first is None:
-            self.first = gains
-        return shown
 
 
 def _with_filter(
@@ -125,12 +118,17 @@ def _with_filter(
         return alone, ()
     if reading not in (None, Reading.STATED):
         return alone, (Problem(code="trial.other_reading", value=misread(reading, here.tool.motor)),)
-    proven, hidden = reading is Reading.STATED, _Hidden(known, fit)
-    found = design_with_notch(here, known.loop, fit, lobe_hz, alone, proven=proven, allowed=hidden.shown)
+    proven, passed_over = reading is Reading.STATED, list[PidGains]()
+
+    def allowed(gains: PidGains) -> bool:
+        if unseen_hz(known.loop, gains, fit) is None:
+            return True
+        passed_over.append(gains)
+        return False
+
+    found = design_with_notch(here, known.loop, fit, lobe_hz, alone, proven=proven, allowed=allowed)
     if found is not None:
         return found, () if proven else (Problem(code="trial.first_notch"),)
-    if hidden.first is not None:
-        notes = hidden_problems(known, replace(known.loop, gains=hidden.first))
-        if notes:
-            return alone, notes
+    if passed_over:
+        return alone, unseen_problems(here, known, passed_over[0])
     return alone, (Problem(code="trial.no_notch" if proven else "trial.no_safe_notch"),)

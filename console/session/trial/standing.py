@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from drivers.commissioning.judged import same
@@ -43,6 +44,11 @@ def listed(gains: Gains) -> str:
     """Return gains as text, `-` for none; a notch filter that there is not is left out."""
     values = dict(gains)
     return ", ".join(f"{name} {values[name]:.11g}" for name in shown_names(values)) or "-"
+
+
+def differing_words(differing: Mapping[str, tuple[float, float]]) -> str:
+    """Return variables that are not as stated as text: what was found, and in brackets what is stated."""
+    return ", ".join(f"{name} {found:.11g} ({stated:.11g})" for name, (stated, found) in differing.items())
 
 
 def divided(before: Gains, proposed: Gains, found: Gains) -> tuple[Gains, Gains, Gains]:

@@ -15,7 +15,7 @@ from console.session.trial.bounds import FAST_SWEEP, SLOW_SWEEP, unmeasured
 from console.session.trial.known_loop import known_loop
 from console.session.trial.notch_evidence import NO_FIRMWARE, unexplained
 from drivers.identification.health_result import HealthResult
-from drivers.identification.tool_gains import WRITTEN
+from drivers.identification.tool_gains import names_of
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import notch_from_variables, present_settings
 from profiles.machine import MachineProfile
@@ -34,7 +34,7 @@ def stated_filter_problems(
     """
     if not notch_from_variables(machine):
         return ()
-    gains = present_settings(machine, (f"I{machine.tool.motor}{number}" for number in WRITTEN))
+    gains = present_settings(machine, names_of(machine.tool.motor))
     try:
         kept = newest_test(data, machine, gains, firmware, simulated=simulated)
         if kept is None or kept.result is None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len
 
+from console.session.trial.standing import differing_words
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
 from console.tui.theme import Token
@@ -118,9 +119,7 @@ def warning_lines(facts: LoopFacts, text: Catalogue, width: int) -> list[Line]:
         lines += hanging(("! ", Token.WARNING), text("tune_page.not_read"), width)
         return lines
     if facts.differing:
-        names = ", ".join(
-            f"{name} {read:.11g} ({stated:.11g})" for name, (stated, read) in facts.differing.items()
-        )
+        names = differing_words(facts.differing)
         lines += hanging(("! ", Token.WARNING), text("tune_page.differing", names=names), width)
     if facts.read.unmodelled:
         names = ", ".join(facts.read.unmodelled)

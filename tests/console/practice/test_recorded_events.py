@@ -125,6 +125,15 @@ def test_at_rest_it_begins_as_long_before_as_was_asked_and_no_longer_than_record
     assert [problem.code for problem in refused.value.problems] == ["practice.not_so_long"]
 
 
+def test_a_blank_that_was_cut_in_part_is_told_as_far_as_the_pages_showed_it(tmp_path: Path) -> None:
+    bench = bench_of(tmp_path, **run_stage.CUT_IN_PART)
+    bench.runs(20.0)
+    bench.alarms(Problem(code="link.lost"))
+    bench.runs(6.0)
+    told = {problem.code: problem.value for problem in practice_of(bench.frozen[0]).otherwise}
+    assert told["practice.fresh_blank"] == "4.23 mm", "to its mark, beyond the last poll in the cut"
+
+
 def test_a_record_without_a_moment_at_rest_or_without_its_job_is_refused(tmp_path: Path) -> None:
     bench = bench_of(tmp_path / "moving", activity=Activity.JOGGING)
     bench.runs(3.0)
