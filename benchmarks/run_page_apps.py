@@ -35,8 +35,9 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.pages.cut_lines import live_lines, mean_error_um, progress_line
-from console.tui.pages.run import FULL_TURN_DEG, LEAST_POLAR_ROWS, WIDEST_FACT
+from console.tui.pages.run import LEAST_POLAR_ROWS
 from console.tui.run.error_band import band_series
+from console.tui.run.panels import FULL_TURN_DEG, WIDEST_FACT
 from console.tui.theme import COLOUR, DARK_THEME, Token
 from drivers.beside.side_line import SideLine
 from profiles.store import load_job, load_machine

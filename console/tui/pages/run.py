@@ -5,9 +5,6 @@ from __future__ import annotations
 import math
 from typing import ClassVar
 
-from textual.containers import Horizontal, Vertical
-
-from console.session.cut.alignment import JawAngle
 from console.session.cut.compensated import with_news
 from console.session.station.adjusting.holding import hold_refusal
 from console.session.station.commands import (
@@ -22,44 +19,30 @@ from console.session.station.commands import (
     Start,
 )
 from console.session.station.jogging import no_retract
-from console.session.station.progress import CutProgress
 from console.session.station.state import Activity
 from console.session.versioning.cut_from import changed_since_opened
 from console.session.work import Work
 from console.tui.keymap import PageName, actions_of
-from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
+from console.tui.lines import BLANK, Line, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
-from console.tui.pages.cut_lines import large_lines, live_lines, mean_error_um, progress_line, values_title
+from console.tui.pages.cut_lines import live_lines
 from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
-from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
-from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
-from console.tui.plot.trace_view import TracePicture, TraceView
+from console.tui.pages.stop_lines import lost_lines, stop_lines
 from console.tui.run.adjust_keys import AdjustKeys
-from console.tui.run.adjust_lines import adjust_in_full, adjust_line, adjust_reasons, allowed, armed_bounds
-from console.tui.run.error_band import band_series, error_band
-from console.tui.run.moment_lines import moment_in_full, moment_lines
+from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, allowed, armed_bounds
+from console.tui.run.error_band import error_band
+from console.tui.run.moment_lines import moment_in_full
+from console.tui.run.panels import WIDEST_FACT, RunPanels
 from console.tui.run.reading_time import reading_s
 from console.tui.run.why_lines import why_lines
-from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.bounds import Adjustable
 from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
 
-FULL_TURN_DEG = (0.0, 360.0)
-WIDEST_FACT = 56  # columns in which a label and its value are still read together
-LEAST_WIDTH = 10  # a narrower panel has not got its size yet: a text in it would be broken by letters
 _ADJUSTS = {"run.more": 1, "run.less": -1}  # steps by a press
 LEAST_POLAR_ROWS = 24  # rows of the page from which there is room for the polar plot below the other one
-
-
-class _Across(Horizontal):
-    BLANK = True  # panels cover it: there are no rows of its own to paint at every tick
-
-
-class _Down(Vertical):
-    BLANK = True
 
 
 class RunPage(Page):
@@ -91,25 +74,12 @@ class RunPage(Page):
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
-        palette = ui.palette
-        self._left = Sheet(palette, id="run-left")
-        self._right = Sheet(palette, id="run-right")
-        self._progress = Sheet(palette, id="run-progress")
-        self._values = Sheet(palette, id="run-values")
-        self._errors = TraceView(palette=palette, id="run-errors")
-        self._polar = PolarView(palette=palette, id="run-polar")
-        self._moment = Sheet(palette, id="run-program")
-        plots = _Down(self._errors, self._polar, self._moment, id="run-plots")
-        self.panels = (
-            _Across(self._left, self._right, id="run-two"),
-            _Down(self._progress, _Across(self._values, plots, id="run-moment"), id="run-live"),
-        )
-        self._drawn: CutProgress | None = None
+        self._shown = RunPanels(ui)
+        self.panels = self._shown.widgets
         self._view: View | None = None
         self._waits_for_room = False
         self._asked = False
         self._adjusts, self._adjust_keys = Adjustable.OVERRIDE, AdjustKeys()
-        self._errors.border_title = ui.text("run_page.errors")
 
     def show(self, view: View) -> None:
         """Show the newest state."""
@@ -121,11 +91,10 @@ class RunPage(Page):
         self.set_class(view.state.paused, "-paused")
         roomy = self.size.height >= LEAST_POLAR_ROWS
         if roomy != self.has_class("-roomy"):
-            self._drawn = None  # a hidden plot has missed what was drawn
+            self._shown.redraw()  # a hidden plot has missed what was drawn
         self.set_class(roomy, "-roomy")
-        panels = (self._progress, self._values) if phase is Phase.CUTTING else (self._left, self._right)
-        if self._have_room(panels):
-            self._fill(phase, view)
+        if self._have_room(phase):
+            self._shown.fill(phase, view, self._adjusts, roomy=roomy)
 
     def leave(self) -> None:
         """Mark the versions for a new check: others may learn meanwhile."""
@@ -144,12 +113,10 @@ class RunPage(Page):
             self._asked = True
             self.ui.work = with_news(work, self.ui.data, simulated=state.simulated, lathe=state.lathe)
 
-    def _have_room(self, panels: tuple[Sheet, ...]) -> bool:
-        """Whether these panels know their size. If not, they are filled as soon as they have a layout."""
-        if all(panel.size.width >= LEAST_WIDTH for panel in panels):
+    def _have_room(self, phase: Phase) -> bool:
+        """Whether the panels know their size. If not, they are filled as soon as they have a layout."""
+        if self._shown.have_room(phase):
             return True
-        for panel in panels:
-            panel.show([])
         if self.is_attached and not self._waits_for_room:
             self._waits_for_room = True
             self.call_after_refresh(self._show_in_room)
@@ -159,20 +126,6 @@ class RunPage(Page):
         if self._view is not None:
             self.show(self._view)
         self._waits_for_room = False
-
-    def _fill(self, phase: Phase, view: View) -> None:
-        cut = view.state.cut
-        match phase:
-            case Phase.CUTTING if cut is not None:
-                self._show_cut(cut, view)
-            case Phase.ENDED if cut is not None:
-                self._show_end(cut, view)
-            case Phase.STOPPED:
-                self._show_stop(view)
-            case Phase.LOST:
-                self._show_lost(view)
-            case _:
-                self._show_before(view)
 
     def act(self, action: str) -> None:
         """Perform the action of a key, or show why not."""
@@ -253,7 +206,8 @@ class RunPage(Page):
         cut = self.ui.control.state.cut
         choices = [] if cut is None else allowed(cut.adjusted.bounds)
         place = choices.index(self._adjusts) + 1 if self._adjusts in choices else 0
-        self._adjusts, self._drawn = choices[place % len(choices)], None
+        self._adjusts = choices[place % len(choices)]
+        self._shown.redraw()
 
     def next_step(self, view: View) -> Line:
         """Return what to do now."""
@@ -319,82 +273,3 @@ class RunPage(Page):
         summary = run_lines.summary_lines(self.ui.text, view.state, work, view.now_s, WIDEST_FACT)
         moves = wrapped(self.ui.text("run_page.moves_first", z=0, radius=0, speed=0, duration=0), WIDEST_FACT)
         return reading_s([*summary, *moves])
-
-    def _show_before(self, view: View) -> None:
-        text, state, work = self.ui.text, view.state, view.work
-        machine, size = self.ui.machine.machine, self._left.size
-        moves: list[Line] = []
-        if state.armed is not None:
-            moves = [*run_lines.moves_lines(text, state.armed, machine, size.width), BLANK]
-        inputs = run_lines.input_lines(text, state.snapshot, size.width, size.height - len(moves))
-        room = size.height - len(moves) - len(inputs)
-        found = run_lines.check_lines(text, run_lines.checks(state, work, machine), size.width, room)
-        self._left.show([*moves, *found, *inputs], text("run_page.checks"))
-        width, rows = self._right.size.width, wrapped(text("run_page.no_job"), self._right.size.width)
-        if work is not None:
-            rows = run_lines.summary_lines(text, state, work, view.now_s, min(width, WIDEST_FACT))
-            rows = clipped(rows, self._right.size.height, text("panel.more"))
-        self._right.show(rows, text("run_page.summary" if state.armed is None else "run_page.armed_title"))
-
-    def _show_cut(self, cut: CutProgress, view: View) -> None:
-        text, size = self.ui.text, self._values.size
-        where = text("run_page.cut_in_air" if cut.in_air else "run_page.cut")
-        self._progress.show([progress_line(text, cut, self._progress.size.width)], where)
-        width = min(size.width, WIDEST_FACT)
-        rows = live_lines(text, cut, view.job, width)
-        inputs = run_lines.input_lines(text, view.state.snapshot, width, size.height - len(rows))
-        large = large_lines(text, cut, size.width)
-        if size.height - len(rows) - len(inputs) > len(large):
-            inputs = [*inputs, *([BLANK] * (size.height - len(rows) - len(inputs) - len(large))), *large]
-        self._values.show([*rows, *inputs], values_title(text, view.state.age_s(view.now_s)))
-        if cut is self._drawn:
-            return
-        self._drawn = cut
-        band = error_band(cut)
-        room = self._moment.size.width
-        moment = [*adjust_line(text, cut, self._adjusts, room), *moment_lines(text, cut, band, room)]
-        self._moment.show(moment if room >= LEAST_WIDTH else [], text("run_page.program"))
-        unit_um, unit = text.units.size("um"), text.units.unit("um")
-        series, limits = band_series(cut, band, unit_um)
-        self._errors.show(TracePicture(series=series, x_limits=FULL_TURN_DEG, y_limits=limits, y_unit=unit))
-        if self.has_class("-roomy"):
-            self._show_polar(cut, view.state.alignment.jaw)
-
-    def _show_polar(self, cut: CutProgress, jaw: JawAngle | None) -> None:
-        angles_deg, errors_um = mean_error_um(cut)
-        # A tool that is too far in leaves too small a radius.
-        trace = PolarTrace(angle_deg=angles_deg, deviation_um=-errors_um, token=Token.AFTER)
-        marks = [] if jaw is None else [Mark(angle_deg=jaw.angle_deg, label="1")]
-        units = self.ui.text.units
-        self._polar.show([trace] if cut.judged else [], marks=marks, unit_um=units.size("um"))
-        scale = units.short(self._polar.scale_um_per_division, "um")
-        entitle(self._polar, self.ui.text("run_page.polar", scale=scale))
-
-    def _show_end(self, cut: CutProgress, view: View) -> None:
-        text, machine = self.ui.text, self.ui.machine.machine
-        figures = run_lines.figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT))
-        self._left.show(figures, text("run_page.figures"))
-        after = run_lines.after_lines(text, view.state, view.work, machine, self._right.size.width)
-        self._right.show(clipped(after, self._right.size.height, text("panel.more")), text("run_page.what_next"))
-
-    def _show_stop(self, view: View) -> None:
-        text, state, size = self.ui.text, view.state, self._left.size
-        how = stop_lines(text, state, min(size.width, WIDEST_FACT), size.height)
-        self._left.show(how, text("run_page.stopped"))
-        width, cut = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state)
-        if cut is None:
-            spindle = spindle_line(text, state.spindle_rpm, width)
-            rows = [spindle, BLANK, *wrapped(text("run_page.no_cut"), width)]
-            self._right.show(rows, text("run_page.values"))
-        else:
-            self._right.show(live_lines(text, cut, view.job, width), text("run_page.last_values"))
-
-    def _show_lost(self, view: View) -> None:
-        text, state, size = self.ui.text, view.state, self._left.size
-        lost = lost_lines(text, state, view.now_s, min(size.width, WIDEST_FACT), size.height)
-        self._left.show(lost, text("run_page.lost.title"))
-        width, cut, age_s = min(self._right.size.width, WIDEST_FACT), cut_of_stop(state), state.age_s(view.now_s)
-        old = cut is not None and age_s is not None
-        title = text("run_page.old_values", age=f"{age_s:.0f}") if old else text("run_page.values")
-        rows = [line(dim(NOTHING))] if cut is None else stale(live_lines(text, cut, view.job, width))
-        self._right.show(rows, title)
