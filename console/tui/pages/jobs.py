@@ -11,17 +11,17 @@ from textual.widgets import Input
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.job_files import import_folder, offered_jobs
-from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, opened
 from console.tui.gate import FieldKind
 from console.tui.jobs import changes
 from console.tui.jobs.entry import JobsEntry, Typing
+from console.tui.jobs.panels import JobsPanels, Listed
 from console.tui.jobs.refusals import CHANGES, ENDS, OPENS, PAGES, READS, STEPS, refused_now
 from console.tui.jobs.shelf import Shelf, listed_jobs
 from console.tui.keymap import PageName
-from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
+from console.tui.lines import Line, line
 from console.tui.page import Page
-from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
+from console.tui.pages.jobs_lines import summary_lines, visible
 from console.tui.scanning.codes import found
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, locked
@@ -53,17 +53,15 @@ class JobsPage(Page):
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
-        self._table = Sheet(ui.palette, classes="table")
-        self._summary = Sheet(ui.palette, classes="summary")
+        self._panels = JobsPanels(ui)
         self._entry = JobsEntry()
-        self.panels = (self._table, self._summary, self._entry)
+        self.panels = (self._panels.table, self._panels.summary, self._entry)
         self._jobs_shelf, self._imports = Shelf(), Shelf()
         self._importing = False
         self._fresh = False
         self._simulated = True
         self._warned: tuple[object, Job] | None = None
         self._doomed: Path | None = None
-        self._shown: object = None
 
     def show(self, view: View) -> None:
         """Show the list; it is read when the page is shown after another one."""
@@ -76,7 +74,7 @@ class JobsPage(Page):
                 jobs.index.read_on(jobs.all)
             jobs.arrange()
         self._entry.keep_focus()
-        self._paint()
+        self._panels.paint(self._listed)
 
     def leave(self) -> None:
         """Discard the list, as files may have changed by the next time, and an entry that was not ended."""
@@ -94,7 +92,7 @@ class JobsPage(Page):
         """Search at every keystroke."""
         if self._entry.typing is Typing.SEARCH:
             self._jobs_shelf.search(event.value.strip())
-            self._paint()
+            self._panels.paint(self._listed)
 
     def act(self, action: str) -> None:
         """Do what a key says; an open entry first gets the characters that came before."""
@@ -109,21 +107,28 @@ class JobsPage(Page):
 
     def next_step(self, view: View) -> Line:
         """Return how to open the selected job, or why it cannot be."""
-        return line((self._next_words(view.state), Token.ACTION))
+        return line((self._panels.next_words(self._listed, view.state), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return why the selected file cannot be used."""
         entry = self._shelf.entry
         if entry is None or isinstance(self._shelf.load(entry), LoadedJob):
             return []
-        return summary_lines(self._jobs, self.ui.text, width, edited=False)
-
-    # What the keys do ------------------------------------------------------------------------------------------
+        return summary_lines(self._panels.jobs(self._listed), self.ui.text, width, edited=False)
 
     @property
     def _shelf(self) -> Shelf:
         """What is listed now."""
         return self._imports if self._importing else self._jobs_shelf
+
+    @property
+    def _listed(self) -> Listed:
+        return Listed(
+            shelf=self._shelf,
+            importing=self._importing,
+            typing=self._entry.typing,
+            simulated=self._simulated,
+        )
 
     def _do(self, action: str) -> None:
         moved = self._move(action)
@@ -144,22 +149,22 @@ class JobsPage(Page):
         else:
             with self.ui.answering():
                 self._change(action)
-        self._paint()
+        self._panels.paint(self._listed)
 
     def _do_beside(self, action: str) -> None:
         """Do what is possible during an entry: move the selection in what a search has found."""
         if self._entry.typing is Typing.SEARCH:
             self._move(action)
-            self._paint()
+            self._panels.paint(self._listed)
 
     def point(self, panel: Widget, row: int) -> None:
         """Choose the job in a row that was clicked, below the heading."""
-        seen = visible(self._jobs, self._table.size.height)
-        if panel is self._table and 0 < row <= len(seen):
+        seen = visible(self._panels.jobs(self._listed), self._panels.table.size.height)
+        if panel is self._panels.table and 0 < row <= len(seen):
             self._shelf.move(seen[row - 1] - self._shelf.selected)
 
     def _move(self, action: str) -> bool:
-        page = max(len(visible(self._jobs, self._table.size.height)) - 1, 1)
+        page = max(len(visible(self._panels.jobs(self._listed), self._panels.table.size.height)) - 1, 1)
         by = STEPS.get(action, 0) + page * PAGES.get(action, 0) + _FAR * ENDS.get(action, 0)
         self._shelf.move(by)
         return by != 0
@@ -192,7 +197,8 @@ class JobsPage(Page):
     def _do_importing(self, action: str) -> None:
         """Take the selected file, type the path of another one, or go back to the jobs."""
         if action in ("jobs.back", "jobs.import"):
-            self._importing, self._shown = False, None
+            self._importing = False
+            self._panels.forget()
         elif action == "jobs.path":
             self._entry.open(Typing.PATH, "")
         elif action == "jobs.open":
@@ -206,7 +212,8 @@ class JobsPage(Page):
         files = offered_jobs(import_folder(self.ui.data))
         entries = tuple(LibraryEntry(name=path.stem, path=path, bundled=False) for path in files)
         self._imports.fill(entries, {}, None)
-        self._importing, self._shown = True, None
+        self._importing = True
+        self._panels.forget()
 
     def _import(self, source: Path) -> None:
         if refused := locked(self.ui.control.state, *CHANGES):
@@ -248,7 +255,7 @@ class JobsPage(Page):
         else:
             with self.ui.answering():
                 self._take_entry(typing, entry, typed)
-        self._paint()
+        self._panels.paint(self._listed)
 
     def _take_entry(self, typing: Typing, entry: LibraryEntry | None, typed: str) -> None:
         path = None if entry is None else entry.path
@@ -282,7 +289,8 @@ class JobsPage(Page):
         listed = listed_jobs(self.ui)
         self.ui.jobs = tuple(printable(each.name) for each in listed)
         shelf.fill(listed, results, target)
-        self._fresh, self._shown = True, None
+        self._fresh = True
+        self._panels.forget()
 
     def _open(self, *, copying: bool) -> None:
         refused, entry = locked(self.ui.control.state, *OPENS), self._shelf.entry
@@ -336,65 +344,3 @@ class JobsPage(Page):
             self.ui.said = self.ui.work.set_aside
         self.ui.draft, self.ui.copying = None, copying
         self.ui.go(PageName.SETUP)
-
-    # What is shown ---------------------------------------------------------------------------------------------
-
-    @property
-    def _jobs(self) -> JobList:
-        shelf, work = self._shelf, self.ui.work
-        return JobList(
-            entries=shelf.entries,
-            selected=shelf.selected,
-            load=shelf.load,
-            results=shelf.results,
-            simulated=self._simulated,
-            open_path=None if work is None else work.loaded.path,
-        )
-
-    def _paint(self) -> None:
-        work, shelf = self.ui.work, self._shelf
-        sizes = self._table.size, self._summary.size
-        opened_now = None if work is None else (work.loaded.path, work.edited)
-        reading = self.ui.text("jobs_page.reading") if shelf.is_reading else ""
-        shown = (shelf.entries, shelf.selected, self._title, reading, self._entry.typing, opened_now, sizes)
-        if shown == self._shown:
-            return
-        self._shown, jobs, entry, text = shown, self._jobs, shelf.entry, self.ui.text
-        edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
-        size, hidden = self._summary.size, reading or hidden_words(jobs, text, self._table.size.height)
-        rows = table_lines(jobs, text, *self._table.size)
-        if not jobs.entries and (self._importing or shelf.words):
-            rows = wrapped(text("jobs_page.no_imports" if self._importing else "jobs_page.no_match"), size.width)
-        if self._entry.typing is not Typing.NOTHING:
-            rows = [BLANK, *(rows[1:] if jobs.entries else rows)]
-        self._table.show(rows, name_in(self._title, max(self._table.size.width - 4, 1), tail_fraction=0.5), hidden)
-        rows = summary_lines(jobs, text, *size, edited=edited)
-        if entry is not None and not isinstance(shelf.load(entry), LoadedJob):  # it cannot be used
-            rows = clipped(rows, size.height, text("panel.more"))
-        self._summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
-
-    @property
-    def _title(self) -> str:
-        text, shelf = self.ui.text, self._shelf
-        if self._importing:
-            return text("jobs_page.imports", count=len(shelf.all))
-        title = text("jobs_page.title", count=len(shelf.all))
-        if shelf.words:
-            title = text("jobs_page.title_found", count=len(shelf.entries), all=len(shelf.all))
-        words = f"/{printable(shelf.words)}" if shelf.words else ""
-        return " · ".join(filter(None, (title, words, text(f"jobs_page.sorted.{shelf.order}"))))
-
-    def _next_words(self, state: StationState) -> str:
-        text, entry, typing = self.ui.text, self._shelf.entry, self._entry.typing
-        refused = locked(state, *OPENS)
-        if typing is not Typing.NOTHING:
-            return text(f"jobs_page.next.{typing}")
-        if self._importing:
-            return text("jobs_page.next.import" if entry else "jobs_page.next.import_none")
-        if refused is not None:
-            return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
-        if entry is None:
-            return text("jobs_page.next.no_match" if self._shelf.words else "jobs_page.next.none")
-        if not isinstance(self._shelf.load(entry), LoadedJob):
-            return text("jobs_page.next.unreadable")
-        return text("jobs_page.next.open", name=printable(entry.name))
