@@ -57,12 +57,15 @@ def found(
         into_turns = (z - met) / setup.carriage_per_turn
         target_um -= entry_um * np.exp(-into_turns / 4.0) * (into_turns > 0.0)
         infeed_um = target_um + off * tool_um + chance.normal(0.0, noise_um)
-        places = (setup.surface + infeed_um / MACHINE.tool.count_um, turn * setup.counts_per_turn, z)
-        command_um = plan().command.at_um(360.0 * turn)
-        commands = (setup.surface + command_um / MACHINE.tool.count_um, places[1], z - off * feed_mm * PER_MM)
+        tool_at = setup.surface + infeed_um / MACHINE.tool.count_um
+        commanded = setup.surface + plan().command.at_um(360.0 * turn) / MACHINE.tool.count_um
         tool, spindle, carriage = (
-            AxisState(position=float(at), following_error=float(to - at) if lags else 0.0, flags=frozenset())
-            for at, to in zip(places, commands, strict=True)
+            AxisState(position=float(at), following_error=float(lag) if lags else 0.0, flags=frozenset())
+            for at, lag in (
+                (tool_at, commanded - tool_at),
+                (turn * setup.counts_per_turn, 0.0),
+                (z, -off * feed_mm * PER_MM),
+            )
         )
         seen.see(
             Snapshot(
@@ -131,7 +134,7 @@ def test_a_lobe_that_is_followed_out_of_phase_from_the_first_turn_on_is_told() -
     ],
 )
 def test_an_axis_that_lags_behind_the_planned_command_is_not_the_deed_of_another_host(
-    how: dict[str, float], axis: str, of_command: str, of_axis: str, lags: bool
+    how: dict[str, Any], axis: str, of_command: str, of_axis: str, lags: bool
 ) -> None:
     problem = next(each for each in found(**how, lags=lags) if each.key == axis)
     assert problem.code == (of_axis if lags else of_command)
