@@ -34,6 +34,7 @@ NAMES = (
     "study",
     "force_null",
     "notch",
+    "notch_trial",
     "ship",
     "records_page",
     "jobs_page",
@@ -52,7 +53,7 @@ NAMES = (
 )
 """The longest come first."""
 
-SEEDED = ("learning", "force_null", "notch", "confidence")
+SEEDED = ("learning", "force_null", "notch", "notch_trial", "confidence")
 """Their goals are of what is computed from seeds, and no time: another round would show the same."""
 
 

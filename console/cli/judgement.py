@@ -6,6 +6,7 @@ from collections.abc import Iterable
 
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.forces import span_words
 from profiles.chucking.advice import force_span
 from profiles.chucking.diagnosis import Diagnosis
 from profiles.chucking.grip import wrench_force_sd_n
@@ -46,10 +47,8 @@ def span_fields(job: Job, machine: MachineProfile) -> dict[str, float | str]:
 
 
 def span_line(job: Job, machine: MachineProfile, text: Catalogue) -> str:
-    """Return the span of the clamping force in whole newtons, with the limit at which it ends."""
-    span = force_span(job, machine)
-    least_n, most_n = span.whole_n
-    return f"{least_n} … {most_n} N ({text(f'clamp_limit.{span.binding}')})"
+    """Return the span of the clamping force with the limit at which it ends, or that no force holds the part."""
+    return span_words(force_span(job, machine), text)
 
 
 def force_line(job: Job, machine: MachineProfile, text: Catalogue) -> str:

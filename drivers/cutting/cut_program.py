@@ -11,13 +11,13 @@ from drivers.cutting.live_trim import LiveTrim, has_trim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
-from drivers.errors import DriverError, LinkError, LinkTimeoutError
+from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
 from drivers.lathe.motion import Motion
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
-from drivers.lathe.standstill import REST_S, Settling
+from drivers.lathe.standstill import REST_S, STILL_COUNTS, STILL_S, Settling
 from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
@@ -107,6 +107,28 @@ class CutProgram:
         self._sending.refuse_moving()
         self._forget_jogs()
         return self._tables.switch_off()
+
+    def clear_tables(self) -> tuple[Problem, ...]:
+        """Clear what tables add to the tool, whatever it is, on killed drives at rest; return what is left to fix.
+
+        The way out where nobody knows where a table adds nothing: without a home. Nothing moves, and the axes have
+        to be homed afterwards.
+
+        Raises DriverError: `tables.drives_enabled`, `tables.homed`, `machine.moving`, nothing was sent; a line was
+        refused, or the link broke.
+        """
+        self._sending.refuse_unless_owner()
+        before = self._poller.look()
+        if not before.loops_open:
+            raise RefusedError(Problem(code="tables.drives_enabled"))
+        if before.homed:
+            raise RefusedError(Problem(code="tables.homed"))
+        self._sending.refuse_moving()
+        self._clock.wait(STILL_S)
+        if not self._poller.look().still(before, STILL_COUNTS):  # killed axes, and a spindle that coasts
+            raise RefusedError(Problem(code="machine.moving"))
+        self._forget_jogs()
+        return self._tables.clear()
 
     def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
         """Make sure that the controller still holds a program as it was loaded; nothing is written.

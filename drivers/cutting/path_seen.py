@@ -3,6 +3,9 @@
 A change that another host makes and reverts at once does not show when the constants are read, but it is in the
 part. Since a cut repeats turn by turn, such a moment stands out from the rest, however the machine follows the
 path. A change that lasts for less than the interval of two polls remains undetected.
+
+A poll has the following error, too: it shows whether the command left the path, or whether the axis did not follow
+a command that kept to it. The first is somebody's deed; the second is most likely the axis itself.
 """
 
 from __future__ import annotations
@@ -26,6 +29,8 @@ LEAST_CARRIAGE_MM = 0.02
 LEAST_SPINDLE_S = 0.1  # in time of the host; a delayed host, or a delayed simulated controller, loses some of it
 MOST_OF_LOBE = 0.5  # fraction of the lobe by which a following tool may deviate: half as large, or 29 degrees late
 TIMES_USUAL = 12.0  # times the median deviation: stands out even where tool and spindle are read separately
+MOST_OF_LAG = 0.5  # fraction of a deviation up to which the command had no part in it, and the axis lagged
+MOMENTS = ("cut.off_path", "cut.lagged")
 LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
@@ -71,7 +76,7 @@ class PathSeen:
             self._recut_end = mark - 0.5 * land
             self._uncut = mark + unseen + setup.carriage_per_turn
         self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
-        self._rows: list[tuple[float, float, float, float, float]] = []
+        self._rows: list[tuple[float, ...]] = []
         self._over = False
 
     def see(self, snapshot: Snapshot) -> None:
@@ -83,67 +88,85 @@ class PathSeen:
         tool, spindle, carriage = snapshot.tool, snapshot.spindle, snapshot.carriage
         took_s = snapshot.at_s - snapshot.asked_s
         middle_s = 0.5 * (snapshot.asked_s + snapshot.at_s)
-        self._rows.append((took_s, tool.position, spindle.position, carriage.position, middle_s))
+        at_places = (tool.position, spindle.position, carriage.position, middle_s)
+        self._rows.append((took_s, *at_places, tool.commanded, carriage.commanded))
 
     def problems(self) -> Iterator[Problem]:
         """Report where tool or carriage left the path that they otherwise kept to."""
-        rows = np.array(self._rows).reshape(-1, 5)
+        rows = np.array(self._rows).reshape(-1, 7)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
         if len(rows) < LEAST_POLLS or self._plan.in_air:  # what is learned in air is not called a part
             return
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
-        yield from self._carriage(turns, rows[:, 3])
+        yield from self._carriage(turns, rows[:, 3], rows[:, 6])
         if not self._machine.spindle.followed:
             yield from self._spindle(turns, rows[:, 4])
         at = rows[:, 3]
         clear, in_part = (at > self._settled) & (at < self._clear), at > self._in_part
         recut, uncut = in_part & (at < self._recut_end), in_part & (at > self._uncut)
         # Only a cut that follows the lobe has reached its path when the feed begins.
+        told: dict[str, Problem] = {}  # what is off in every turn in air and in the part is told of the part
         for among in (clear, recut, uncut) if self._plan.strategy.traits.inverts else (recut, uncut):
             if among.sum() >= LEAST_POLLS:
                 entry = () if among is clear else ENTRY_TURNS
-                yield from self._tool(rows[among, 1], turns[among], at[among], entry)
+                for problem in self._tool(rows[among][:, (1, 5)], turns[among], at[among], entry):
+                    told[f"{problem.code} {problem.where if problem.code in MOMENTS else ''}"] = problem
+        yield from told.values()
 
     def _tool(self, tool: Floats, turns: Floats, carriage: Floats, entry: tuple[float, ...]) -> Iterator[Problem]:
-        """Model the tool path of a turn: the lobe, which may grow along the cut, and what a blank makes of it.
-
-        An `entry` into the part decays over so many turns.
-        """
-        plan, target = self._plan, self._plan.target
+        """Judge positions and commands of the `tool`, shape (M, 2), of a stretch of the cut."""
+        plan, target, lobes = self._plan, self._plan.target, self._plan.target.lobes
         past_mm = (carriage - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
         infeed_um = (tool - plan.setup.surface) * self._machine.tool.count_um
-        off_um = infeed_um - target.at_um(360.0 * turns, past_mm)
-        angle_rad, lobes = 2.0 * np.pi * turns, target.lobes
-        further = [order for order in dict.fromkeys((2 * lobes, 3 * lobes, 1, 2)) if order != lobes]
-        decays = [np.exp((turns[0] - turns) / over) for over in entry]
-        # In the order in which they are given up where there are few polls.
-        columns = np.column_stack(
-            [
-                harmonic_columns(angle_rad, (lobes,), past_mm),
-                *decays,
-                harmonic_columns(angle_rad, further)[:, 1:],
-            ]
-        )
-        left, found = _left(off_um, columns[:, : max(4, len(turns) // POLLS_A_TERM)])
-        left_um, lobe_um = np.abs(left), float(np.hypot(*found[harmonic_slice(0, trends=1)]))
+        off_um = infeed_um[:, 0] - target.at_um(360.0 * turns, past_mm)
+        command_off_um = infeed_um[:, 1] - plan.command.at_um(360.0 * turns, past_mm)
+        columns = _columns(turns, past_mm, lobes, entry)
+        (left, found), (command_left, command_found) = _left(off_um, columns), _left(command_off_um, columns)
+        of_lobe = harmonic_slice(0, trends=1)
+        lobe_um, command_um = (float(np.hypot(*each[of_lobe])) for each in (found, command_found))
         most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM
         if plan.strategy.traits.inverts and lobe_um > most_um:
-            yield from _off_path(AxisName.TOOL, lobe_um, most_um, "{:.1f} um")
+            first_mm, last_mm = (self._behind_face_mm(at) for at in (carriage.min(), carriage.max()))
+            code = "cut.lobe_lagged" if command_um <= MOST_OF_LAG * lobe_um else "cut.lobe_off_path"
+            value, limit = (f"{um:.1f} um" for um in (lobe_um, most_um))
+            where = f"{first_mm:.1f} … {last_mm:.1f} mm"
+            yield Problem(code=code, where=where, key=AxisName.TOOL, value=value, limit=limit)
             return
         # A trim within the cut goes from none to at most its largest amplitude, and may reverse.
         trim_um = 2.0 * MOST_TRIM_UM if plan.trimmed else 0.0
-        limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(left_um))) + trim_um
-        yield from _off_path(AxisName.TOOL, left_um.max(), limit_um, "{:.1f} um")
+        limit_um = max(LEAST_TOOL_UM, TIMES_USUAL * float(np.median(np.abs(left)))) + trim_um
+        yield from self._off_path(AxisName.TOOL, left, command_left, limit_um, carriage, "{:.1f} um")
 
-    def _carriage(self, turns: Floats, carriage: Floats) -> Iterator[Problem]:
+    def _carriage(self, turns: Floats, carriage: Floats, commanded: Floats) -> Iterator[Problem]:
         """Model the carriage: feed in proportion to turns; an external spindle may turn slower or faster."""
-        per_mm = self._machine.carriage.counts_per_mm
-        off_mm = (carriage - turns * self._plan.setup.carriage_per_turn) / per_mm
+        per_mm, feed = self._machine.carriage.counts_per_mm, turns * self._plan.setup.carriage_per_turn
         trends = [turns - turns[0]] if self._machine.spindle.followed else []
-        left_mm = np.abs(_left(off_mm, harmonic_columns(turns, (), *trends))[0])
-        limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(left_mm)))
-        yield from _off_path(AxisName.CARRIAGE, left_mm.max(), limit_mm, "{:.3f} mm")
+        columns = harmonic_columns(turns, (), *trends)
+        left, command_left = (_left((places - feed) / per_mm, columns)[0] for places in (carriage, commanded))
+        limit_mm = max(LEAST_CARRIAGE_MM, TIMES_USUAL * float(np.median(np.abs(left))))
+        yield from self._off_path(AxisName.CARRIAGE, left, command_left, limit_mm, carriage, "{:.3f} mm")
+
+    def _off_path(
+        self, axis: AxisName, left: Floats, command_left: Floats, limit: float, carriage: Floats, form: str
+    ) -> Iterator[Problem]:
+        """Report the moment in which an axis was furthest off the path of the other turns; its command, too?"""
+        worst = int(np.abs(left).argmax())
+        off = abs(float(left[worst]))
+        if off <= limit:
+            return
+        lagged = abs(float(command_left[worst])) <= MOST_OF_LAG * off
+        yield Problem(
+            code="cut.lagged" if lagged else "cut.off_path",
+            where=f"{self._behind_face_mm(carriage[worst]):.1f} mm",
+            key=axis,
+            value=form.format(off),
+            limit=form.format(limit),
+        )
+
+    def _behind_face_mm(self, carriage: float) -> float:
+        """Return a place of the carriage as Z behind the face of the part, negative before it."""
+        return float(carriage - self._plan.setup.carriage_face) / self._machine.carriage.counts_per_mm
 
     def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
         """Model the spindle: constant speed, unless the program was held or continued elsewhere.
@@ -157,9 +180,23 @@ class PathSeen:
             yield Problem(code="cut.off_time", value=f"{left.max():.2f} rev", limit=f"{limit:.2f} rev")
 
 
-def _off_path(axis: AxisName, value: float, limit: float, form: str) -> Iterator[Problem]:
-    if value > limit:
-        yield Problem(code="cut.off_path", key=axis, value=form.format(value), limit=form.format(limit))
+def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...]) -> Floats:
+    """Model the tool path of a turn: the lobe, which may grow along the cut, and what a blank makes of it.
+
+    An `entry` into the part decays over so many turns.
+    """
+    angle_rad = 2.0 * np.pi * turns
+    further = [order for order in dict.fromkeys((2 * lobes, 3 * lobes, 1, 2)) if order != lobes]
+    decays = [np.exp((turns[0] - turns) / over) for over in entry]
+    # In the order in which they are given up where there are few polls.
+    columns = np.column_stack(
+        [
+            harmonic_columns(angle_rad, (lobes,), past_mm),
+            *decays,
+            harmonic_columns(angle_rad, further)[:, 1:],
+        ]
+    )
+    return columns[:, : max(4, len(turns) // POLLS_A_TERM)]
 
 
 def _left(values: Floats, columns: Floats) -> tuple[Floats, Floats]:

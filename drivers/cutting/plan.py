@@ -15,7 +15,7 @@ from profiles.findings import Finding
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPlan(Made):
-    """A planned cut, known before anything moves.
+    """A planned cut, known before anything moves: `command` is what it commands the tool to cut `target`.
 
     `checked` is the whole motion of the program, move by move, with what a compensation table adds to it and with
     a spindle that is not the program's own. A `trimmed` cut is corrected by the host while it cuts; one `in_air`
@@ -24,6 +24,7 @@ class CutPlan(Made):
 
     strategy: Strategy
     target: LobedPath
+    command: LobedPath
     setup: CutSetup
     program: ProgramText
     spindle_speed_rpm: float

@@ -103,6 +103,7 @@ def _judged(
     return CutPlan(
         strategy=strategy,
         target=planning.target,
+        command=planning.command,
         setup=planning.setup,
         program=program,
         spindle_speed_rpm=rpm,

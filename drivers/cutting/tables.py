@@ -56,3 +56,13 @@ class Tables:
             return problems
         self._client.request(f"{SWITCH}=0")
         return self.left()
+
+    def clear(self) -> tuple[Problem, ...]:
+        """Switch tables off and make 0 what they add, whatever it is; return what is left to fix.
+
+        A tool in closed loop would jump by that: every drive must be killed.
+        """
+        self._client.request(self._definition)
+        self._client.request(f"{SWITCH}=0")  # while it is on, the register is computed again in each servo cycle
+        self._client.request(f"{self._register}=0")
+        return self.left()

@@ -20,6 +20,7 @@ POLLS_REPORTING_REST = 3  # in a row, after the last stop
 ARRIVED_COUNTS = 2.0  # commanded rest of a jog beside its target; positions are reported in tenths of a count
 SETTLE_S = 15.0  # for an axis at rest near its target to come in position: three servo time constants
 REST_S = 2.0  # the same where nothing depends on it
+STILL_S, STILL_COUNTS = 0.2, 2.0  # allowed difference of two polls this far apart: 0.06 rpm of the spindle
 
 
 def prove_rest(

@@ -31,6 +31,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
 
+MOST_DIGITS = 6  # of a newton, behind the point
+
 
 class Stands(StrEnum):
     """The position of a force relative to the permitted span; `NONE`: no force is permitted."""
@@ -61,9 +63,17 @@ class ForceSpan:
         return self.least_n > self.most_n
 
     @property
-    def whole_n(self) -> tuple[int, int]:
-        """The span in whole newtons, rounded inwards: a displayed limit is accepted when typed."""
-        return math.ceil(self.least_n), math.floor(self.most_n)
+    def shown_n(self) -> tuple[str, str]:
+        """Both ends in newtons, rounded inwards: a displayed limit is accepted when typed.
+
+        They are whole, but for a span that lies between two whole newtons. Of none, both numbers.
+        """
+        for digits in range(MOST_DIGITS + 1):
+            scale = 10**digits
+            least, most = math.ceil(self.least_n * scale) / scale, math.floor(self.most_n * scale) / scale
+            if self.empty or least <= most:
+                return f"{least:.{digits}f}", f"{most:.{digits}f}"
+        return f"{self.least_n:g}", f"{self.most_n:g}"
 
     def stands(self, force_n: float) -> Stands:
         """Return the position of a force; both ends belong to the span."""

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from console.cli.judgement import span_fields, span_line
@@ -22,6 +22,8 @@ from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages.run_lines import summary_lines
 from console.tui.pages.setup_lines import speed_lines
+from profiles.chucking.advice import ForceSpan, force_span
+from profiles.chucking.holding import holding_of
 from profiles.findings import Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -68,13 +70,51 @@ def test_form_preview_and_arming_say_the_same_of_any_job(
     assert isinstance(least_n, float) and isinstance(most_n, float)
     assert (rule.problem.value, rule.problem.limit) == (f"{least_n:.6g} N", f"<= {most_n:.6g} N")
     assert (said["force_stands"] == "none") is (rule.severity is Severity.WARNING)
-    # In whole newtons that will do themselves.
-    words = f"{math.ceil(least_n)} … {math.floor(most_n)} N"
-    assert words in form(job, LATHE.machine)
+    # In whole newtons that will do themselves, of which the lower is never the higher one.
+    least, most = math.ceil(least_n), math.floor(most_n)
+    holds = least_n <= most_n
+    assume(not holds or least <= most)
+    form_words = f"{least} … {most} N" if holds else f"≥ {least}, ≤ {most} N"
+    words = f"{least} … {most} N" if holds else f"none holds: the cut needs {least} N, the most is {most} N"
+    assert form_words in form(job, LATHE.machine)
     assert words in span_line(job, LATHE.machine, load("en"))
     inside = said["force_stands"] == "inside"
-    assert f"{'✓' if inside else '✗'} {words}" in arming(job)
+    assert f"{'✓ ' if inside else '✗ ' if holds else '✗ none: '}{form_words}" in arming(job)
     assert ("force window ✓" in form(job, LATHE.machine)) is inside
+
+
+def test_a_span_between_two_whole_newtons_is_not_upside_down() -> None:
+    span = ForceSpan(least_n=253.21, most_n=253.87, binding="wall", limits_n={})
+    assert span.shown_n == ("253.3", "253.8")
+    assert replace(span, least_n=253.2101, most_n=253.2102).shown_n == ("253.2101", "253.2102")
+
+
+@pytest.mark.parametrize(
+    ("language", "none", "room"),
+    [
+        ("en", "none holds: the cut needs", "grip over a greater length"),
+        ("ko", "맞는 힘 없음", "더 길게 물리십시오"),
+    ],
+)
+def test_where_no_force_holds_every_command_says_so_with_both_numbers_and_a_way_out(
+    console: Console, job_file: Callable[..., Path], language: str, none: str, room: str
+) -> None:
+    """A thin ring at a deep cut: what holds it bends its wall for good."""
+    job = job_file(wall_thickness_mm="1.5", depth_of_cut_mm="0.5", cut_length_mm="0.5")
+    loaded = load_job(str(job)).job
+    span = force_span(loaded, LATHE.machine)
+    assert span.empty
+    least, most = f"{math.ceil(span.least_n)} N", f"{math.floor(span.most_n)} N"
+    for command in ("preview", "predict"):
+        said = console(command, str(job), "--lang", language).out
+        (row,) = [line for line in said.splitlines() if none in line]
+        assert row.index(least) < row.index(most)
+        assert room in said
+        assert f"{least.split()[0]} … {most.split()[0]}" not in said
+    # What it advises does make room: a shallower cut, and longer jaws.
+    assert not force_span(replace(loaded, depth_of_cut_mm=0.02), LATHE.machine).empty
+    longer = replace(LATHE.machine.chuck, jaw_length_mm=3 * holding_of(LATHE.machine).jaw_length_mm)
+    assert force_span(loaded, replace(LATHE.machine, chuck=longer)).most_n > span.most_n
 
 
 def wrench(folder: Path, off_n: float) -> str:
@@ -120,7 +160,7 @@ def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
     said = console("run", str(job), "--sim", *close, "--strategy", "none")
     assert said.code == 0, said.err
     told = next(line for line in said.out.splitlines() if "6.57 N m at the wrench" in line)
-    assert f"safe 621 … {most_n:.0f} N" in told
+    assert f"safe: 621 … {most_n:.0f} N" in told
     assert said.out.splitlines().index(told) == 1, "before anything is done to a part"
     database = sqlite3.connect(data / "records.sqlite3")
     events = dict(database.execute("SELECT kind, data FROM events").fetchall())

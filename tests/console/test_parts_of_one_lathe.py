@@ -150,20 +150,46 @@ def test_commands_and_screens_count_the_parts_of_the_same_lathes(
     assert floor.context.record is not None
     setup = story(data, floor.context.record.run_id).setup
     floor.do(Disarm())
-    assert (command is not None, "lathe" in setup) == (counted, counted)
+    recorded = dict(setup["lathe"])
+    assert recorded.pop("which") == str(true.lathe), "as the traces of its parts name it"
+    assert (command is not None, bool(recorded)) == (counted, counted)
     if command is not None:
-        assert command.part == 1 and setup["lathe"] == command.fields()
+        assert command.part == 1 and recorded == command.fields()
         assert next_part(data, job.job.name, loaded.machine.name, command.lathe) == 2
+
+
+def square_trace(folder: Path, lathe: str, strategy: str = "cam") -> Path:
+    """Write a trace of a part of a simulated lathe; one that does not say of which, of none ("")."""
+    rows = [f"{a},{3.0 if a % 120 < 60 else -3.0}" for a in range(360)]
+    head = ("state: free", "simulated: yes", "direction: spindle", "start_mark: spindle index")
+    cut = ("compensation: none", f"strategy: {strategy}", "stage: full", *([f"lathe: {lathe}"] if lathe else []))
+    path = folder / "square.csv"
+    path.write_text("\n".join([*(f"# {line}" for line in (*head, *cut)), "angle_deg,deviation_um", *rows]))
+    return path
+
+
+def test_a_part_of_another_simulated_lathe_teaches_nothing_where_it_was_not_cut(
+    console: Console, ring: str, machine: str, tmp_path: Path, data_folder: Path
+) -> None:
+    where = ("--machine", machine)
+    assert console("run", ring, *where, *SIX, "--strategy", "pvt").code == 0
+    words = ("learn", str(square_trace(tmp_path, "realistic, seed 9", "pvt")), "--job", ring, *where, "--keep")
+    for language, data in (("en", "--data FOLDER"), ("ko", "데이터 폴더")):
+        said = console(*words, "--lang", language)
+        assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
+        assert all(word in said.err for word in ("realistic, seed 6", "realistic, seed 9", data))
+    assert not (data_folder / "trilobe" / "learned").exists()
+    for lathe in ("", "realistic, seed 6"):
+        square_trace(tmp_path, lathe, "pvt")
+        assert console(*words[:-1]).code == 0, "of the lathe whose part is recorded, or of one that is not known"
+    square_trace(tmp_path, "realistic, seed 9", "pvt")
+    assert console(*words, "--data", str(tmp_path / "fresh")).code == 0, "where no part of the job is recorded"
 
 
 @pytest.fixture
 def learned(console: Console, ring: str, machine: str, tmp_path: Path) -> str:
     """A version that was learned from a part of the realistic lathe with seed 6."""
-    rows = [f"{a},{3.0 if a % 120 < 60 else -3.0}" for a in range(360)]
-    head = ("state: free", "simulated: yes", "direction: spindle", "start_mark: spindle index")
-    cut = ("compensation: none", "strategy: cam", "stage: full", "lathe: realistic, seed 6")
-    path = tmp_path / "square.csv"
-    path.write_text("\n".join([*(f"# {line}" for line in (*head, *cut)), "angle_deg,deviation_um", *rows]))
+    path = square_trace(tmp_path, "realistic, seed 6")
     said = console("learn", str(path), "--job", ring, "--machine", machine, "--keep")
     assert said.code == 0 and "--plant realistic --seed 6" in said.out
     return str(path)

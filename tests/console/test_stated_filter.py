@@ -37,7 +37,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
-from tests.console.test_notch_trial import LATHE, fill
+from tests.console.test_notch_trial import LATHE, PUBLISHED, fill
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
 Console = Callable[..., Any]
@@ -107,6 +107,24 @@ def test_responses_with_the_filter_do_not_prove_it(tmp_path: Path, turned: tuple
     assert known_loop(stating(FIRST), tmp_path, simulated=False).reading is None
     fill(tmp_path)
     assert "trial.read_otherwise" in codes(tmp_path, stating(FIRST)), "by the axis without the filter"
+
+
+def test_responses_of_two_axes_name_both_ways_out_and_both_lead_out(tmp_path: Path) -> None:
+    """Something of the tool was changed since the first sweeps: more responses beside those would not help."""
+    machine = stating(FIRST)
+    before = replace(bending().plant, acceleration_per_v=0.5 * bending().plant.acceleration_per_v)
+    older = identified(swept(replace(bending(), plant=before), 0.0002), PUBLISHED, simulated=False)
+    old = store_response(tmp_path, replace(older, date="2025-12-01T10:00:00.000Z"))
+    fill(tmp_path)
+    store_test(tmp_path, filter_test(FIRST, FIRST, simulated=False))
+    (told,) = stated_filter_problems(machine, tmp_path, simulated=False)
+    assert told.code == "trial.filter_misfit"
+    for language in ("en", "ko"):
+        said = load(language).problem(told)
+        assert all(way in said for way in (str(old.parent), "console controller apply", "console tune show"))
+    assert codes(tmp_path, LATHE) == [], "a profile without the filter"
+    old.unlink()
+    assert codes(tmp_path, machine) == [], "the responses of the axis as it is now"
 
 
 def console_at(data: Path, reading: Reading) -> WithStation:

@@ -213,6 +213,37 @@ def test_no_part_in_the_record_is_no_part(outside: Outside) -> None:
 
 
 @pytest.mark.parametrize(
+    ("cut_on", "codes"),
+    [("steady, seed 11", []), ("", []), ("steady, seed 12", ["trace.other_lathe"])],
+)
+def test_a_trace_of_a_part_of_another_simulated_lathe_is_not_that_of_this_part(
+    cut_on: str, codes: list[str], tmp_path: Path, outside_job: LoadedJob
+) -> None:
+    stated = {**STATED, "simulated": "yes", "lathe": "steady, seed 11"}
+    path = written(tmp_path, outside_job, **stated).path
+    found = examined(path, outside_job.job, {}, simulated=True, lathe=cut_on)
+    assert [problem.code for problem in found.problems] == codes
+    assert found.ready is (not codes)
+
+
+@pytest.mark.long
+def test_inspect_takes_a_trace_only_of_the_simulated_lathe_that_has_cut_the_part(outside: Outside) -> None:
+    shop = outside.floor.sim
+    outside.floor.context.shop = shop
+    outside.floor.context.tell(simulated=True)
+    outside.cut()
+    lathe = str(shop.which)
+    own = outside.gauge(**STATED, simulated="yes", lathe=lathe)
+    other = outside.gauge("other.csv", **STATED, simulated="yes", lathe="steady, seed 12")
+    assert outside.refused(other) == ["trace.other_lathe"]
+    assert outside.floor.state.cut_done and not outside.events("measured"), "nothing is stored, nothing is lost"
+    again = open_floor(outside.data, SEED + 1, "steady", outside.machine)
+    assert [problem.code for problem in again.do(outside.order(other)).refusals] == ["trace.other_lathe"]
+    state = again.do(outside.order(own))
+    assert state.measured is not None, "the part that was cut before the restart, whatever lathe is here now"
+
+
+@pytest.mark.parametrize(
     ("stated", "code"),
     [
         ({"simulated": "yes"}, "trace.simulated_part"),

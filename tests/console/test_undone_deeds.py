@@ -17,7 +17,7 @@ from console.session.cut.engine import Step
     ("kind", "first", "later", "after_s", "for_s", "outcome"),
     [
         (3, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
-        (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.off_path"),
+        (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.lagged"),
         (5, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
     ],
 )

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
+from console.text.catalogue import load
 from drivers.cutting.path_seen import PathSeen
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.snapshot import AxisState, Snapshot
+from profiles.problem import Problem
 from profiles.store import load_job
 from tests.system.lathe_sites import compact
 
 MACHINE = compact("pmac")
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.5)
 POLL_S, TURN_S = 0.023, 0.06
+PER_MM = MACHINE.carriage.counts_per_mm
 
 
 @cache
@@ -24,7 +28,7 @@ def plan() -> CutPlan:
     return plan_cut(JOB, MACHINE, Strategy.PVT)
 
 
-def told(
+def found(
     tool_um: float = 0.0,
     *,
     share: float = 1.0,
@@ -33,8 +37,11 @@ def told(
     noise_um: float = 0.5,
     within_s: tuple[float, float] = (1.5, 1.7),
     entry_um: float = 0.0,
-) -> list[str]:
-    """What is told of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
+    lags: bool = False,
+) -> list[Problem]:
+    """What is found of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
+
+    Where it `lags`, tool and carriage are commanded as planned all the time; else they are where commanded.
 
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
     """
@@ -44,15 +51,21 @@ def told(
         at_s = number * POLL_S
         off = 1.0 if within_s[0] <= at_s < within_s[1] else 0.0
         turn = at_s / TURN_S + off * turns
-        z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * MACHINE.carriage.counts_per_mm
+        z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * PER_MM
         target_um = plan().target.mean_um + share * (plan().target.at_um(360.0 * turn) - plan().target.mean_um)
         met = setup.carriage_face - 0.5 * MACHINE.tool.wiper_land_mm * MACHINE.carriage.counts_per_mm
         into_turns = (z - met) / setup.carriage_per_turn
         target_um -= entry_um * np.exp(-into_turns / 4.0) * (into_turns > 0.0)
         infeed_um = target_um + off * tool_um + chance.normal(0.0, noise_um)
-        places = (setup.surface + infeed_um / MACHINE.tool.count_um, turn * setup.counts_per_turn, z)
+        tool_at = setup.surface + infeed_um / MACHINE.tool.count_um
+        commanded = setup.surface + plan().command.at_um(360.0 * turn) / MACHINE.tool.count_um
         tool, spindle, carriage = (
-            AxisState(position=float(at), following_error=0.0, flags=frozenset()) for at in places
+            AxisState(position=float(at), following_error=float(lag) if lags else 0.0, flags=frozenset())
+            for at, lag in (
+                (tool_at, commanded - tool_at),
+                (turn * setup.counts_per_turn, 0.0),
+                (z, -off * feed_mm * PER_MM),
+            )
         )
         seen.see(
             Snapshot(
@@ -65,9 +78,14 @@ def told(
                 carriage=carriage,
             )
         )
-    problems = list(seen.problems())
-    assert {problem.code for problem in problems} <= {"cut.off_path", "cut.off_time"}
-    return [problem.key if problem.code == "cut.off_path" else "spindle" for problem in problems]
+    return list(seen.problems())
+
+
+def told(tool_um: float = 0.0, **how: Any) -> list[str]:
+    """The axes of which something is found."""
+    problems = found(tool_um, **how)
+    assert {problem.code for problem in problems} <= {"cut.off_path", "cut.lobe_off_path", "cut.off_time"}
+    return ["spindle" if problem.code == "cut.off_time" else problem.key for problem in problems]
 
 
 @pytest.mark.parametrize("noise_um", [0.0, 0.5, 3.0])
@@ -103,3 +121,34 @@ def test_a_spindle_that_was_elsewhere_for_a_moment_is_told() -> None:
 
 def test_a_lobe_that_is_followed_out_of_phase_from_the_first_turn_on_is_told() -> None:
     assert set(told(share=-1.0)) == {"tool"}
+
+
+@pytest.mark.parametrize("lags", [False, True])
+@pytest.mark.parametrize(
+    ("how", "axis", "of_command", "of_axis"),
+    [
+        ({"tool_um": 18.0}, "tool", "cut.off_path", "cut.lagged"),
+        ({"feed_mm": -0.1}, "carriage", "cut.off_path", "cut.lagged"),
+        ({"share": 0.2}, "tool", "cut.lobe_off_path", "cut.lobe_lagged"),
+        ({"share": -1.0}, "tool", "cut.lobe_off_path", "cut.lobe_lagged"),
+    ],
+)
+def test_an_axis_that_lags_behind_the_planned_command_is_not_the_deed_of_another_host(
+    how: dict[str, Any], axis: str, of_command: str, of_axis: str, lags: bool
+) -> None:
+    problem = next(each for each in found(**how, lags=lags) if each.key == axis)
+    assert problem.code == (of_axis if lags else of_command)
+    for language, host, friction in (("en", "another host", "dry friction"), ("ko", "다른 호스트", "건식 마찰")):
+        said = load(language).problem(problem)
+        assert all(fact in said for fact in (problem.value, problem.limit, problem.where))
+        assert (friction in said) is lags
+        assert not lags or said.index(friction) < said.index(host), "the likelier cause first"
+
+
+def test_where_the_tool_lagged_is_told_from_the_face_of_the_part() -> None:
+    (problem,) = found(18.0, noise_um=0.0, lags=True)
+    assert float(problem.value.removesuffix(" um")) == pytest.approx(18.0, abs=3.0)
+    setup = plan().setup
+    begins_mm = (setup.carriage_start - setup.carriage_face + 1.5 / TURN_S * setup.carriage_per_turn) / PER_MM
+    ends_mm = begins_mm + 0.2 / TURN_S * setup.carriage_per_turn / PER_MM
+    assert begins_mm - 0.1 <= float(problem.where.removesuffix(" mm")) <= ends_mm + 0.1

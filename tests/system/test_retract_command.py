@@ -17,6 +17,7 @@ from drivers.clock import RealClock
 from drivers.link.address import TcpAddress
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
+from drivers.pmac.programs.cam import correction_register
 from drivers.pmac.reserved import LOST, OWNER
 from tests.system.run_over_link import Order, order
 
@@ -102,6 +103,26 @@ def test_axes_without_zeros_are_not_moved(lathe: tuple[Order, str, PmacClient]) 
     done = retract(made, address, "--yes")
     assert done.returncode == 1 and "home first" in done.stderr
     assert client.numbers("#1P", "I51") == pytest.approx(before, abs=SETTLES_COUNTS)
+
+
+def test_without_a_home_the_command_clears_what_a_table_adds_and_nothing_moves(
+    lathe: tuple[Order, str, PmacClient],
+) -> None:
+    """Somebody has aborted the homing of the tool, and its register is not 0: nothing else leads out."""
+    made, address, client = lathe
+    refused = retract(made, address, "--yes", "--clear-tables")
+    assert refused.returncode == 1 and "F8" in refused.stderr, "with a home it is not needed"
+    register = correction_register(made.machine)
+    for line in ("#1HM", "#1K", "I51=0", f"{register}=3200"):
+        client.request(line)
+    dead_end = retract(made, address, "--yes")
+    assert dead_end.returncode == 1 and "console retract --clear-tables" in dead_end.stderr
+    (before,) = client.numbers("#1P")
+    done = retract(made, address, "--yes", "--clear-tables", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["tables_cleared"]
+    tool, *others = client.numbers("#1P", "I51", register, f"P{OWNER}")
+    assert others == [0.0, 0.0, 0.0] and tool == pytest.approx(before, abs=1.0)
 
 
 def test_a_lathe_that_another_console_controls_is_left_alone(lathe: tuple[Order, str, PmacClient]) -> None:

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import fcntl
+import mmap
 import os
 import pty
 import signal
 import sqlite3
 import subprocess
 import sys
+import time
+from collections.abc import Iterator
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
+from typing import BinaryIO
 
 import pytest
 
@@ -76,14 +82,45 @@ def test_a_signal_in_mid_cut_stops_the_machine_and_is_told(
     assert f"end  {number.name}, exit code 1" in log.splitlines()[-1]
 
 
+@contextmanager
+def full_pipe() -> Iterator[tuple[BinaryIO, int]]:
+    """A pipe that takes nothing more until it is read: who writes to it waits there."""
+    read, write = os.pipe()
+    fcntl.fcntl(write, fcntl.F_SETPIPE_SZ, mmap.PAGESIZE)
+    os.set_blocking(write, False)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(write, bytes(mmap.PAGESIZE))
+    os.set_blocking(write, True)
+    with open(read, "rb") as reading:
+        yield reading, write
+
+
+def wait_for_a_run(data: Path) -> None:
+    """Wait until a run is in the record: its first output comes next."""
+    file, until_s = data / "records.sqlite3", time.monotonic() + 30.0
+    while time.monotonic() < until_s:
+        with suppress(sqlite3.Error), closing(sqlite3.connect(f"file:{file}?mode=ro", uri=True)) as database:
+            if database.execute("SELECT count(*) FROM runs").fetchone()[0]:
+                return
+        time.sleep(0.01)
+    raise TimeoutError("no run was recorded")
+
+
 def test_a_signal_before_anything_moves_ends_with_one_line(tmp_path: Path) -> None:
+    """Its first lines do not get out before the signal has come, so that it has not moved anything by then."""
     job = profiles.store.BUNDLED_JOBS / "lee-2001-experiment-1.toml"
-    with Preloaded(command(job, tmp_path), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        process.stdout.readline()
+    with (
+        full_pipe() as (out, write),
+        Preloaded(command(job, tmp_path), stdout=write, stderr=subprocess.PIPE, text=True) as process,
+    ):
+        os.close(write)
+        wait_for_a_run(tmp_path)
         process.send_signal(signal.SIGTERM)
+        said = out.read().replace(b"\0", b"")
         _, err = process.communicate(timeout=30)
     assert process.returncode == 1
+    assert b"  cut" not in said
     assert err.count("\n") == 1
     assert "Traceback" not in err
 

@@ -13,6 +13,7 @@ from console.text.catalogue import Catalogue
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the machine."""
     add_shared(parser, text, "machine", *HARDWARE, *LINK)
+    parser.add_argument("--clear-tables", action="store_true", help=text("help.retract.clear_tables"))
     parser.add_argument("--yes", action="store_true", help=text("help.identify.yes"))
 
 

@@ -9,17 +9,20 @@ from pathlib import Path
 from console.cli.library import SIM_LINK, machine_of
 from console.cli.machine.identify_run import reached_machine
 from console.cli.output import agreed, show, tell
-from console.session.cut.retracting import retract_and_switch_tables_off, retracted_by_distance
-from console.session.errors import refuse
+from console.session.cut.alignment import NO_HOME_FOR_TABLE, tables_told
+from console.session.cut.retracting import clear_tables, retract_and_switch_tables_off, retracted_by_distance
+from console.session.errors import SessionError, refuse
 from console.session.signals import Interruption
 from console.session.station.conditions import require
 from console.session.station.reaching import guard, leave
 from console.text.catalogue import Catalogue
+from drivers.identification.rig import Rig
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.tracing import Tracing
+from profiles.problem import Problem
 
 
 def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> int:
@@ -40,11 +43,18 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
             if owning is not None:
                 owning.claim()
             try:
-                switched, last = _retracted(lathe, lost=lost)
+                if options.clear_tables:
+                    cleared = _cleared(rig, lost=lost)
+                else:
+                    switched, last = _retracted(lathe, lost=lost)
             finally:
                 leave(lathe, owning)
     finally:
         tell(tracing.problems, text)
+    if options.clear_tables:
+        said = text("retract.tables_cleared" if cleared else "retract.no_tables")
+        show(options, lambda: {"ended_by_controller": lost, "tables_cleared": cleared}, lambda: [said])
+        return 0
     lengths = Lengths(loaded.machine)
     places = {axis: lengths.at(axis, last.axis(axis).position) for axis in (AxisName.TOOL, AxisName.CARRIAGE)}
     show(
@@ -65,6 +75,9 @@ def _retracted(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:
     """
     before = lathe.snapshot()
     refuse(safety_problems(lathe.machine, before.inputs), lathe.verify())
+    if not before.homed:
+        told = tables_told(lathe.program.tables_left(), homed=False)
+        refuse(each for each in told if each.code == NO_HOME_FOR_TABLE)
     require(before.homed, "machine.not_homed")  # else nobody knows where travel ends, and a table adds nothing
     lathe.confirm_nobody_inside()  # that is what was agreed to
     if lost:
@@ -72,3 +85,20 @@ def _retracted(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:
     lathe.enable()
     switched = retract_and_switch_tables_off(lathe, retracted_by_distance(lathe.machine, before))
     return switched, lathe.snapshot()
+
+
+def _cleared(rig: Rig, *, lost: bool) -> bool:
+    """Disable the drives and clear what tables add to the tool, where no home is known; whether there was any."""
+    lathe = rig.lathe
+    before = lathe.snapshot()
+    require(before.at_rest, "machine.moving")
+    if not lathe.program.tables_left():
+        return False
+    if before.homed:  # said before the drives are disabled, which the retract needs
+        raise SessionError(Problem(code="tables.homed"))
+    if lost:
+        lathe.acknowledge_loss()
+    if not before.loops_open:
+        lathe.switch_off()
+    clear_tables(lathe, rig.clock)
+    return True

@@ -22,6 +22,7 @@ from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
+from console.session.cut.simulated_parts import lathe_setup
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
@@ -213,7 +214,7 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
             "calibrations": machine.used,
             "inverted": plan.inverted or MODEL,
             **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
-            **({} if request.lathe_parts is None else {LATHE: request.lathe_parts.fields()}),
+            **lathe_setup(request.which, request.lathe_parts),
             "address": "" if request.address is None else str(request.address),
             "warnings": warnings,
         },

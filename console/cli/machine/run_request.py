@@ -34,6 +34,7 @@ from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
 from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
 from profiles.axis.response import ServoResponse
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, differences
 from profiles.compensations.path import CutPath
@@ -67,6 +68,13 @@ class RunRequest:
     fingerprint: Fingerprint | None = None
     felt: bool = False
     lathe_parts: LatheParts | None = None
+
+    @property
+    def which(self) -> WhichLathe | None:
+        """The simulated lathe in this process, None for a machine at an address."""
+        if self.address is not None:
+            return None
+        return WhichLathe(plant=IDEAL, seed=0, alike=True) if self.true is None else self.true.lathe
 
 
 def requested(options: Namespace) -> RunRequest:

@@ -12,6 +12,7 @@ from console.cli.output import harmonics_of
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.forces import no_force_remedy, span_words
 from profiles.axis.envelope import Envelope
 from profiles.chucking.advice import ClampingAdvice
 from profiles.chucking.diagnosis import diagnose
@@ -163,9 +164,10 @@ def _places(job: Job, seen: Prediction, text: Catalogue) -> list[tuple[str, ...]
 
 def _clamping(advice: ClampingAdvice, machine: MachineProfile, text: Catalogue) -> list[tuple[str, str]]:
     """Return the forces; limits above the maximum of chuck or spindle are left out."""
-    least_n, most_n = advice.span.whole_n
+    remedy = no_force_remedy(advice.span, text)
     rows = [
-        (text("predict.force_span"), f"{least_n} … {most_n} N"),
+        (text("predict.force_span"), span_words(advice.span, text)),
+        *([("", remedy)] if remedy else []),
         (text("predict.force"), f"{advice.at_rest_n:.0f} ± {advice.at_rest_sd_n:.0f} N"),
     ]
     if advice.line_sd_n:
@@ -178,7 +180,8 @@ def _clamping(advice: ClampingAdvice, machine: MachineProfile, text: Catalogue) 
     rows += [(text(f"clamp_limit.{name}"), f"{force_n:.0f} N") for name, force_n in limits_n.items()]
     if advice.torque_n_m is not None and advice.torque_span_n_m is not None:
         low, high = advice.torque_span_n_m
-        rows.append((text("predict.torque"), f"{advice.torque_n_m:.2f} N m ({low:.2f} … {high:.2f})"))
+        between = "" if advice.span.empty else f" ({low:.2f} … {high:.2f})"
+        rows.append((text("predict.torque"), f"{advice.torque_n_m:.2f} N m{between}"))
     return rows
 
 

@@ -11,11 +11,13 @@ from console.cli.output import harmonics_of
 from console.text.band import band_reasons
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.forces import no_force_remedy
 from drivers.cutting.planning import CutPlan
 from drivers.preview.band import Band, predicted_band
 from drivers.preview.outlook import grip_demand
 from drivers.preview.preview import Preview, Response
 from profiles.axis.envelope import envelope, highest_safe_speed
+from profiles.chucking.advice import force_span
 from profiles.findings import Severity
 from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
@@ -192,6 +194,7 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
         *rows,
         (text("preview.grip"), f"{seen.grip_margin_n:.0f} N"),
         (text("predict.force_span"), span_line(job, seen.machine, text)),
+        *(("", remedy) for remedy in (no_force_remedy(force_span(job, seen.machine), text),) if remedy),
         (text("preview.fastest"), f"{math.floor(limits[binding])} rpm ({text(f'speed_limit.{binding}')})"),
     ]
 

@@ -119,6 +119,23 @@ class Alignment:
     tables: tuple[Problem, ...] = ()
 
 
+NO_HOME_FOR_TABLE = "cut.table_no_home"
+
+
+def table_problems(alignment: Alignment) -> tuple[Problem, ...]:
+    """Return what tables that were left on keep from being done, with the way out that there is.
+
+    Without a home nobody knows where a table adds nothing: what it adds is cleared with the drives killed.
+    """
+    return tables_told(alignment.tables, homed=alignment.homed)
+
+
+def tables_told(tables: tuple[Problem, ...], *, homed: bool) -> tuple[Problem, ...]:
+    """Return the same of what was just read of the `tables`, and of axes that are `homed` or not."""
+    held = tuple(each for each in tables if each.code == "cut.table_holds")
+    return tables if homed or not held else (replace(held[0], code=NO_HOME_FOR_TABLE),)
+
+
 def mounted_on(machine: MachineProfile) -> Mounted:
     """Return what is mounted on a machine according to its profile."""
     return Mounted(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
@@ -237,7 +254,7 @@ def _step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Pro
             settings = alignment.settings
             return (Problem(code="alignment.not_verified"),) if settings is None else settings
         case AlignStep.CLAMP:
-            return (*alignment.tables, *_clamp(alignment, job))
+            return (*table_problems(alignment), *_clamp(alignment, job))
         case AlignStep.DRIVES:
             return () if alignment.drives_on else (Problem(code="alignment.drives_off"),)
         case AlignStep.HOME:

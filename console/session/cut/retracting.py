@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
-from console.session.errors import refuse
+from console.session.cut.alignment import tables_told
+from console.session.errors import SessionError, refuse
+from drivers.clock import Clock
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.lathe.standstill import STILL_COUNTS, STILL_S
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
 
 HOME_COUNTS = 0.0
+STILL_TIMEOUT_S = 3.0  # a just disabled axis may still settle; a spindle that coasts takes longer
 CARRIAGE_ZERO_COUNTS = 0.0
 """Where the carriage stands ahead of every table, and each adds nothing."""
 
@@ -39,5 +44,28 @@ def retract_and_switch_tables_off(lathe: Lathe, target: float, zero_z: float = C
         return False
     if lathe.snapshot().homed:
         lathe.jog_to(AxisName.CARRIAGE, zero_z, settle=False)
-    refuse(lathe.program.switch_tables_off())
+    refuse(tables_told(lathe.program.switch_tables_off(), homed=lathe.snapshot().homed))
     return True
+
+
+def clear_tables(lathe: Lathe, clock: Clock) -> None:
+    """Clear what tables add to the tool where no home is known, with the drives killed and all at rest.
+
+    Nothing moves. Raises DriverError: as `CutProgram.clear_tables`. SessionError: what still adds to the tool;
+    `machine.moving`, something does not come to rest.
+    """
+    refuse_unless_still(lathe, clock)
+    refuse(lathe.program.clear_tables())
+
+
+def refuse_unless_still(lathe: Lathe, clock: Clock) -> None:
+    """Refuse while anything turns: with open loops rest is judged by two polls, not by what is commanded."""
+    deadline_s = clock.now_s() + STILL_TIMEOUT_S
+    before = lathe.snapshot()
+    while clock.now_s() < deadline_s:
+        clock.wait(STILL_S)
+        after = lathe.snapshot()
+        if after.still(before, STILL_COUNTS):
+            return
+        before = after
+    raise SessionError(Problem(code="machine.moving"))

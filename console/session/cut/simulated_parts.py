@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.session.data.record_file import FILE_NAME, record_error, rows
-from drivers.simulator.plant.which_lathe import WhichLathe
+from drivers.simulator.plant.which_lathe import LATHE, WHICH, WhichLathe
 
 TIMEOUT_S = 1.0
 
@@ -41,6 +41,13 @@ class LatheParts:
     def fields(self) -> dict[str, object]:
         """Return it as the record and JSON have it."""
         return {"plant": self.lathe.plant, "seed": self.lathe.seed, "part": self.part, "parts": self.parts}
+
+
+def lathe_setup(lathe: WhichLathe | None, parts: LatheParts | None) -> dict[str, object]:
+    """Return what the record has of a simulated lathe and, where they differ, its parts; nothing of a real one."""
+    if lathe is None:
+        return {}
+    return {LATHE: {WHICH: str(lathe), **({} if parts is None else parts.fields())}}
 
 
 def next_part(data: Path, job: str | None, machine: str, lathe: WhichLathe) -> int:

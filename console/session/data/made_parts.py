@@ -12,22 +12,25 @@ from console.session.data.learned_store import NONE
 from console.session.errors import SessionError
 from console.session.force_record import force_of
 from console.session.stages import Stage
+from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.learned import HoldsFor
+from profiles.files import printable
 from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
 
 LOCK_TIMEOUT_S = 1.0
+MOST_NAMED = 3  # simulated lathes in a message
 
 _QUERY = """
-SELECT events.kind, events.data, events.at_utc FROM events JOIN runs USING (run_id)
+SELECT events.kind, events.data, events.at_utc, {which} FROM events JOIN runs USING (run_id)
 WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
 ORDER BY events.rowid DESC
 """
 """By row, the order in which they were added: a clock may have been set back meanwhile."""
 
 _NEWEST = """
-SELECT events.kind, events.data, events.at_utc, events.run_id, EXISTS (
+SELECT events.kind, events.data, events.at_utc, {which}, events.run_id, EXISTS (
     SELECT 1 FROM events AS later JOIN runs AS other ON other.run_id = later.run_id
     WHERE later.kind = 'started' AND later.rowid > events.rowid
     AND other.machine = runs.machine AND other.simulated = runs.simulated
@@ -36,6 +39,9 @@ FROM events JOIN runs USING (run_id)
 WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
 ORDER BY events.rowid DESC LIMIT 20
 """
+
+_HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"  # not in records of the first schemas
+_WHICH = f"json_extract(runs.setup, '$.{LATHE}.{WHICH}')"
 
 Cut = tuple[str, str, str]
 """Kind, data and date of a cut, as in the run record."""
@@ -138,8 +144,26 @@ def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
 
 
 def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
-    """Return the cuts of this job on this machine, newest first; refuses an unreadable record."""
-    return _rows(folder, _QUERY, asked)
+    """Return the cuts of this job on this machine, newest first; refuses an unreadable record.
+
+    Where `asked` names a simulated lathe, those of other simulated lathes are none of them.
+
+    Raises SessionError: `learned.lathe_not_recorded`, parts of other simulated lathes are recorded, none of this.
+    """
+    found = _rows(folder, _QUERY, asked)
+    ours = [(kind, data, at_utc) for kind, data, at_utc, which in found if not is_other_lathe(asked.lathe, which)]
+    if not ours and any(_made(kind, data) for kind, data, _, _ in found):
+        others = tuple(dict.fromkeys(printable(str(which), 60) for *_, which in found))
+        limit = " | ".join((*others[:MOST_NAMED], *(("…",) if len(others) > MOST_NAMED else ())))
+        raise SessionError(
+            Problem(code="learned.lathe_not_recorded", value=printable(asked.lathe, 60), limit=limit)
+        )
+    return ours
+
+
+def is_other_lathe(stated: str, recorded: str | None) -> bool:
+    """Whether two texts of simulated lathes are those of two lathes; one that is not known is none."""
+    return bool(stated and recorded) and stated != recorded
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,6 +171,7 @@ class CutPart:
     """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since.
 
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, 0 where the record does not have it.
+    `lathe` is the simulated lathe that has cut it, "" where the record names none.
     `force` is what the cutting force said of a half-stage cut, None where it was not asked.
     """
 
@@ -154,13 +179,14 @@ class CutPart:
     made: MadeWith
     at_utc: str
     cut_since: bool
+    lathe: str = ""
     tool_lobe_um: complex = 0j
     force: ForceNull | None = None
 
 
 def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
     """Return the newest part of this job on this machine, None without one; refuses an unreadable record."""
-    for kind, data, at_utc, run_id, cut_since in _rows(folder, _NEWEST, asked):
+    for kind, data, at_utc, which, run_id, cut_since in _rows(folder, _NEWEST, asked):
         for made in _made(kind, data):
             if made is None:
                 return None
@@ -170,6 +196,7 @@ def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
                 made=made,
                 at_utc=at_utc,
                 cut_since=bool(cut_since),
+                lathe=which or "",
                 tool_lobe_um=tool_um,
                 force=force_of(data),
             )
@@ -196,6 +223,8 @@ def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:
     from console.session.data.record_file import FILE_NAME, record_error, rows
 
     try:
+        which = _WHICH if rows(folder, _HAS_SETUP, (), LOCK_TIMEOUT_S) else "NULL"
+        query = query.format(which=which)
         return rows(folder, query, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
     except sqlite3.Error as error:
         raise record_error("record.unreadable", folder / FILE_NAME, error) from error

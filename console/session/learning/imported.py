@@ -11,8 +11,9 @@ from types import MappingProxyType
 import numpy as np
 
 from console.session.cut.run import FILTER_UPR
+from console.session.data.made_parts import is_other_lathe
 from console.session.errors import SessionError, refuse
-from console.session.learning.learning_steps import is_simulated
+from console.session.learning.learning_steps import is_simulated, lathe_of
 from profiles.arrays import read_only
 from profiles.files import printable
 from profiles.job import Job
@@ -68,11 +69,13 @@ class ImportedTrace:
         return self.result is not None and not self.open and not self.problems
 
 
-def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: bool) -> ImportedTrace:
+def examined(
+    path: Path, job: Job, answers: Mapping[str, str], *, simulated: bool, lathe: str = ""
+) -> ImportedTrace:
     """Read the trace in a file for a part of `job`, cut with jaw 1 where the job has it.
 
     `answers` are used where the file does not state a key of `QUESTIONS`; `simulated` is whether the part was cut
-    in a simulator.
+    in a simulator, `lathe` on which simulated lathe, "" where that is not known.
 
     Raises ProfileError: the file cannot be read, or its points cannot be evaluated.
     """
@@ -83,7 +86,7 @@ def examined(path: Path, job: Job, answers: Mapping[str, str], *, simulated: boo
     trace = replace(filed, meta=MappingProxyType({**filed.meta, **given}))
     header, warnings = header_of(trace.meta)
     open_ = tuple(key for key in _asked(header) if key not in given)
-    problems = _refusals(trace, header, simulated=simulated)
+    problems = _refusals(trace, header, simulated=simulated, lathe=lathe)
     turn = one_turn(trace, header)
     result = None
     if not problems and header.state != UNKNOWN_STATE:
@@ -128,11 +131,13 @@ def _asked(header: TraceHeader) -> tuple[str, ...]:
     return tuple(key for key in QUESTIONS if missing[key])
 
 
-def _refusals(trace: Trace, header: TraceHeader, *, simulated: bool) -> tuple[Problem, ...]:
+def _refusals(trace: Trace, header: TraceHeader, *, simulated: bool, lathe: str) -> tuple[Problem, ...]:
     """Return why a part must not be judged by this trace."""
     problems = []
     if is_simulated(trace) is not simulated:
         problems.append(Problem(code="trace.simulated_part" if not simulated else "trace.real_part"))
+    elif is_other_lathe(lathe_of(trace), lathe):
+        problems.append(Problem(code="trace.other_lathe", value=printable(lathe_of(trace), 60), limit=lathe))
     if header.method == "two_point":
         problems.append(Problem(code="trace.two_point", key="method", value="two_point"))
     elif header.method == "v_block":

@@ -98,11 +98,12 @@ def taught(
     `identified` is the file of the response that the cut has inverted, `extra` are further harmonics to learn.
 
     Raises:
-        ProblemError: the part is not of the stated cut, or of none that can be learned from, or `extra` cannot be
+        ProblemError: the part is of another simulated lathe than the recorded cuts; it is not of the stated
+            cut, or of none that can be learned from, or `extra` cannot be
             cut (`learned.extra`); the version of the cut is missing, or for another job or machine; what the trace
             or the fit refuses.
     """
-    asked = asked_for(job, machine, "", simulated=is_simulated(trace))
+    asked = asked_for(job, machine, "", simulated=is_simulated(trace), lathe=lathe_of(trace))
     known = versions(data, asked)
     if said.get("compensation") == NEWEST and known:
         said = {**said, "compensation": str(known[-1].version)}
@@ -138,7 +139,7 @@ def taught_by(
     filed, (strategy, stage) = job.job, _followed(made)
     if made.changed:  # along the cut: which of it a trace has measured is not known
         raise SessionError(Problem(code="learned.changed_in_cut", value=made.changed))
-    asked = asked_for(job, machine, strategy, simulated=is_simulated(trace), lathe=trace.meta.get(LATHE, ""))
+    asked = asked_for(job, machine, strategy, simulated=is_simulated(trace), lathe=lathe_of(trace))
     known = versions(data, asked)
     inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)
     version = chosen(made.compensation, known, asked)
@@ -177,6 +178,11 @@ def _turned_deg(filed: Job, made: MadeWith) -> float:
 def is_simulated(trace: Trace) -> bool:
     """Whether a trace is of a simulated part."""
     return trace.meta.get(SIMULATED[0]) == SIMULATED[1]
+
+
+def lathe_of(trace: Trace) -> str:
+    """Return on which simulated lathe the part of a trace was cut, "" where that is not known."""
+    return trace.meta.get(LATHE, "") if is_simulated(trace) else ""
 
 
 def _part(

@@ -238,6 +238,13 @@ class Retract(Command):
     """Take the tool out of the part, after a stop."""
 
 
+class ClearTables(Command):
+    """Clear what a table that was left on adds to the tool, without a home and with the drives killed.
+
+    Nothing moves.
+    """
+
+
 class Recover(Command):
     """Reset after a stop that the operator has seen. Nothing moves."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from console.session.cut.alignment import table_problems
 from console.session.errors import SessionError, refuse
 from console.session.station.context import StationContext
 from profiles.problem import Problem
@@ -19,5 +20,5 @@ def refuse_unless_homed(context: StationContext) -> None:
     Also while a table is left on (`cut.table_on`): it would move the tool with the carriage and the spindle.
     """
     require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
-    refuse(context.state.alignment.tables)
+    refuse(table_problems(context.state.alignment))
     require(context.lathe.snapshot().homed, "alignment.not_homed")

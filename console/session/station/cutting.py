@@ -10,6 +10,7 @@ from console.session.cut.engine import CutEnd, NotAsPlannedError, Step, cut, loa
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.retracting import (
     CARRIAGE_ZERO_COUNTS,
+    clear_tables,
     retract_and_switch_tables_off,
     retracted_by_distance,
 )
@@ -24,7 +25,7 @@ from console.session.learning.history import history_of
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
 from console.session.station.adjusting.passing_on import Adjusting, left_behind
-from console.session.station.commands import Arm, Disarm, HoldFeed, Retract, Start
+from console.session.station.commands import Arm, ClearTables, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems
 from console.session.station.history.cut_record import open_record
@@ -312,9 +313,28 @@ def retract(context: StationContext, _: Retract) -> None:
         out = min(plan.setup.retracted, snapshot.tool.position) if alignment.tables else plan.setup.retracted
         retract_and_switch_tables_off(context.lathe, out, zero_z)
     if alignment.tables:
-        if context.commissioned is not None:
-            context.commissioned.wrote({int(SWITCH[1:]): 0.0})
-        context.tell(alignment=replace(context.state.alignment, tables=()))
+        _tables_are_off(context)
+
+
+def clear_left_tables(context: StationContext, _: ClearTables) -> None:
+    """Clear tables that were left on, where no home is known: with the drives killed, so that nothing moves.
+
+    Jaw 1 and the touch-off mean nothing afterwards, and the axes have to be homed.
+
+    Raises:
+        DriverError: as `CutProgram.clear_tables`, nothing was sent.
+    """
+    clear_tables(context.lathe, context.clock)
+    _tables_are_off(context)
+    alignment = context.state.alignment
+    context.tell(alignment=replace(alignment, jaw=None, touch_off=None, flanks=(), skim_counts=None))
+
+
+def _tables_are_off(context: StationContext) -> None:
+    """Report that no table adds anything; that this console has switched them off is no deed of another."""
+    if context.commissioned is not None:
+        context.commissioned.wrote({int(SWITCH[1:]): 0.0})
+    context.tell(alignment=replace(context.state.alignment, tables=()))
 
 
 def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: ForceNull | None) -> None:

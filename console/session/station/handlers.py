@@ -9,16 +9,17 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
 
-from console.session.cut.alignment import clamped, force_problems
+from console.session.cut.alignment import clamped, force_problems, table_problems
 from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job
+from console.session.cut.retracting import refuse_unless_still
 from console.session.errors import SessionError, refuse
 from console.session.practice.begins import Begins
 from console.session.station import commands, jogging
 from console.session.station.alarms import recovered
 from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
-from console.session.station.cutting import arm, disarm, retract, start
+from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
 from console.session.station.gain_trial import apply_gains, revert_gains, trial_problems, verified
 from console.session.station.measuring import correct_touch_off, measure_simulated, take_trace
@@ -42,8 +43,6 @@ from profiles.problem import Problem
 OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
 """Alarms that taking control settles."""
 
-STILL_S, STILL_COUNTS = 0.2, 2.0  # allowed difference of two polls this far apart: 0.06 rpm of the spindle
-STILL_TIMEOUT_S = 3.0  # a just disabled axis may still settle; a spindle that coasts takes longer
 OVER_PART_MM = 2.0  # distance of the tool behind the face of the part for the touch-off
 
 
@@ -79,8 +78,8 @@ def take_control(context: StationContext, command: commands.TakeControl) -> None
 def confirm_clamping(context: StationContext, command: commands.ConfirmClamping) -> None:
     """Record the operator's confirmation that the blank is clamped; in the simulator, clamp it."""
     require(context.lathe.snapshot().loops_open, "alignment.drives_on")
-    refuse(context.state.alignment.tables)
-    _refuse_unless_still(context)
+    refuse(table_problems(context.state.alignment))
+    refuse_unless_still(context.lathe, context.clock)
     in_part = jogging.tool_in_part(
         context.lathe.snapshot(), context.loaded_machine.machine, context.state.alignment
     )
@@ -106,7 +105,7 @@ def switch_on(context: StationContext, _: commands.EnableDrives) -> None:
     settings = context.state.alignment.settings
     require(settings is not None, "alignment.not_verified")
     refuse(settings or ())
-    _refuse_unless_still(context)
+    refuse_unless_still(context.lathe, context.clock)
     context.lathe.confirm_nobody_inside()
     try:
         context.lathe.enable()
@@ -135,7 +134,7 @@ def switch_off(context: StationContext, _: commands.DisableDrives) -> None:
 def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
     require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
-    refuse(context.state.alignment.tables)
+    refuse(table_problems(context.state.alignment))
     ends_s = home_s(context.machine, context.lathe.snapshot())
     latest_s = None if ends_s is None else context.clock.now_s() + ends_s
     context.tell(ends_s=latest_s, ends_at_most=not context.lathe.snapshot().homed)
@@ -214,21 +213,8 @@ def measure(context: StationContext, _: commands.Measure) -> None:
     require(tool_clear(snapshot, plan), "machine.tool_in_part")
     if not snapshot.loops_open:
         context.lathe.switch_off()
-    _refuse_unless_still(context)
+    refuse_unless_still(context.lathe, context.clock)
     measure_simulated(context)
-
-
-def _refuse_unless_still(context: StationContext) -> None:
-    """Refuse while anything turns: with open loops rest is judged by two polls, not by what is commanded."""
-    deadline_s = context.clock.now_s() + STILL_TIMEOUT_S
-    before = context.lathe.snapshot()
-    while context.clock.now_s() < deadline_s:
-        context.clock.wait(STILL_S)
-        after = context.lathe.snapshot()
-        if after.still(before, STILL_COUNTS):
-            return
-        before = after
-    raise SessionError(Problem(code="machine.moving"))
 
 
 HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]] = {
@@ -256,6 +242,7 @@ HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]
     commands.Disarm: (Activity.READY, disarm),
     commands.Start: (Activity.POSITIONING, start),
     commands.Retract: (Activity.RETRACTING, retract),
+    commands.ClearTables: (Activity.WRITING, clear_left_tables),
     commands.Recover: (Activity.STOPPED, recover),
     commands.TakeControl: (Activity.VERIFYING, take_control),
     commands.Measure: (Activity.MEASURING, measure),

@@ -212,6 +212,11 @@ def behind_face_mm(snapshot: Snapshot, machine: MachineProfile, overhang_mm: flo
     return snapshot.carriage.position / carriage.counts_per_mm - (carriage.jaw_face_mm - overhang_mm)
 
 
+def clears_tables(snapshot: Snapshot | None, alignment: Alignment) -> bool:
+    """Whether F8 clears tables that were left on, in place of a retract: no home, and the drives are killed."""
+    return bool(alignment.tables) and snapshot is not None and snapshot.loops_open and not snapshot.homed
+
+
 def no_retract(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> Problem | None:
     """Return why the tool cannot be retracted, with what is known of its position; None where it can be.
 

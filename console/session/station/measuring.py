@@ -61,7 +61,7 @@ MOST_OFFSET_UM = 200.0
 class _Cut:
     """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open.
 
-    `tool_um` is the tool error at the order of the lobe.
+    `tool_um` is the tool error at the order of the lobe, `lathe` the simulated lathe that has cut it.
     """
 
     job: Job
@@ -69,6 +69,7 @@ class _Cut:
     made: MadeWith
     tool_um: complex = 0j
     run_id: str | None = None
+    lathe: str = ""
 
 
 def take_trace(context: StationContext, command: TakeTrace) -> None:
@@ -85,7 +86,8 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     in_chuck = context.state.cut_done
     cut = _cut_of(context, command)
     try:
-        found = examined(command.path, cut.job, command.answers, simulated=context.shop is not None)
+        simulated = context.shop is not None
+        found = examined(command.path, cut.job, command.answers, simulated=simulated, lathe=cut.lathe)
     except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
@@ -124,6 +126,7 @@ def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
         made=part.made,
         tool_um=part.tool_lobe_um,
         run_id=part.run_id,
+        lathe=part.lathe,
     )
 
 
@@ -132,7 +135,9 @@ def _just_cut(context: StationContext, started: Armed) -> _Cut:
     progress = context.state.cut
     figures = None if progress is None else progress.figures
     tool_um = 0j if figures is None else figures.tool_lobe_um
-    return _Cut(job=started.job, loaded=started.loaded, made=started.made, tool_um=tool_um)
+    return _Cut(
+        job=started.job, loaded=started.loaded, made=started.made, tool_um=tool_um, lathe=context.state.lathe
+    )
 
 
 def _judged(

@@ -6,6 +6,7 @@ the filter has come into the profile, from a trial or by hand, makes no differen
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.identified import FOLDER
@@ -18,6 +19,7 @@ from drivers.identification.health_result import HealthResult
 from drivers.identification.tool_gains import names_of
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import notch_from_variables, present_settings
+from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
@@ -54,7 +56,11 @@ def _doubts(
     known = known_loop(machine, data, firmware, simulated=simulated)
     if known.unfiltered and known.fit is not None:
         judged = doubts(test, known.loop, machine.tool.motor)
-        return judged if known.fit.holds else (*judged, unmeasured(known))
+        if known.fit.holds:
+            return judged
+        # By an axis that its responses do not show a test says nothing: only other responses help, or no filter.
+        folder = printable(str(data / FOLDER / folder_name(machine.name)))
+        return (replace(unmeasured(known), code="trial.filter_misfit", key=folder),)
     # An axis fitted to responses with the filter would explain a test with it however it is read.
     loop = loop_of(machine)
     if not doubts(test, loop, machine.tool.motor):

@@ -16,8 +16,9 @@ from console.session.cut.alignment import (
     force_problems,
     problems,
     step_problems,
+    table_problems,
 )
-from console.session.station.jogging import counts_per_unit, over_part, tool_in_part, tool_radius_mm
+from console.session.station.jogging import clears_tables, counts_per_unit, over_part, tool_in_part, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.text.units import Units
@@ -296,6 +297,10 @@ def ended_early(state: StationState) -> bool:
 
 def in_part_word(state: StationState) -> str:
     """Return the words for how to retract the tool: a disabled drive cannot do it."""
+    if clears_tables(state.snapshot, state.alignment):
+        return "table_clear"
+    if table_problems(state.alignment) != state.alignment.tables:
+        return "table_kill"
     word = "jog_out" if not state.alignment.tables else "table_off"
     return word if state.snapshot is not None and state.snapshot.loops_closed else f"switch_on_to_{word}"
 

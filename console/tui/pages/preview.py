@@ -320,7 +320,7 @@ class PreviewPage(ChartPage):
         self, seen: Underway, strategy: Strategy, alignment: Alignment, band: preview_lines.Span | None
     ) -> None:
         text, scale = self.ui.text, self._polar.scale_um_per_division
-        width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine)
+        width, window = max(self._caption.size.width, 1), window_words(seen.job, seen.machine, self.ui.text)
         caption = preview_lines.roundness_caption(seen, strategy, alignment, scale, text, width, band)
         self._caption.show(caption)
         self._strategy.show(preview_lines.strategy_lines(seen, strategy, text, *self._strategy.size))

@@ -15,10 +15,9 @@ from console.session.station.commands import (
     EndCut,
     HoldFeed,
     ResumeFeed,
-    Retract,
     Start,
 )
-from console.session.station.jogging import no_retract
+from console.session.station.jogging import clears_tables, no_retract
 from console.session.station.state import Activity
 from console.session.versioning.cut_from import changed_since_opened
 from console.session.work import Work
@@ -27,7 +26,7 @@ from console.tui.lines import BLANK, Line, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import live_lines
-from console.tui.pages.run_next import Phase, in_part, next_word, phase_of
+from console.tui.pages.run_next import Phase, in_part, next_word, phase_of, way_out
 from console.tui.pages.stop_lines import lost_lines, stop_lines
 from console.tui.run.adjust_keys import AdjustKeys
 from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, allowed, armed_bounds
@@ -151,7 +150,7 @@ class RunPage(Page):
             case "run.hold":
                 return EndCut()
             case "run.retract":
-                return Retract()
+                return way_out(self.ui.control.state)
             case _:
                 return None
 
@@ -192,7 +191,8 @@ class RunPage(Page):
                     return (Problem(code="screen.nothing_to_hold"),)
                 return (Problem(code="screen.holding_already"),) if state.cut.holding else ()
             case "run.retract":
-                refused = no_retract(state.snapshot, machine, state.alignment)
+                clears = clears_tables(state.snapshot, state.alignment)
+                refused = None if clears else no_retract(state.snapshot, machine, state.alignment)
                 if refused is None and not state.alignment.tables and in_part(state, machine) is False:
                     refused = Problem(code="screen.tool_is_out")
                 return refusal(state, action) or (() if refused is None else (refused,))

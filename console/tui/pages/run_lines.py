@@ -25,6 +25,7 @@ from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.force import force_words
+from console.text.forces import short_span_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -212,7 +213,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
         ("job", name_in(printable(job.name), max(width - LABEL_WIDTH, 0))),
         ("revision", _revision(text, work, armed)),
         ("force", f"{job.chucking_force_n:.0f} N"),
-        ("window", window_words(job, work.machine.machine)),
+        ("window", window_words(job, work.machine.machine, text)),
         ("confirmed", _stamp(text, stamps, AlignStep.CLAMP, job, clamped)),
         *([] if state.cut_to is None else [("touched", cut_words(text, state.cut_to))]),
         ("depth", text.units.show(job.depth_of_cut_mm, "mm", 3)),
@@ -230,11 +231,11 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     return [*wrapped(text("run_page.armed", left=left_s), width, Token.ACTION), *facts]
 
 
-def window_words(job: Job, machine: MachineProfile) -> str:
-    """Return the allowed forces of a job, and whether its own is one of them."""
+def window_words(job: Job, machine: MachineProfile, text: Catalogue) -> str:
+    """Return the allowed forces of a job, and whether its own is one of them; or that there is none."""
     span = force_span(job, machine)
-    least_n, most_n = span.whole_n
-    return f"{'✓' if span.stands(job.chucking_force_n) is Stands.INSIDE else '✗'} {least_n} … {most_n} N"
+    mark = "✓" if span.stands(job.chucking_force_n) is Stands.INSIDE else "✗"
+    return f"{mark} {short_span_words(span, text)}"
 
 
 def _revision(text: Catalogue, work: Work, armed: Armed | None) -> str:

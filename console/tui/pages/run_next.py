@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from enum import Enum, auto
 
+from console.session.cut.alignment import table_problems
 from console.session.stages import Stage
-from console.session.station.jogging import tool_in_part
+from console.session.station.commands import ClearTables, Command, Retract
+from console.session.station.jogging import clears_tables, tool_in_part
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Activity, StationState
 from console.tui.pages.run_lines import checks, is_over
@@ -64,6 +66,10 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
         return word, Token.ACTION
     if state.alignment.tables:
         closed = state.snapshot is not None and state.snapshot.loops_closed
+        if clears_tables(state.snapshot, state.alignment):
+            return "table_clear", Token.ACTION
+        if table_problems(state.alignment) != state.alignment.tables:
+            return "table_kill", Token.ACTION
         return ("table_off" if closed else "switch_on"), Token.ACTION
     left = state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
     if left and (inside := in_part(state, machine)) is not False:
@@ -71,6 +77,11 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
         held = "retract" if inside else "retract_unknown"
         return (held if closed else "switch_on"), Token.ACTION
     return _missing_word(view, machine), Token.ACTION
+
+
+def way_out(state: StationState) -> Command:
+    """Return what F8 does: retract the tool, or without a home clear what a table adds to it."""
+    return ClearTables() if clears_tables(state.snapshot, state.alignment) else Retract()
 
 
 def in_part(state: StationState, machine: MachineProfile) -> bool | None:

@@ -10,6 +10,7 @@ from rich.cells import cell_len
 from console.session.cut.interlocks import of_lobe
 from console.session.work import Work, lobe_choices
 from console.text.catalogue import Catalogue
+from console.text.forces import span_ends
 from console.text.lobe import lobe_number
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, fact, fitted, hanging, line, width_of, wrapped
 from console.tui.pages.fields import (
@@ -95,14 +96,14 @@ def form(state: FormState, text: Catalogue, width: int, height: int) -> Form:
 def speed_lines(job: Job, machine: MachineProfile, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the effect of the job's force and speed on grip and lobe; the most important rows first."""
     margin_n, span = grip_margin_n(job, machine), force_span(job, machine)
-    (least_n, most_n), stands = span.whole_n, span.stands(job.chucking_force_n)
+    stands = span.stands(job.chucking_force_n)
     inside = Token.OK if stands is Stands.INSIDE else Token.WARNING
     width = min(width, _SPEED_WIDTH)
     source = text(f"source.{lobe_source(job, chuck=machine.chuck.name, tool=machine.tool.name)}")
     return [
         _fact(text("setup.grip"), f"{margin_n:.1f} N", width, Token.TEXT if margin_n >= 0 else Token.WARNING),
         # The label gives the position of the job's force between the allowed ones.
-        _fact(text(f"setup.window.{stands}"), f"{least_n} … {most_n} N", width, inside),
+        _fact(text(f"setup.window.{stands}"), span_ends(span, text), width, inside),
         *([_window_bar(span, job, machine, width)] if height >= _ROWS_WITH_BAR else []),
         *_wrench_lines(job, machine, text, width),
         _fact(text("setup.loss"), f"{centrifugal_loss_n(job, machine):.1f} N", width),

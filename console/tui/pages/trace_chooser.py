@@ -14,6 +14,7 @@ from console.session.data.made_parts import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER
 from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
 from console.session.station.commands import TakeTrace
+from console.session.station.state import StationState
 from console.tui.inspecting.trace_listing import Changed, Look, TraceListing
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, clipped, line, name_in
@@ -54,6 +55,7 @@ class _Question:
     job: Job
     answers: tuple[tuple[str, str], ...]
     simulated: bool
+    lathe: str
 
 
 class _Reader:
@@ -76,7 +78,8 @@ class _Reader:
     def _read(self, question: _Question) -> None:
         found: Found
         try:
-            found = examined(question.path, question.job, dict(question.answers), simulated=question.simulated)
+            simulated, lathe = question.simulated, question.lathe
+            found = examined(question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe)
         except ProfileError as error:
             found = tuple(error.problems)
         except Exception as fault:  # in a thread of its own: nobody else would hear of it
@@ -220,7 +223,7 @@ class TraceChooser(Horizontal):
         if seen is None:
             return
         choice = self._with_checked(seen)
-        found = None if work is None else self._ask(choice, work.job, simulated=view.state.simulated)
+        found = None if work is None else self._ask(choice, work.job, view.state)
         self._choice = choice = replace(choice, found=found, in_chuck=view.state.cut_done)
         shown = (choice, self.is_typing, self._files.size, self._facts.size)
         if shown != self._shown:
@@ -283,15 +286,24 @@ class TraceChooser(Horizontal):
         asked = asked_for(work.loaded, work.machine, "", simulated=self._ui.control.state.simulated)
         return newest_part(self._ui.data, asked)
 
-    def _ask(self, choice: Choice, job: Job, *, simulated: bool) -> Found | None:
+    def _ask(self, choice: Choice, job: Job, state: StationState) -> Found | None:
         if choice.file is None:
             return None
         look = self._look
         if look is None or look.file != choice.file:
             return None  # it has just been selected
         answers = tuple(sorted(choice.answers.items()))
-        question = _Question(path=choice.file, changed=look.changed, job=job, answers=answers, simulated=simulated)
-        return self._reader.answer(question)
+        lathe = state.lathe if state.cut_done else "" if look.part is None else look.part.lathe
+        return self._reader.answer(
+            _Question(
+                path=choice.file,
+                changed=look.changed,
+                job=job,
+                answers=answers,
+                simulated=state.simulated,
+                lathe=lathe,
+            )
+        )
 
     def _take_path(self, choice: Choice) -> None:
         typed = self._entry.value.strip()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.cut.alignment import AlignStep, force_problems, step_problems
+from console.session.cut.alignment import AlignStep, force_problems, step_problems, table_problems
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.station.state import StationState
 from console.tui.pages import align_lines
@@ -43,7 +43,7 @@ def _against_step(state: StationState, job: Job | None, machine: MachineProfile)
     match align_lines.step_now(state.alignment, job):
         case AlignStep.CLAMP if align_lines.must_come_out(state, machine):
             closed = state.snapshot is not None and state.snapshot.loops_closed
-            return (state.alignment.tables or _because("machine.tool_in_part")) if closed else ()
+            return (table_problems(state.alignment) or _because("machine.tool_in_part")) if closed else ()
         case AlignStep.CLAMP if align_lines.drives_are_on(state) or align_lines.may_be_in_part(state):
             return ()
         case AlignStep.TOUCH_OFF if job is None:
@@ -78,9 +78,9 @@ def _against_take(state: StationState, job: Job | None, machine: MachineProfile)
 
 def _against_clamping(state: StationState, job: Job, machine: MachineProfile) -> tuple[Problem, ...]:
     if align_lines.drives_are_on(state):
-        return state.alignment.tables or _because("screen.drives_not_off")
+        return table_problems(state.alignment) or _because("screen.drives_not_off")
     if state.alignment.tables:
-        return state.alignment.tables
+        return table_problems(state.alignment)
     return _because("machine.tool_in_part") if align_lines.is_in_part(state, machine) else force_problems(job)
 
 

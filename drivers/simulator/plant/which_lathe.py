@@ -11,6 +11,9 @@ from profiles.files import printable
 LATHE = "lathe"
 """Which simulated lathe it was: a header line of a trace, and a key of the record and of JSON."""
 
+WHICH = "which"
+"""In the record, the key below `LATHE` that has it as the header line of a trace has it."""
+
 IDEAL, MOUNTED = "ideal", "mounted"
 HASH_DIGITS = 8
 

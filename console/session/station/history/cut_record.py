@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.cut.simulated_parts import LatheParts
+from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.made_parts import MODEL, MadeWith
 from console.session.data.records import RunFacts, begin_record
@@ -10,7 +10,6 @@ from console.session.stages import Stage
 from console.session.station.commands import Arm
 from console.session.station.context import StationContext
 from drivers.cutting.planning import CutPlan
-from drivers.simulator.plant.which_lathe import LATHE
 from profiles.fingerprint.readings import readings_text
 from profiles.store import job_text
 
@@ -34,11 +33,12 @@ def open_record(context: StationContext, command: Arm, plan: CutPlan, made: Made
 
 
 def _lathe(context: StationContext) -> dict[str, object]:
-    """Return which part of which simulated lathe is in the chuck; nothing where all parts are alike."""
+    """Return which simulated lathe it is, and which part of it is in the chuck where they differ."""
     shop = context.shop
-    if shop is None or not shop.parts_differ:
+    if shop is None:
         return {}
-    return {LATHE: LatheParts(lathe=shop.which, part=shop.parts).fields()}
+    parts = LatheParts(lathe=shop.which, part=shop.parts) if shop.parts_differ else None
+    return lathe_setup(shop.which, parts)
 
 
 def _facts(context: StationContext, command: Arm) -> RunFacts:
