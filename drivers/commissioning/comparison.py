@@ -35,25 +35,32 @@ def profile_problems(
     """
     stated = stated_settings_of(wanted, dialect)
     definitions = read_definitions(wanted.controller.axis_definitions)
-    settings = read_settings(client, stated)
+    problems = list(setting_problems(client, stated))
     found = client.query(*(f"&1#{each.motor}->" for each in definitions), again=True)
     others = [dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors]
     active = {index: value for index, value in read_settings(client, others).items() if value != 0.0}
-    differing = [
-        (f"I{index}", format_number(value), format_number(stated[index]))
-        for index, value in settings.items()
-        if not same(value, stated[index])
-    ]
     for each, text in zip(definitions, found, strict=True):
         if text.strip() != str(each):
-            differing.append((f"#{each.motor}->", text, str(each)))
-    problems = [
-        Problem(code="controller.setting", key=key, value=now, limit=target) for key, now, target in differing
-    ]
+            key = f"#{each.motor}->"
+            problems.append(Problem(code="controller.setting", key=key, value=text, limit=str(each)))
     for index, value in active.items():
         text = format_number(value)
         problems.append(Problem(code="controller.unexpected_motor", key=f"I{index}", value=text, limit="0"))
     return tuple(problems)
+
+
+def setting_problems(client: Controller, stated: Mapping[int, float]) -> tuple[Problem, ...]:
+    """Read I-variables and return those that differ from what is stated; raises as `profile_problems`."""
+    return tuple(
+        Problem(
+            code="controller.setting",
+            key=f"I{index}",
+            value=format_number(value),
+            limit=format_number(stated[index]),
+        )
+        for index, value in read_settings(client, stated).items()
+        if not same(value, stated[index])
+    )
 
 
 def stated_settings(judged: Judged) -> list[Check]:

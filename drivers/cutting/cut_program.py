@@ -41,8 +41,7 @@ class CutProgram:
     that queries or sends raises `DriverError` when the link breaks or the controller refuses to answer.
     """
 
-    def __init__(self, wiring: Wiring, motion: Motion, forget_jogs: Callable[[], None]) -> None:
-        """`forget_jogs` is called when anything other than a jog is about to move the axes or re-zero them."""
+    def __init__(self, wiring: Wiring, motion: Motion) -> None:
         self.held = False
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
@@ -50,7 +49,6 @@ class CutProgram:
         self._client, self._machine, self._clock = wiring.client, wiring.machine, wiring.clock
         self._stop, self._heartbeat, self._poller = wiring.stop, wiring.heartbeat, wiring.poller
         self._sending, self._motion, self._tables = wiring.sending, motion, wiring.tables
-        self._forget_jogs = forget_jogs
         self.hold = FeedHold(wiring.client, wiring.sending)
         self.override = FeedOverride(wiring.client, wiring.sending, wiring.stop)
         self.live_trim = LiveTrim(wiring.client, wiring.sending, wiring.stop)
@@ -105,7 +103,7 @@ class CutProgram:
         """
         self._sending.refuse_unless_owner()
         self._sending.refuse_moving()
-        self._forget_jogs()
+        self._poller.positions.forget()
         return self._tables.switch_off()
 
     def clear_tables(self) -> tuple[Problem, ...]:
@@ -127,7 +125,7 @@ class CutProgram:
         self._clock.wait(STILL_S)
         if not self._poller.look().still(before, STILL_COUNTS):  # killed axes, and a spindle that coasts
             raise RefusedError(Problem(code="machine.moving"))
-        self._forget_jogs()
+        self._poller.positions.forget()
         return self._tables.clear()
 
     def holds(self, program: ProgramText, *, ended: bool = False, tables: bool = True) -> None:
@@ -182,7 +180,7 @@ class CutProgram:
             guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
             return f"&1 {guarded}"
 
-        self._forget_jogs()
+        self._poller.positions.forget()
         self.hold = FeedHold(self._client, self._sending)
         self.live_trim = LiveTrim(self._client, self._sending, self._stop, lobes, running=True)
         self._sending.move(f"B{number}R", guarded)

@@ -98,6 +98,7 @@ class Sending:
         if guarded is not None:
             line = guarded(line)  # this also reads who owns the machine
         self.has_moved = True
+        self._poller.positions.forget()
         try:
             self._client.send(line, check=self._refuse_now, moves=True)
             if self._stop.reason is not None:

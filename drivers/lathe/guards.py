@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from drivers.lathe.drift import FEWEST_POLLS, all_rest, rest_limits
 from drivers.lathe.lengths import Lengths
+from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
 from profiles.problem import Problem
 
@@ -39,9 +40,29 @@ def reset_problem(before: frozenset[AxisName], snapshot: Snapshot) -> Problem | 
     lost = before - snapshot.homed_axes
     if not lost:
         return None
+    if lost <= snapshot.shifted.keys():
+        shifts = ", ".join(snapshot.shifted[axis] for axis in sorted(lost))
+        return Problem(code="controller.zero_shifted", key=", ".join(sorted(lost)), value=shifts)
     if not snapshot.homed_axes and not snapshot.loops_closed:
         return Problem(code="controller.was_reset")
     return Problem(code="controller.home_lost", key=", ".join(sorted(lost)))
+
+
+def unasked_motion(snapshot: Snapshot) -> Problem | None:
+    """Report a motion that is not of this console, at rest as far as it knows: the axes, or a program."""
+    if snapshot.at_rest:
+        return None
+    moving = [axis for axis in AxisName if "desired_velocity_zero" not in snapshot.axis(axis).flags]
+    return Problem(code="machine.moves_unasked", key=", ".join(moving) or "program")
+
+
+def unasked_opening(before: Snapshot, snapshot: Snapshot) -> Problem | None:
+    """Report axes whose loop has opened at rest while others hold; a fault or a device has its own report."""
+    opened = set(snapshot.open_loops) - set(before.open_loops)
+    told = snapshot.axis_faults or snapshot.lost or device_problems(snapshot.inputs)
+    if not opened or told or snapshot.loops_open:
+        return None
+    return Problem(code="machine.opened_unasked", key=", ".join(sorted(opened)))
 
 
 def open_loop_problem(snapshot: Snapshot) -> Problem | None:

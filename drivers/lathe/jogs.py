@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection
 from functools import partial
 
 from drivers.errors import DriverError, RefusedError
@@ -16,7 +17,6 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 READ_S = 0.01  # time skew within one poll: position and following error are not sampled simultaneously
-SHIFTED_COUNTS = 5.0  # a resting axis has one commanded position, reported to a tenth of a count
 
 
 def band_counts(machine: MachineProfile, axis: AxisName) -> float:
@@ -27,39 +27,39 @@ def band_counts(machine: MachineProfile, axis: AxisName) -> float:
 class Jogs:
     """The jogs of one machine."""
 
-    def __init__(self, wiring: Wiring, motion: Motion) -> None:
+    def __init__(
+        self, wiring: Wiring, motion: Motion, changed: Callable[[AxisName], tuple[Problem, ...]] = lambda _: ()
+    ) -> None:
+        """`changed` returns what the controller holds of an axis that differs from the profile."""
         self._machine, self._poller, self._stop = wiring.machine, wiring.poller, wiring.stop
         self._motion, self._tables, self._send = motion, wiring.tables, wiring.sending.jog
-        self._lengths = Lengths(wiring.machine)
-        self._left: tuple[Snapshot, object] | None = None
-
-    def forget(self) -> None:
-        """Forget the last jog: something other than a jog may move the axes or change their zero."""
-        self._left = None
+        self._lengths, self._changed = Lengths(wiring.machine), changed
 
     def home(self, timeout_s: float = 60.0) -> None:
         """Home each axis: tool first, then the carriage, then the spindle's index.
 
         Raises:
             DriverError: `machine.timeout`, `machine.fault`; `machine.home_ended`, before a zero was found;
-                `controller.home_lost`, of an axis that was homed before.
+                `controller.home_lost`, `controller.zero_shifted`, of an axis that was homed before.
         """
-        self.forget()
-        driven = driven_axes(self._machine)
+        driven, homed = driven_axes(self._machine), list[AxisName]()
         for axis in (AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE):
             if axis not in driven:
                 continue
             now = self._poller.look()
-            self._refuse_shifted(now)
+            self._refuse_shifted(now, homed)
+            self._refuse_changed(axis)
             others = self._others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
+            self._poller.positions.trust(axis)  # its flag is down until the zero is found
             braking_s = settings_of(self._machine, axis).home_braking_s
             search = HomeSearch(axis, band_counts(self._machine, AxisName.TOOL), braking_s)
             last = self._motion.until(search.is_over, timeout_s, f"home {axis}", guard=others, homing=axis)
             if search.sudden or "home_complete" not in last.axis(axis).flags:
                 self._stop.stop(f"home {axis}")
                 raise DriverError(Problem(code="machine.home_ended", key=axis))
-            self._left = last, self._stop.mark
+            self._poller.positions.hold(last)
+            homed.append(axis)
 
     def to(
         self,
@@ -69,25 +69,30 @@ class Jogs:
         *,
         settle: bool = True,
         held_counts: float = 0.0,
+        outward: bool = False,
     ) -> None:
         """Jog one axis to a position in counts of its motor.
 
         With `settle` it gets time to come in position, see `Settling`; without, it suffices that it is
         commanded to rest there and lags by less than the warning limit: the integrator of a slow loop may need
-        many seconds for the remainder. `held_counts` is what a compensation table adds to its reported
-        position.
+        many seconds for the remainder. `held_counts` is what a compensation table adds to its reported position. A
+        tool that goes `outward` goes whatever the controller holds of its speed.
 
         Raises:
-            DriverError: `machine.timeout`, `machine.fault`, `machine.not_arrived`, or, while it moves,
-                `machine.jog_astray`, `machine.unexpected_motion` and those of `Motion.until`.
+            DriverError: `controller.setting`, `controller.zero_shifted`, nothing was sent; `machine.timeout`,
+                `machine.fault`, `machine.not_arrived`, or, while it moves, `machine.jog_astray`,
+                `machine.unexpected_motion` and those of `Motion.until`.
         """
+        if not outward:
+            self._refuse_changed(axis)
         guard = self._jog_guard(axis, counts + held_counts)
         self._send(f"#{motor_of(self._machine, axis)}J={format_number(counts)}")
         done = Settling((axis,), band_counts(self._machine, AxisName.TOOL)).is_over
         if not settle:
             done = partial(nearly_arrived, axis=axis, band_counts=band_counts(self._machine, axis))
         last = self._motion.until(done, timeout_s, f"jog {axis}", guard=guard)
-        self._left, state = (last, self._stop.mark), last.axis(axis)
+        self._poller.positions.hold(last)
+        state = last.axis(axis)
         if abs(state.commanded - counts - held_counts) > ARRIVED_COUNTS:
             # It rests, but not at its target: somebody else, or the controller itself, has ended the jog.
             value, limit = self._lengths.at(axis, state.commanded), self._lengths.at(axis, counts)
@@ -97,8 +102,7 @@ class Jogs:
     def _jog_guard(self, axis: AxisName, end: float) -> JogGuard:
         """Return the guard of a jog to `end`; the reported position leads by the travel during one poll."""
         now = self._poller.look()
-        self._refuse_shifted(now)
-        self.forget()  # until this one is over
+        self._refuse_shifted(now, now.driven)
         settings = settings_of(self._machine, axis)
         return JogGuard(
             axis=axis,
@@ -109,16 +113,18 @@ class Jogs:
             lengths=self._lengths,
         )
 
-    def _refuse_shifted(self, now: Snapshot) -> None:
-        """Refuse if an axis is not where the last jog left it: another host has changed its zero or moved it."""
-        left, mark = self._left or (now, self._stop.mark)
-        if mark != self._stop.mark:  # this console has moved something since
-            return
-        moved = {axis: abs(now.axis(axis).commanded - left.axis(axis).commanded) for axis in now.driven}
-        shifted = [axis for axis, counts in moved.items() if counts > SHIFTED_COUNTS]
+    def _refuse_shifted(self, now: Snapshot, axes: Collection[AxisName]) -> None:
+        """Refuse while one of these axes is not where it was left: another host moved it or changed its zero."""
+        shifted = sorted(now.shifted.keys() & set(axes))
         if shifted:
-            self.forget()
-            raise RefusedError(Problem(code="controller.home_lost", key=", ".join(shifted)))
+            values = ", ".join(now.shifted[axis] for axis in shifted)
+            raise RefusedError(Problem(code="controller.zero_shifted", key=", ".join(shifted), value=values))
+
+    def _refuse_changed(self, axis: AxisName) -> None:
+        """Refuse a jog that would be another than it is shown: faster, with other ramps or other limits."""
+        problems = self._changed(axis)
+        if problems:
+            raise RefusedError(*problems)
 
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return the guard of the axes that do not jog; with a table on, the tool follows another axis."""
@@ -153,7 +159,8 @@ class Jogs:
             raise RefusedError(
                 Problem(code="machine.retract_direction", key=AxisName.TOOL, value=value, limit=f"< {limit}")
             )
-        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=self._tables.correction_counts())
+        held = self._tables.correction_counts()
+        self.to(AxisName.TOOL, to_counts, timeout_s, held_counts=held, outward=True)
 
     def _ready_to_jog(self, axis: AxisName) -> AxisState:
         """Return the position of an axis; its loop must be closed, because a jog would close an open one."""

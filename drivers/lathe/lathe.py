@@ -11,7 +11,8 @@ from contextlib import suppress
 from dataclasses import replace
 
 from drivers.clock import Clock
-from drivers.commissioning.comparison import profile_problems
+from drivers.commissioning.comparison import profile_problems, setting_problems
+from drivers.commissioning.judged import stated_settings_of
 from drivers.controller import Controller
 from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
 from drivers.cutting.tables import Tables
@@ -19,6 +20,7 @@ from drivers.errors import DriverError, RefusedError
 from drivers.lathe.commands import Sending
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
 from drivers.lathe.motion import Motion
@@ -35,6 +37,7 @@ from drivers.pmac.dialect import DIALECTS, dialect_of
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
+JOG_SETTINGS = (13, 14, 15, 19, 20, 21, 22, 23)  # Ix numbers: travel, stop, ramps, speeds of jog and home search
 SPEED_S = 0.5  # time over which the speed of an external spindle is measured
 
 
@@ -68,7 +71,16 @@ class Lathe:
         self._client, self._clock, self._heartbeat = client, clock, heartbeat
         self._dialect = DIALECTS[machine.controller.family]
         items = SnapshotItems(machine, self._dialect)
-        self._poller = Poller(client, clock, stop, items, seen=seen, heartbeat=heartbeat, ownership=ownership)
+        self._poller = Poller(
+            client,
+            clock,
+            stop,
+            items,
+            HeldPositions(machine),
+            seen=seen,
+            heartbeat=heartbeat,
+            ownership=ownership,
+        )
         self._sending = Sending(client, stop, self._poller, heartbeat, ownership)
         wiring = Wiring(
             client=client,
@@ -82,9 +94,9 @@ class Lathe:
             tables=Tables(client, machine),
         )
         motion = Motion(wiring, lambda: self.program.end_after_turn())
-        self._jogs = jogs = Jogs(wiring, motion)
+        jogs = Jogs(wiring, motion, self._changed_settings)
         self.home, self.jog_to, self.jog_by, self.retract = jogs.home, jogs.to, jogs.by, jogs.retract
-        self.program = CutProgram(wiring, motion, jogs.forget)
+        self.program = CutProgram(wiring, motion)
 
     @property
     def has_moved(self) -> bool:
@@ -122,6 +134,7 @@ class Lathe:
         """
         if self._heartbeat is not None:
             self._heartbeat.forgo()
+        self._poller.positions.forget()  # the controller may have taken the tool out by itself
         self.connect()
         return self.snapshot()
 
@@ -143,7 +156,6 @@ class Lathe:
 
         Raises RefusedError: `owner.held`, another console has control.
         """
-        self._jogs.forget()
         if self.ownership is not None:
             self.ownership.claim()
 
@@ -154,7 +166,6 @@ class Lathe:
         """
         if self.ownership is None:
             return NOBODY
-        self._jogs.forget()
         return self.ownership.take_control(at_rest=self.snapshot().at_rest)
 
     def sign(self, name: str, host: str, minute: int) -> None:
@@ -196,6 +207,12 @@ class Lathe:
         self._poller.verified = not problems
         return problems
 
+    def _changed_settings(self, axis: AxisName) -> tuple[Problem, ...]:
+        """Compare with the profile what a jog of one axis depends on: its travel, speeds and ramps."""
+        numbers = {self._dialect.motor_index(motor_of(self.machine, axis), number) for number in JOG_SETTINGS}
+        stated = stated_settings_of(self.machine, self._dialect)
+        return setting_problems(self._client, {index: stated[index] for index in stated if index in numbers})
+
     def snapshot(self) -> Snapshot:
         """Read the state of the machine in one request; retry once without a reply."""
         return self._poller.look()
@@ -217,7 +234,6 @@ class Lathe:
         self._sending.refuse_unsafe()
         if self._heartbeat is not None and not self.stop.inside_guard:
             self._heartbeat.prepare()
-        self._jogs.forget()
         for axis in self.driven:
             self._sending.once(f"#{motor_of(self.machine, axis)}J/")
         if not self.snapshot().loops_closed:

@@ -53,6 +53,20 @@ class Motion:
                 `machine.loop_open`, those of the guard, the machine was stopped before;
                 `heartbeat.plc_silent`, see `_end_unguarded`; and what ends it from outside, see `_next_poll`.
         """
+        with self._poller.positions.commanding():
+            return self._followed(done, timeout_s, what, watch, guard, homing, waits)
+
+    def _followed(
+        self,
+        done: Callable[[Snapshot], bool],
+        timeout_s: float,
+        what: str,
+        watch: Callable[[Snapshot], None] | None,
+        guard: Guard,
+        homing: AxisName | None,
+        waits: Callable[[], bool],
+    ) -> Snapshot:
+        """Poll as `until` says."""
         deadline = self._clock.now_s() + timeout_s
         last = self._poller.last
         homed = frozenset() if last is None else last.homed_axes - {homing}

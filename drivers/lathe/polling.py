@@ -11,9 +11,11 @@ from drivers.clock import Clock
 from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.snapshot_items import SnapshotItems
+from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
 from drivers.pmac.program_constants import ConstantsWatch
@@ -34,7 +36,8 @@ class Poller:
 
     `last` is the last successful poll. `loops_closed` is whether the last poll saw every driven axis in closed
     loop, False when it failed. `verified` is set by the code that has compared the controller with its profile.
-    `round_trip_s` is the duration of the last poll. `watched` are the constants of the program that runs;
+    `round_trip_s` is the duration of the last poll. `positions` judges whether axes stay where they were left.
+    `watched` are the constants of the program that runs;
     `changed` is the first of them that differed from the plan.
     """
 
@@ -44,6 +47,7 @@ class Poller:
         clock: Clock,
         stop: StopPath,
         items: SnapshotItems,
+        positions: HeldPositions,
         *,
         seen: Callable[[Snapshot], None] | None = None,
         heartbeat: Heartbeat | None = None,
@@ -54,6 +58,7 @@ class Poller:
         self.loops_closed = False
         self.verified = False
         self.round_trip_s = 0.0
+        self.positions = positions
         self.watched: ConstantsWatch | None = None
         self.changed: Problem | None = None
         self._polls_made = 0
@@ -94,6 +99,10 @@ class Poller:
             return self.poll_once(POLL_TIMEOUT_S)
 
     @property
+    def _is_ours(self) -> bool:
+        return self._ownership is None or self._ownership.standing is Standing.OWNER
+
+    @property
     def quick_timeout_s(self) -> float:
         """Reply timeout of a poll where the next try must not wait; longer on a slow line."""
         return min(max(QUICK_TIMEOUT_S, 2.0 * self.round_trip_s), POLL_TIMEOUT_S)
@@ -111,17 +120,18 @@ class Poller:
         try:
             replies = self._client.request(line, timeout_s, lines=len(self._items.items))
             at_s = self._clock.now_s()
-            snapshot = self._items.read(replies, asked_s, at_s, self._client.link.address)
+            read = self._items.read(replies, asked_s, at_s, self._client.link.address)
         except DriverError:
             self.in_doubt()
             raise
+        if self._ownership is not None:
+            self._ownership.see(read.owner)
+        snapshot = self.positions.judged(read, ours=self._is_ours)
         # The same control-A would close a motor that is not ours, so that must be known, too.
         self._stop.loops_closed = snapshot.nothing_open and self.verified
         self.last = snapshot
         self.loops_closed = snapshot.loops_closed
         self.round_trip_s = at_s - asked_s
-        if self._ownership is not None:
-            self._ownership.see(snapshot.owner)
         if self._seen is not None:
             self._seen(snapshot)
         return snapshot

@@ -48,6 +48,7 @@ class Snapshot:
     number of the console that controls the machine, 0 nobody. `lost` is what the controller has ended without a
     host: 1 a jog, 2 a cut, 0 nothing. `inputs` are the safety devices that the controller sees, True in the
     safe state. `override_percent` is the time base of programs, 100 for real time: a feed hold makes it 0.
+    `shifted` are the axes that were found elsewhere than this console left them, by how much: they have no home.
     """
 
     asked_s: float
@@ -62,6 +63,7 @@ class Snapshot:
     lost: int = 0
     override_percent: float = REAL_TIME_PERCENT
     inputs: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
+    shifted: Mapping[AxisName, str] = field(default_factory=lambda: MappingProxyType({}))
 
     def age_s(self, now_s: float) -> float:
         """Return the maximum age of the data: each value was sampled at some moment after the request."""

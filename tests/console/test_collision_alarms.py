@@ -80,7 +80,7 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
         assert aligned.station.post(Acknowledge())
     with pytest.raises(RefusedError) as moved:  # another client has moved the axes
         aligned.lathe.jog_to(AxisName.TOOL, 0.0)
-    assert moved.value.problems[0].code == "controller.home_lost"
+    assert moved.value.problems[0].code == "controller.zero_shifted"
     aligned.lathe.jog_to(AxisName.TOOL, 0.0)
     aligned.do(DisableDrives())
     assert told(aligned.do(ConfirmClamping(job=experiment_1(8.0)))) == {}

@@ -31,8 +31,10 @@ FAULT = "machine.fault"  # axis faults reported by the controller; `value` names
 AT_REST = "rest"  # the `key` of faults that stopped nothing, because nothing was under control
 IN_PROGRAM = "program"  # that of faults in a cut
 OUSTED = "owner.ousted"
-HOME_LOST = ("controller.was_reset", "controller.home_lost")
+HOME_LOST = ("controller.was_reset", "controller.home_lost", "controller.zero_shifted")
 """Lost positions: active until every axis is homed again."""
+
+OPENED = "machine.opened_unasked"  # one drive is off that was on; active until all are on or off
 
 CONDITIONS = frozenset(
     {
@@ -48,6 +50,7 @@ CONDITIONS = frozenset(
         "trial.unknown",
         "trial.file",
         *HOME_LOST,
+        OPENED,
         *COLLISION_CODES,
     }
 )

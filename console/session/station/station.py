@@ -47,6 +47,7 @@ from console.session.station.watches import (
 )
 from drivers.beside.side_line import Moment, SideLine
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
+from drivers.lathe.guards import unasked_motion
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StoppedError
 from drivers.link.base import GONE
@@ -288,6 +289,9 @@ class Station:
         if faults and on and self.state.controls:
             context.lathe.stop.stop(faults[0])
             raise DriverError(Problem(code="machine.fault", key="poll", value=", ".join(faults)))
+        unasked = unasked_motion(snapshot)
+        if unasked is not None and self.state.controls and not snapshot.lost:
+            raise DriverError(unasked)  # hands may be at a machine that is shown at rest
         context.end_alarms("link.silent")
         watch_axes(context, snapshot)
         self._holder.look()

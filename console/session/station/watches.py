@@ -8,6 +8,7 @@ from console.session.cut.alignment import handed_over
 from console.session.station.alarms import (
     COLLISION_CODES,
     HOME_LOST,
+    OPENED,
     OUSTED,
     Priority,
     collision_problems,
@@ -15,9 +16,9 @@ from console.session.station.alarms import (
 )
 from console.session.station.context import StationContext
 from console.session.station.progress import CutStage
-from console.session.station.state import MOVING, Activity, StationState
+from console.session.station.state import IDLE, MOVING, Activity, StationState
 from drivers.errors import LinkError
-from drivers.lathe.guards import reset_problem
+from drivers.lathe.guards import reset_problem, unasked_opening
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
@@ -34,6 +35,7 @@ SIGHT_PERIOD_IN_MOTION_S = 1.0
 def watch_poll(context: StationContext, before: StationState, snapshot: Snapshot) -> None:
     """Check what every poll may show, in motion and at rest; `before` is the state of the poll before."""
     _watch_home(context, before, snapshot)
+    _watch_loops(context, before, snapshot)
     _watch_devices(context, before.snapshot, snapshot)
     if context.lathe.unguarded is not None:  # something moves, and the controller's watchdog no longer guards it
         context.alarm_once(context.lathe.unguarded)
@@ -55,6 +57,19 @@ def _watch_home(context: StationContext, before: StationState, snapshot: Snapsho
     if before.activity in MOVING and (not stopping or searched):
         return
     problem = reset_problem(homed, snapshot)
+    if problem is not None:
+        context.tell(armed=None)
+        context.alarm(problem)
+
+
+def _watch_loops(context: StationContext, before: StationState, snapshot: Snapshot) -> None:
+    """Raise an alarm where an axis at rest has lost its drive, until all have the same state again."""
+    if snapshot.loops_closed or snapshot.loops_open:
+        context.end_alarms(OPENED)
+    idle = before.activity in IDLE and context.state.activity in IDLE and context.lathe.stop.reason is None
+    if before.snapshot is None or not before.controls or not idle:
+        return
+    problem = unasked_opening(before.snapshot, snapshot)
     if problem is not None:
         context.tell(armed=None)
         context.alarm(problem)
