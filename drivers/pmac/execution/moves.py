@@ -42,14 +42,16 @@ _CIRCLES = ("CIRCLE1", "CIRCLE2")
 _SPLINES = ("SPLINE1", "SPLINE2")
 
 
-@dataclass(slots=True)
 class _Aim:
     """The start and target of a line's axes, and which of them have an absolute target (ABS)."""
 
-    line: int
-    start: Mapping[str, float]
-    targets: dict[str, float]
-    absolute: frozenset[str]
+    def __init__(
+        self, line: int, start: Mapping[str, float], targets: dict[str, float], absolute: frozenset[str]
+    ) -> None:
+        self.line = line
+        self.start = start
+        self.targets = targets
+        self.absolute = absolute
 
 
 class _Common(TypedDict):
@@ -192,14 +194,26 @@ class Moves:
 
     def _linear(self, aim: _Aim, tm_ms: float) -> requests.LinearRequest:
         return requests.LinearRequest(
-            ta_ms=self.times.ta_ms, ts_ms=self.times.ts_ms, tm_ms=tm_ms, **self._common(aim)
+            line=aim.line,
+            targets=aim.targets,
+            absolute=aim.absolute,
+            deferred=self._take_deferred(),
+            ta_ms=self.times.ta_ms,
+            ts_ms=self.times.ts_ms,
+            tm_ms=tm_ms,
         )
 
     def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> requests.PvtRequest:
         unit_ms = self.times.unit_ms
         per_ms = {axis: velocity / unit_ms for axis, velocity in velocities.items()}
-        duration_ms = self.times.pvt_ms()
-        return requests.PvtRequest(velocities=per_ms, duration_ms=duration_ms, **self._common(aim))
+        return requests.PvtRequest(
+            line=aim.line,
+            targets=aim.targets,
+            absolute=aim.absolute,
+            duration_ms=self.times.pvt_ms(),
+            deferred=self._take_deferred(),
+            velocities=per_ms,
+        )
 
     def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> requests.CircleRequest:
         """A vector takes precedence over a radius on the same line."""

@@ -1,7 +1,8 @@
 """Statements that only calculate, as the text of Python: for what a program or a PLC does again and again.
 
 The text does what `evaluate` and the stores of variables do, in the same order and to the same bit, with fewer
-calls: a P-variable is an element of a list, and + - and * are Python's own.
+calls: a P-variable is an element of a list, and + - and * are Python's own. Only what the parser knows gets into
+it, and numbers: nothing of the text that a host has sent. `x - x` is 0 for a finite number alone.
 """
 
 from __future__ import annotations
