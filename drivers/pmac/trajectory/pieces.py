@@ -41,7 +41,7 @@ def velocity_at(cubic: Cubic, t_ms: float) -> float:
 
 def constant(position: Vector, velocity: Vector, duration_ms: float) -> Piece:
     """Return motion at constant velocity (counts/ms) from `position`."""
-    return Piece(duration_ms, tuple([(p, v, 0.0, 0.0) for p, v in zip(position, velocity, strict=True)]))
+    return Piece(duration_ms, tuple([(position[at], velocity[at], 0.0, 0.0) for at in range(len(position))]))
 
 
 def ramp(
@@ -64,7 +64,7 @@ def ramp(
         if duration_ms <= 0.0:
             continue
         cubics = _phase(position, velocity, acceleration, slope, duration_ms)
-        pieces.append(Piece(duration_ms, cubics, calculates=calculates and not pieces))
+        pieces.append(Piece(duration_ms, cubics, calculates and not pieces))
     return tuple(pieces)
 
 
@@ -92,4 +92,4 @@ def hermite(
         p0, v0, p1, v1 = start[at], before[at], end[at], after[at]
         slope = (p1 - p0) / duration_ms
         cubics.append((p0, v0, (3.0 * slope - 2.0 * v0 - v1) / duration_ms, (v0 + v1 - 2.0 * slope) / square))
-    return Piece(duration_ms, tuple(cubics), calculates=calculates)
+    return Piece(duration_ms, tuple(cubics), calculates)

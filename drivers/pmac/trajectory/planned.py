@@ -40,7 +40,7 @@ class Planned(NamedTuple):
 
 def plain_record(line: int, target: Vector, tm_ms: float) -> MoveRecord:
     """Return the record of a move that is done in the requested time."""
-    return MoveRecord(line=line, target=target, asked=timing_of(0.0, 0.0, tm_ms), timing=None)
+    return MoveRecord(line, target, timing_of(0.0, 0.0, tm_ms), None)
 
 
 def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Piece, ...]:

@@ -234,13 +234,13 @@ class MotionPlanner:
         arc: Arc | None = None,
     ) -> Planned:
         ta_ms, ts_ms = request.ta_ms, request.ts_ms
-        distance = tuple([t - p for t, p in zip(target, self.target, strict=True)])
+        distance = tuple([place - self.target[at] for at, place in enumerate(target)])
         move = LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
         limits, segment_ms = self._frame.limits(), self._frame.segment_ms
         laid, self._blend, timing = lay_course(self._blend, move, arc, limits, segment_ms)
         asked = timing_of(ta_ms, ts_ms, tm_ms)
-        record = MoveRecord(line=request.line, target=target, asked=asked, timing=timing)
-        return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
+        record = MoveRecord(request.line, target, asked, timing)
+        return Planned((*lead, *defer(laid, request.deferred), *self._unblended()), record)
 
     def _rapid(self, request: requests.RapidRequest) -> Planned:
         """Jog, and calculate nothing until it is done; a RAPID of no distance takes an interrupt."""
@@ -262,8 +262,9 @@ class MotionPlanner:
         before = self._pvt_velocity or self._frame.still
         laid = hermite(start, before, target, after, request.duration_ms)
         self._blend, self._pvt_velocity = at_rest(target), after
+        pieces = defer((laid,), request.deferred)
         record = plain_record(request.line, target, request.duration_ms)
-        return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
+        return Planned((*lead, *pieces) if lead else pieces, record)
 
     def _splined(self, request: requests.SplineRequest) -> Planned:
         duration_ms = request.duration_ms
