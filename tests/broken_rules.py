@@ -134,8 +134,8 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
     Mutation(
         rule="A move shorter than its acceleration takes the acceleration time.",
         file=LINEAR,
-        old="tm_ms=max(tm_ms, ta_ms))  # rule 2",
-        new="tm_ms=tm_ms)  # rule 2",
+        old="max(tm_ms, ta_ms))  # rule 2",
+        new="tm_ms)  # rule 2",
         test=f"{BLENDING}::test_a_move_shorter_than_its_acceleration_takes_the_acceleration_time",
     ),
     Mutation(
@@ -162,8 +162,8 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
     Mutation(
         rule="A ramp with S-curves has the higher peak of acceleration.",
         file=PIECES,
-        old="peak = [(b - a) / (ta_ms - ts_ms)",
-        new="peak = [(b - a) / ta_ms",
+        old="span_ms = len(start), ta_ms - ts_ms",
+        new="span_ms = len(start), ta_ms",
         test=f"{BLENDING}::test_an_s_curve_blend_misses_its_corner_by_a_twelfth",
     ),
     Mutation(

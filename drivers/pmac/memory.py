@@ -53,6 +53,19 @@ class Pointer:
         return f"{self.space}:{self.address},{self.offset},{self.width}{sign}"
 
 
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """A word that belongs to a motor and holds a number: its present value, and those of the last stretch.
+
+    `passed` has a value for each servo cycle of the stretch through which the motor was run last. The word holds
+    the nearest integer to a value, halves up, and 0 for one that is not finite.
+    """
+
+    motor: int
+    now: Callable[[], float]
+    passed: Callable[[], list[float]]
+
+
 class Memory(Protocol):
     """The memory words that M-variables access."""
 
@@ -65,11 +78,8 @@ class Memory(Protocol):
     def bits_of(self, pointer: Pointer) -> Callable[[], int] | None:
         """Return a quick way to read the bits of a D word again and again; None: there is none."""
 
-    def passed_bits_of(self, pointer: Pointer) -> tuple[int, Callable[[], list[int]]] | None:
-        """Return what reads the bits of a word in each servo cycle of the last stretch, and the motor of the word.
-
-        None: there is none, and the word has to be read in each servo cycle.
-        """
+    def passing(self, pointer: Pointer) -> Passing | None:
+        """Return how to read a word in each servo cycle of a stretch; None: only in each cycle by itself."""
 
 
 def scan_pointer(scanner: Scanner, highest_address: int) -> Pointer | None:

@@ -34,7 +34,7 @@ class VariableStore:
         self.pointers: dict[int, Pointer] = {}
         self.memory: Memory | None = None
         self._i: dict[int, float] = dict(i_variables or {})
-        self._p: dict[int, float] = {}
+        self._p = [0.0] * (dialect.highest_index + 1)
         self._q: dict[int, dict[int, float]] = {}
         self._m: dict[int, float] = {}
         self._read_only = None if dialect.user_buffer is None else dialect.user_buffer.setting
@@ -46,11 +46,12 @@ class VariableStore:
         """
         # P first and without a call: a program reads some thousands of them a second.
         if kind is _P:
-            value = self._p.get(index)
-        elif kind is _M and index in self.pointers and self.memory is not None:
+            if not 0 <= index < len(self._p):
+                self._check(kind, index)
+            return self._p[index]
+        if kind is _M and index in self.pointers and self.memory is not None:
             return self.memory.read(self.pointers[index])
-        else:
-            value = self._read(kind, index, system)
+        value = self._read(kind, index, system)
         if value is None:
             self._check(kind, index)
             return 0.0
@@ -99,7 +100,12 @@ class VariableStore:
 
     def view(self, system: int) -> SystemVariables:
         """Return the variables as seen by a program or host that addresses a coordinate system."""
-        return SystemVariables(self, system, self._p)
+        return SystemVariables(self, system)
+
+    @property
+    def p_values(self) -> list[float] | None:
+        """The P-variables by number, to be read and written as they are; None where each `set` is watched."""
+        return self._p
 
     def settings(self) -> dict[int, float]:
         """Return every I-variable that was ever set, by number (to save them)."""
@@ -131,7 +137,7 @@ class VariableStore:
     def _table(self, kind: VariableKind, system: int) -> dict[int, float]:
         if kind is _Q:
             return self._q.setdefault(system, {})
-        return self._i if kind is _I else self._p if kind is _P else self._m
+        return self._i if kind is _I else self._m
 
     def _check(self, kind: VariableKind, index: int) -> None:
         if not 0 <= index <= self.dialect.highest_index:
@@ -142,16 +148,13 @@ class VariableStore:
 class SystemVariables:
     """The variables with the Q-variables of one coordinate system."""
 
-    def __init__(self, store: VariableStore, system: int, p_variables: Mapping[int, float]) -> None:
-        """Take `p_variables` from the store: a program reads some thousands of them a second."""
+    def __init__(self, store: VariableStore, system: int) -> None:
         self.store = store
         self.number = system
-        self._p = p_variables
 
     def get(self, kind: VariableKind, index: int) -> float:
         """Return a value, see `VariableStore.get`."""
-        value = self._p.get(index) if kind is _P else None
-        return self.store.get(kind, index, self.number) if value is None else value
+        return self.store.get(kind, index, self.number)
 
     def set(self, kind: VariableKind, index: int, value: float) -> None:
         """Store a value, see `VariableStore.set`."""

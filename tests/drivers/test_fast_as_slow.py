@@ -13,9 +13,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import DIALECTS, PMAC
+from drivers.pmac.execution import moves
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gather_client import motor_channel
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.language import blocks
 from drivers.pmac.trajectory.pieces import Piece
 from drivers.simulator.card.player import Player
 from drivers.simulator.card.registers import CardMemory
@@ -170,6 +172,9 @@ def slowly(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
         patch(CollisionWatch, "misses", lambda *_: False)
         patch(Spindle, "_creeps", lambda *_: False)
         patch(CardMemory, "bits_of", lambda *_: None)
+        patch(CardMemory, "passing", lambda *_: None)
+        patch(blocks, "WORTH", math.inf)
+        patch(moves, "WORTH", math.inf)
         patch(workshop, "LEAST_TIMES", math.inf)
         patch(tip_path, "FAR_MM", math.inf)
 

@@ -30,7 +30,7 @@ class Words:
     def bits_of(self, _: Pointer) -> None:
         return None
 
-    def passed_bits_of(self, _: Pointer) -> None:
+    def passing(self, _: Pointer) -> None:
         return None
 
     def read(self, pointer: Pointer) -> float:

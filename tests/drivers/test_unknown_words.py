@@ -47,7 +47,7 @@ def state(card: Controller) -> tuple[object, ...]:
     variables = card.variables
     return (
         dict(variables.settings()),
-        dict(variables._p),
+        list(variables._p),
         {number: dict(values) for number, values in variables._q.items()},
         dict(variables._m),
         dict(variables.pointers),

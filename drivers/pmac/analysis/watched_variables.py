@@ -22,6 +22,11 @@ class WatchedVariables(VariableStore):
         self.written: dict[tuple[VariableKind, int, int], float] = {}
         self.on_compensation: Callable[[bool], None] | None = None
 
+    @property
+    def p_values(self) -> list[float] | None:
+        """Nothing: each assignment is recorded."""
+        return None
+
     def set(self, kind: VariableKind, index: int, value: float, system: int = 1) -> None:
         """Store a value, see `VariableStore.set`."""
         before = self.i(COMPENSATION)

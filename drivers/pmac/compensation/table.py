@@ -106,14 +106,16 @@ class CompensationTable:
             raise ValueError(f"{len(positions_counts)} positions for {len(definition.sources)} sources")
         return self.at(*places)
 
-    def corrections(self, *tracks_counts: Sequence[float]) -> list[float]:
+    def corrections(self, tracks_counts: Sequence[list[float]]) -> list[float]:
         """Return the corrections along tracks of the sources, each as `correction` returns it."""
-        if self.definition.rows:
+        definition = self.definition
+        if definition.rows:
             return [self.correction(*places) for places in zip(*tracks_counts, strict=True)]
         # Written out for one source: a table is asked in every servo cycle.
-        (track,), line, size = tracks_counts, self.grid[0], self.definition.columns
-        span, last, found = self.definition.sources[0].span_counts, size - 1, []
-        for position in track:
+        line, size, span = self.grid[0], definition.columns, definition.sources[0].span_counts
+        last = size - 1
+        found: list[float] = []
+        for position in tracks_counts[0]:
             column = position % span * size / span
             left = int(column)
             left = left if left < last else last

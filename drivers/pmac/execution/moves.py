@@ -9,8 +9,10 @@ from typing import TypedDict
 from drivers.pmac import requests
 from drivers.pmac.execution.move_times import Modes, MoveTimes
 from drivers.pmac.language import arithmetic, syntax
+from drivers.pmac.language.blocks import WORTH
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value
+from drivers.pmac.language.python_text import PythonText
 from drivers.pmac.language.syntax import VECTOR, Feedrate, Positioning, SelectMode, VariableKind
 from drivers.pmac.requests import ProgramHost, Request
 from drivers.pmac.variables import SystemVariables
@@ -40,14 +42,16 @@ _CIRCLES = ("CIRCLE1", "CIRCLE2")
 _SPLINES = ("SPLINE1", "SPLINE2")
 
 
-@dataclass(slots=True)
 class _Aim:
     """The start and target of a line's axes, and which of them have an absolute target (ABS)."""
 
-    line: int
-    start: Mapping[str, float]
-    targets: dict[str, float]
-    absolute: frozenset[str]
+    def __init__(
+        self, line: int, start: Mapping[str, float], targets: dict[str, float], absolute: frozenset[str]
+    ) -> None:
+        self.line = line
+        self.start = start
+        self.targets = targets
+        self.absolute = absolute
 
 
 class _Common(TypedDict):
@@ -190,14 +194,26 @@ class Moves:
 
     def _linear(self, aim: _Aim, tm_ms: float) -> requests.LinearRequest:
         return requests.LinearRequest(
-            ta_ms=self.times.ta_ms, ts_ms=self.times.ts_ms, tm_ms=tm_ms, **self._common(aim)
+            line=aim.line,
+            targets=aim.targets,
+            absolute=aim.absolute,
+            deferred=self._take_deferred(),
+            ta_ms=self.times.ta_ms,
+            ts_ms=self.times.ts_ms,
+            tm_ms=tm_ms,
         )
 
     def _pvt(self, aim: _Aim, velocities: Mapping[str, float]) -> requests.PvtRequest:
         unit_ms = self.times.unit_ms
         per_ms = {axis: velocity / unit_ms for axis, velocity in velocities.items()}
-        duration_ms = self.times.pvt_ms()
-        return requests.PvtRequest(velocities=per_ms, duration_ms=duration_ms, **self._common(aim))
+        return requests.PvtRequest(
+            line=aim.line,
+            targets=aim.targets,
+            absolute=aim.absolute,
+            duration_ms=self.times.pvt_ms(),
+            deferred=self._take_deferred(),
+            velocities=per_ms,
+        )
 
     def _circle(self, aim: _Aim, vector: Mapping[str, float]) -> requests.CircleRequest:
         """A vector takes precedence over a radius on the same line."""
@@ -226,6 +242,8 @@ class Moves:
         }
 
     def _take_deferred(self) -> tuple[requests.Deferred, ...]:
+        if not self._deferred:
+            return ()
         taken = tuple(self._deferred.values())
         self._deferred.clear()
         return taken
@@ -239,6 +257,7 @@ class StepMaker:
     values: SystemVariables
     host: ProgramHost
     compile_value: Callable[[syntax.Expression], Value]
+    python: PythonText | None
 
     def step(self, statement: Plain, line: int) -> Step:
         """Return the function that executes a statement of a line."""
@@ -247,11 +266,7 @@ class StepMaker:
             case syntax.Assign():
                 return self._assign(statement)
             case syntax.Move():
-                words = self._words(statement.words)
-                past = [(w.axis, self.compile_value(w.past_trigger)) for w in statement.words if w.past_trigger]
-                if past:
-                    return lambda: moves.move_until_trigger(line, words, past)
-                return lambda: moves.move(line, words)
+                return self._move(statement, line)
             case syntax.Set(word, expression):
                 value = self.compile_value(expression)
                 return lambda: moves.times.keep(word, value(values))
@@ -284,6 +299,30 @@ class StepMaker:
             fixed = int(target.index.value)
             return lambda: values.set(kind, fixed, value(values))
         return lambda: values.set(kind, int(index(values)), value(values))
+
+    def _move(self, statement: syntax.Move, line: int) -> Step:
+        moves, words = self.moves, self._words(statement.words)
+        past = [(w.axis, self.compile_value(w.past_trigger)) for w in statement.words if w.past_trigger]
+        if past:
+            return lambda: moves.move_until_trigger(line, words, past)
+        times = 0
+
+        def step() -> Request | None:
+            nonlocal words, times
+            times += 1
+            if times == WORTH:
+                words = self._written(statement.words) or words
+            return moves.move(line, words)
+
+        return step
+
+    def _written(self, words: Sequence[syntax.AxisWord]) -> list[Word] | None:
+        """Return words of a line that is executed again and again."""
+        expressions = [each for w in words for each in (w.value, w.velocity) if each is not None]
+        if self.python is None or (functions := self.python.values(expressions)) is None:
+            return None
+        value = iter(functions)
+        return [(w.axis, next(value), next(value) if w.velocity is not None else None) for w in words]
 
     def _words(self, words: Sequence[syntax.AxisWord]) -> list[Word]:
         value_of = self.compile_value

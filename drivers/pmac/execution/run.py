@@ -14,9 +14,11 @@ from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
 from drivers.pmac.execution.move_times import Modes
 from drivers.pmac.execution.moves import Moves, Step, StepMaker
 from drivers.pmac.language import syntax
+from drivers.pmac.language.blocks import LONGEST, Blocks, Enter
 from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
 from drivers.pmac.language.evaluate import Truth, Value, Variables, compile_condition, compile_expression
 from drivers.pmac.language.parser import may_be_argument
+from drivers.pmac.language.python_text import PythonText
 from drivers.pmac.language.structure import NO_JUMP, Code
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request
@@ -41,6 +43,7 @@ class _Unit:
 
     code: Code
     steps: list[Step]
+    blocks: list[Enter | None]
     program: int
 
 
@@ -90,7 +93,9 @@ class ProgramRun:
         self._library = library
         self._host = host or NoHost()
         self._moves = Moves(self._values, modes, positions)
-        self._maker = StepMaker(self._moves, self._values, self._host, self._expression)
+        p_values = None if on_substitute else variables.p_values
+        self._python = None if p_values is None else PythonText(p_values, self._degrees, strict)
+        self._maker = StepMaker(self._moves, self._values, self._host, self._expression, self._python)
         self._units: dict[int, _Unit | None] = {}
         self._rests: dict[tuple[CallingLine, int], _Unit] = {}
         self._jumps_back = 0
@@ -98,7 +103,7 @@ class ProgramRun:
         start = 0 if label is None else code.find(label)
         if start is None:
             raise PmacError(ErrorCode.NO_PROGRAM, f"N{label} does not exist")
-        unit = _Unit(code, self._compile(code), number)
+        unit = self._unit_of(code, number)
         if number:
             self._units[number] = unit
         self._frame = _Frame(unit, start)
@@ -149,15 +154,23 @@ class ProgramRun:
 
         Raises PmacError: a run-time error of the program; the caller stops it.
         """
-        self._jumps_back = 0
-        for _ in range(STEPS_PER_LOOK):
+        self._jumps_back, left = 0, STEPS_PER_LOOK
+        while left > 0:
             frame = self._frame
             index = frame.counter
             unit = frame.unit
             if index >= len(unit.steps):
                 if not self._leave():
                     return Finished()
+                left -= 1
                 continue
+            enter = unit.blocks[index]
+            if enter is not None and left >= LONGEST and (done := enter(self._values)) is not None:
+                frame.counter, last = done
+                self.line = unit.code.line_of[last]
+                left -= last + 1 - index
+                continue
+            left -= 1
             self.line = unit.code.line_of[index]
             frame.counter = index + 1
             request = unit.steps[index]()
@@ -167,8 +180,19 @@ class ProgramRun:
                 return BlendBreak()
         return BlendBreak()
 
-    def _compile(self, code: Code) -> list[Step]:
-        return [self._step(code, index) for index in range(len(code.instructions))]
+    def _unit_of(self, code: Code, program: int) -> _Unit:
+        steps = [self._step(code, index) for index in range(len(code.instructions))]
+        return _Unit(code, steps, self._blocks(code), program)
+
+    def _blocks(self, code: Code) -> list[Enter | None]:
+        """Return what can be executed in one go, by its first instruction."""
+        if self._python is None:
+            return [None] * len(code.instructions)
+
+        def failed(place: int) -> None:
+            self.line, self._frame.counter = code.line_of[place], place + 1
+
+        return Blocks(code.instructions, code.jumps, self._python, failed).enter
 
     def _step(self, code: Code, index: int) -> Step:
         statement = code.instructions[index]
@@ -176,7 +200,8 @@ class ProgramRun:
             case syntax.While() | syntax.If():
                 return self._branch(statement.condition, code.jumps[index])
             case syntax.EndWhile() | syntax.Else():
-                return lambda: self._jump(code.jumps[index])
+                target = code.jumps[index]
+                return lambda: self._jump(target)
             case syntax.EndIf() | syntax.Label():
                 return lambda: None
             case syntax.Goto():
@@ -290,7 +315,7 @@ class ProgramRun:
     def _unit(self, program: int) -> _Unit | None:
         if program not in self._units:
             code = self._library(program)
-            self._units[program] = None if code is None else _Unit(code, self._compile(code), program)
+            self._units[program] = None if code is None else self._unit_of(code, program)
         return self._units[program]
 
     def _enter(self, frame: _Frame) -> None:
@@ -310,7 +335,7 @@ class ProgramRun:
         if unit is None:
             rest = arguments.calling.rest(arguments.taken)
             code = Code(rest, (arguments.calling.line,) * len(rest), (NO_JUMP,) * len(rest))
-            unit = self._rests[place] = _Unit(code, self._compile(code), self.program)
+            unit = self._rests[place] = self._unit_of(code, self.program)
         self._push(_Frame(unit))
 
     def _return(self) -> None:

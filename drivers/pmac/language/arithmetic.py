@@ -81,6 +81,10 @@ def unary_functions(degrees: bool) -> Mapping[str, UnaryFunction]:
     }
 
 
+ANYWHERE = ("SIN", "COS", "ATAN", "ABS", "INT")
+"""The functions that have a result for every finite number."""
+
+
 def forgiving(function: UnaryFunction) -> UnaryFunction:
     """Return the function with the controller's 0 outside its domain.
 

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from operator import eq, ge, gt, le, lt, ne
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 from drivers.pmac.language import arithmetic, syntax
 from drivers.pmac.language.errors import ErrorCode, EvaluationError, NoResultError
@@ -56,15 +57,22 @@ def compile_expression(expression: syntax.Expression, degrees: bool = True, *, s
     def calculate(variables: Variables) -> float:
         try:
             value = value_of(variables)
-        except (ZeroDivisionError, ValueError) as fault:
-            raise NoResultError(ErrorCode.DATA_ERROR, str(fault)) from fault
-        except ArithmeticError as fault:
-            raise EvaluationError(ErrorCode.DATA_ERROR, str(fault)) from fault
-        if not math.isfinite(value):
-            raise EvaluationError(ErrorCode.DATA_ERROR, "a number that is too large for the controller")
-        return value
+        except (ArithmeticError, ValueError) as fault:
+            raise refusal(fault) from fault
+        return value if math.isfinite(value) else too_large()
 
     return calculate
+
+
+def refusal(fault: ArithmeticError | ValueError) -> EvaluationError:
+    """Return the refusal of a calculation that has failed so."""
+    without = isinstance(fault, ZeroDivisionError | ValueError)
+    return (NoResultError if without else EvaluationError)(ErrorCode.DATA_ERROR, str(fault))
+
+
+def too_large() -> NoReturn:
+    """Refuse a result that is not finite. Raises EvaluationError."""
+    raise EvaluationError(ErrorCode.DATA_ERROR, "a number that is too large for the controller")
 
 
 def compile_condition(condition: syntax.Condition, degrees: bool = True, *, strict: bool = True) -> Truth:
@@ -130,29 +138,11 @@ class _Compiler:
                 return self._binary(operator, self.expression(left), self.expression(right))
 
     def _call(self, name: str, argument: Value) -> Value:
-        function = self._function(name)
-
-        def call(variables: Variables) -> float:
-            value = argument(variables)
-            if not math.isfinite(value):
-                raise OverflowError(f"argument of {name} too large")
-            try:
-                return function(value, variables)
-            except ValueError as fault:
-                raise ValueError(f"{name}({format_number(value)}){arithmetic.NO_VALUE}") from fault
-            except OverflowError as fault:
-                raise OverflowError(f"{name}({format_number(value)}) is too large a number") from fault
-
-        return call
-
-    def _function(self, name: str) -> Callable[[float, Variables], float]:
         if name == "ATAN2":
-            scale = math.degrees(1.0) if self.degrees else 1.0
-            return lambda value, v: scale * math.atan2(value, v.get(syntax.VariableKind.Q, 0))
-        function = arithmetic.unary_functions(self.degrees)[name]
-        if not self.strict:
-            function = arithmetic.forgiving(function)
-        return lambda value, v: function(value)
+            angle = angle_function(self.degrees)
+            return lambda v: angle(argument(v), v)
+        function = functions(self.degrees, self.strict)[name]
+        return lambda v: function(argument(v))
 
     def _binary(self, operator: str, left: Value, right: Value) -> Value:
         match operator:
@@ -162,8 +152,57 @@ class _Compiler:
                 return lambda v: left(v) - right(v)
             case "*":
                 return lambda v: left(v) * right(v)
-        combine = (_STRICT if self.strict else _SATURATING)[operator]
+        combine = operators(self.strict)[operator]
         return lambda v: combine(left(v), right(v))
+
+
+@cache
+def functions(degrees: bool, strict: bool) -> Mapping[str, arithmetic.UnaryFunction]:
+    """Return the functions of one number by name, as a calculation applies them."""
+    found = arithmetic.unary_functions(degrees)
+    return {name: _applied(name, function, strict) for name, function in found.items()}
+
+
+def _applied(name: str, function: arithmetic.UnaryFunction, strict: bool) -> arithmetic.UnaryFunction:
+    if name in arithmetic.ANYWHERE:
+
+        def anywhere(value: float) -> float:
+            if not math.isfinite(value):
+                raise OverflowError(f"argument of {name} too large")
+            return function(value)
+
+        return anywhere
+    within = function if strict else arithmetic.forgiving(function)
+
+    def call(value: float) -> float:
+        if not math.isfinite(value):
+            raise OverflowError(f"argument of {name} too large")
+        try:
+            return within(value)
+        except ValueError as fault:
+            raise ValueError(f"{name}({format_number(value)}){arithmetic.NO_VALUE}") from fault
+        except OverflowError as fault:
+            raise OverflowError(f"{name}({format_number(value)}) is too large a number") from fault
+
+    return call
+
+
+@cache
+def angle_function(degrees: bool) -> Callable[[float, Variables], float]:
+    """Return ATAN2, whose second argument is Q0."""
+    scale = math.degrees(1.0) if degrees else 1.0
+
+    def angle(value: float, variables: Variables) -> float:
+        if not math.isfinite(value):
+            raise OverflowError("argument of ATAN2 too large")
+        return scale * math.atan2(value, variables.get(syntax.VariableKind.Q, 0))
+
+    return angle
+
+
+def operators(strict: bool) -> Mapping[str, arithmetic.BinaryFunction]:
+    """Return the operators beside + - and *, as a calculation applies them."""
+    return _STRICT if strict else _SATURATING
 
 
 _STRICT: dict[str, arithmetic.BinaryFunction] = {

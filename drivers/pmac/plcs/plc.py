@@ -15,9 +15,11 @@ from typing import Protocol, TypeVar
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language import syntax
+from drivers.pmac.language.blocks import Blocks, Enter
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value, compile_condition, compile_expression
 from drivers.pmac.language.plc_statements import PlcCode
+from drivers.pmac.language.python_text import PythonText
 from drivers.pmac.variables import SystemVariables, VariableStore
 
 I5_FOREGROUND = 1
@@ -83,6 +85,8 @@ class PlcRun:
         self._values: SystemVariables = variables.view(self.addressed.system)
         self._degrees = True
         self._steps: list[_Step] = []
+        self._blocks: list[Enter | None] = []
+        self._place = 0  # the instruction that is executed
         self._counter = 0
 
     @property
@@ -102,19 +106,38 @@ class PlcRun:
         if not self._steps or degrees != self._degrees:
             self._degrees = degrees
             self._steps = [self._step(place) for place in range(len(self._code.instructions))]
+            self._blocks = self._new_blocks()
         steps, place = self._steps, self._counter
         self._counter, end = 0, len(steps)
         while place < end:
+            self._place = place
             try:
+                enter = self._blocks[place]
+                if enter is not None and (done := enter(self._values)) is not None:
+                    place = done[0]  # always further on
+                    continue
                 target = steps[place]()
             except PmacError as error:
-                return PlcFault(line=self._code.line_of[place], code=error.code, detail=error.detail)
+                return PlcFault(line=self._code.line_of[self._place], code=error.code, detail=error.detail)
             following = place + 1 if target is None else target
             if following <= place:
                 self._counter = following
                 return None
             place = following
         return None
+
+    def _new_blocks(self) -> list[Enter | None]:
+        """Return what can be executed in one go, by its first instruction."""
+        instructions, p_values = self._code.instructions, self._variables.p_values
+        if p_values is None:
+            return [None] * len(instructions)
+
+        def failed(place: int) -> None:
+            self._place = place
+
+        return Blocks(
+            instructions, self._code.jumps, PythonText(p_values, self._degrees, strict=False), failed
+        ).enter
 
     def _step(self, place: int) -> _Step:
         statement, target = self._code.instructions[place], self._code.jumps[place]

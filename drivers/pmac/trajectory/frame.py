@@ -43,6 +43,7 @@ class MotorFrame:
         self._system = system
         self._motors = tuple(d.motor for d in definitions)
         self._none = Limits(velocity=self.still, acceleration=self.still)
+        self._limits, self._limits_revision = self._none, -1
         single = all(len(d.terms) == 1 for d in definitions)
         self._single = tuple((d.axis, d.scale, d.offset) for d in definitions) if single else None
         rotary = any(ROTARY & set(d.axes) for d in definitions)
@@ -116,13 +117,15 @@ class MotorFrame:
 
     def limits(self) -> Limits:
         """Ix16 and Ix17 apply only while moves are not segmented (I13 = 0)."""
-        if self.segment_ms > 0.0:
-            return self._none
-        motor = self._variables.motor
-        return Limits(
-            velocity=tuple([motor(number, 16) for number in self._motors]),
-            acceleration=tuple([motor(number, 17) for number in self._motors]),
-        )
+        variables = self._variables
+        if variables.i_revision != self._limits_revision:
+            self._limits_revision, self._limits = variables.i_revision, self._none
+            if not self.segment_ms > 0.0:
+                self._limits = Limits(
+                    velocity=tuple([variables.motor(number, 16) for number in self._motors]),
+                    acceleration=tuple([variables.motor(number, 17) for number in self._motors]),
+                )
+        return self._limits
 
     def arc(self, request: CircleRequest, start: Mapping[str, float], here: Vector, target: Vector) -> Arc:
         """Return the arc of a circle move from axis positions `start`, which are the counts `here`.

@@ -8,6 +8,7 @@ Reference, formula for the limited blend. The numbers of the rules are those of 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, ramp
@@ -50,6 +51,12 @@ class Timing:
     tm_ms: float
 
 
+@lru_cache(maxsize=64)
+def timing_of(ta_ms: float, ts_ms: float, tm_ms: float) -> Timing:
+    """Return a timing: thousands of moves of a program have the same one."""
+    return Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Blend:
     """The end of the planned trajectory: inside the newest move, just after the ramp into it.
@@ -75,18 +82,20 @@ def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing
     if ta_ms <= 0.0:
         raise NoAccelerationTimeError
     tm_ms = move.tm_ms
-    for distance, limit in zip(move.distance, limits.velocity, strict=True):
+    for at, distance in enumerate(move.distance):
+        limit = limits.velocity[at]
         if limit > 0.0:
             tm_ms = max(tm_ms, abs(distance) / limit)  # Ix16: all axes slow together
     tm_ms = min(tm_ms, MOVE_TIME_MAX_MS)  # rule 6
     nominal_ms = max(tm_ms, ta_ms)
-    for distance, was, limit in zip(move.distance, before, limits.acceleration, strict=True):
+    for at, distance in enumerate(move.distance):
+        was, limit = before[at], limits.acceleration[at]
         if limit > 0.0:
             # Ix17 limits the change into this move, and the stop that may follow it.
             velocity = distance / nominal_ms
             change = max(abs(velocity - was), abs(velocity))
             ta_ms = max(ta_ms, min(change / limit + move.ts_ms, MOVE_TIME_MAX_MS))
-    return Timing(ta_ms=ta_ms, ts_ms=move.ts_ms, tm_ms=max(tm_ms, ta_ms))  # rule 2
+    return timing_of(ta_ms, move.ts_ms, max(tm_ms, ta_ms))  # rule 2
 
 
 def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ...], Blend, Timing]:
@@ -96,12 +105,12 @@ def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ..
     ta_ms, ts_ms = room_for_ramp(blend, timing.ta_ms, timing.ts_ms)
     pieces = _change_velocity(blend, velocity, ta_ms, ts_ms)
     after = Blend(
-        target=tuple([t + d for t, d in zip(blend.target, move.distance, strict=True)]),
+        target=tuple([blend.target[at] + move.distance[at] for at in range(len(velocity))]),
         velocity=velocity,
         room_ms=timing.tm_ms - 0.5 * ta_ms,
         at_rest=False,
     )
-    return pieces, after, Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=timing.tm_ms)
+    return pieces, after, timing_of(ta_ms, ts_ms, timing.tm_ms)
 
 
 def room_for_ramp(blend: Blend, ta_ms: float, ts_ms: float) -> tuple[float, float]:
@@ -135,10 +144,10 @@ def _change_velocity(
         return ramp(blend.target, blend.velocity, velocity, ta_ms, ts_ms)
     half_ms = 0.5 * ta_ms
     run_ms = blend.room_ms - half_ms
-    pairs = tuple(zip(blend.target, blend.velocity, strict=True))
-    start = tuple([t - v * half_ms for t, v in pairs])
-    ramps = ramp(start, blend.velocity, velocity, ta_ms, ts_ms, calculates)
+    target, before = blend.target, blend.velocity
+    start = tuple([target[at] - before[at] * half_ms for at in range(len(target))])
+    ramps = ramp(start, before, velocity, ta_ms, ts_ms, calculates)
     if run_ms <= 0.0:
         return ramps
-    run = constant(tuple([t - v * blend.room_ms for t, v in pairs]), blend.velocity, run_ms)
+    run = constant(tuple([target[at] - before[at] * blend.room_ms for at in range(len(target))]), before, run_ms)
     return (run, *ramps)

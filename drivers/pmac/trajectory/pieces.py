@@ -41,7 +41,7 @@ def velocity_at(cubic: Cubic, t_ms: float) -> float:
 
 def constant(position: Vector, velocity: Vector, duration_ms: float) -> Piece:
     """Return motion at constant velocity (counts/ms) from `position`."""
-    return Piece(duration_ms, tuple([(p, v, 0.0, 0.0) for p, v in zip(position, velocity, strict=True)]))
+    return Piece(duration_ms, tuple([(position[at], velocity[at], 0.0, 0.0) for at in range(len(position))]))
 
 
 def ramp(
@@ -53,22 +53,33 @@ def ramp(
     falls to zero over `ts_ms` (PMAC Software Reference, TS). Needs 0 <= 2 ts <= ta and ta > 0. The first
     piece is marked as the one at which the next move is calculated, unless `calculates` is False.
     """
-    peak = [(b - a) / (ta_ms - ts_ms) for a, b in zip(before, after, strict=True)]
-    none = [0.0] * len(peak)
+    count, span_ms = len(start), ta_ms - ts_ms
+    peak = [(after[at] - before[at]) / span_ms for at in range(count)]
+    none = [0.0] * count
     jerk = [a / ts_ms for a in peak] if ts_ms > 0.0 else none
-    plateau_ms = ta_ms - 2.0 * ts_ms
-    phases = ((ts_ms, none, jerk), (plateau_ms, peak, none), (ts_ms, peak, [-j for j in jerk]))
+    phases = ((ts_ms, none, jerk), (ta_ms - 2.0 * ts_ms, peak, none), (ts_ms, peak, [-j for j in jerk]))
     pieces: list[Piece] = []
-    position, velocity = start, before
+    position, velocity = list(start), list(before)
     for duration_ms, acceleration, slope in phases:
         if duration_ms <= 0.0:
             continue
-        states = zip(position, velocity, acceleration, slope, strict=True)
-        cubics = tuple([(p, v, a / 2.0, j / 6.0) for p, v, a, j in states])
-        pieces.append(Piece(duration_ms, cubics, calculates=calculates and not pieces))
-        position = tuple([position_at(cubic, duration_ms) for cubic in cubics])
-        velocity = tuple([velocity_at(cubic, duration_ms) for cubic in cubics])
+        cubics = _phase(position, velocity, acceleration, slope, duration_ms)
+        pieces.append(Piece(duration_ms, cubics, calculates and not pieces))
     return tuple(pieces)
+
+
+def _phase(
+    position: list[float], velocity: list[float], acceleration: list[float], jerk: list[float], duration_ms: float
+) -> tuple[Cubic, ...]:
+    """Return the motion of a phase, and let the motors be at its end."""
+    cubics: list[Cubic] = []
+    for at in range(len(position)):
+        # As `position_at` and `velocity_at`, written out: a ramp of three motors has nine of them.
+        c0, c1, c2, c3 = position[at], velocity[at], acceleration[at] / 2.0, jerk[at] / 6.0
+        cubics.append((c0, c1, c2, c3))
+        position[at] = ((c3 * duration_ms + c2) * duration_ms + c1) * duration_ms + c0
+        velocity[at] = (3.0 * c3 * duration_ms + 2.0 * c2) * duration_ms + c1
+    return tuple(cubics)
 
 
 def hermite(
@@ -76,8 +87,9 @@ def hermite(
 ) -> Piece:
     """Return the cubic through both positions (counts) with both velocities (counts/ms): a PVT segment."""
     square = duration_ms * duration_ms
-    cubics = []
-    for p0, v0, p1, v1 in zip(start, before, end, after, strict=True):
+    cubics: list[Cubic] = []
+    for at in range(len(start)):
+        p0, v0, p1, v1 = start[at], before[at], end[at], after[at]
         slope = (p1 - p0) / duration_ms
         cubics.append((p0, v0, (3.0 * slope - 2.0 * v0 - v1) / duration_ms, (v0 + v1 - 2.0 * slope) / square))
-    return Piece(duration_ms, tuple(cubics), calculates=calculates)
+    return Piece(duration_ms, tuple(cubics), calculates)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from functools import lru_cache
 from typing import NamedTuple
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.requests import CircleRequest, Deferred, Halt, HomeRequest, PresetRequest, TriggerRequest
-from drivers.pmac.trajectory.linear import Timing
+from drivers.pmac.trajectory.linear import Timing, timing_of
 from drivers.pmac.trajectory.pieces import Piece, Vector
 
 # What the owner of the motors has to carry out between two moves.
@@ -41,12 +40,7 @@ class Planned(NamedTuple):
 
 def plain_record(line: int, target: Vector, tm_ms: float) -> MoveRecord:
     """Return the record of a move that is done in the requested time."""
-    return MoveRecord(line=line, target=target, asked=_plain(tm_ms), timing=None)
-
-
-@lru_cache(maxsize=8)  # a program has thousands of segments, all of the same duration
-def _plain(tm_ms: float) -> Timing:
-    return Timing(ta_ms=0.0, ts_ms=0.0, tm_ms=tm_ms)
+    return MoveRecord(line, target, timing_of(0.0, 0.0, tm_ms), None)
 
 
 def defer(pieces: tuple[Piece, ...], deferred: tuple[Deferred, ...]) -> tuple[Piece, ...]:

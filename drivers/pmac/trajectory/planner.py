@@ -19,7 +19,7 @@ from drivers.pmac.trajectory.circle import Arc, chord_length
 from drivers.pmac.trajectory.course import lay_course, stop_course
 from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
-from drivers.pmac.trajectory.linear import Blend, LinearMove, Timing, at_rest
+from drivers.pmac.trajectory.linear import Blend, LinearMove, at_rest, timing_of
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
 from drivers.pmac.trajectory.planned import (
     MoveRecord,
@@ -207,7 +207,7 @@ class MotionPlanner:
         laid, self._axis_blend, timing = lay_course(self._axis_blend, move, arc, NO_LIMITS, segment_ms)
         pieces = through_inverse(laid, segment_ms, self._frame.solve)
         self._blend = at_rest(self._frame.solve(target))
-        asked = Timing(ta_ms=request.ta_ms, ts_ms=request.ts_ms, tm_ms=tm_ms)
+        asked = timing_of(request.ta_ms, request.ts_ms, tm_ms)
         record = MoveRecord(line=request.line, target=self.target, asked=asked, timing=timing)
         return Planned(pieces=(*lead, *defer(pieces, request.deferred), *self._unblended()), record=record)
 
@@ -234,13 +234,13 @@ class MotionPlanner:
         arc: Arc | None = None,
     ) -> Planned:
         ta_ms, ts_ms = request.ta_ms, request.ts_ms
-        distance = tuple([t - p for t, p in zip(target, self.target, strict=True)])
+        distance = tuple([place - self.target[at] for at, place in enumerate(target)])
         move = LinearMove(distance=distance, ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
         limits, segment_ms = self._frame.limits(), self._frame.segment_ms
         laid, self._blend, timing = lay_course(self._blend, move, arc, limits, segment_ms)
-        asked = Timing(ta_ms=ta_ms, ts_ms=ts_ms, tm_ms=tm_ms)
-        record = MoveRecord(line=request.line, target=target, asked=asked, timing=timing)
-        return Planned(pieces=(*lead, *defer(laid, request.deferred), *self._unblended()), record=record)
+        asked = timing_of(ta_ms, ts_ms, tm_ms)
+        record = MoveRecord(request.line, target, asked, timing)
+        return Planned((*lead, *defer(laid, request.deferred), *self._unblended()), record)
 
     def _rapid(self, request: requests.RapidRequest) -> Planned:
         """Jog, and calculate nothing until it is done; a RAPID of no distance takes an interrupt."""
@@ -262,8 +262,9 @@ class MotionPlanner:
         before = self._pvt_velocity or self._frame.still
         laid = hermite(start, before, target, after, request.duration_ms)
         self._blend, self._pvt_velocity = at_rest(target), after
+        pieces = defer((laid,), request.deferred)
         record = plain_record(request.line, target, request.duration_ms)
-        return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
+        return Planned((*lead, *pieces) if lead else pieces, record)
 
     def _splined(self, request: requests.SplineRequest) -> Planned:
         duration_ms = request.duration_ms

@@ -78,7 +78,8 @@ class Controller:
         self._with_plant = frozenset(axes)
         self._profile = dict(i_variables), definitions
         self._awake: tuple[Motor, ...] = ()
-        self._revision, self._cycle_ms = -1, 0.0  # of the settings when a block last began
+        self._revision = -1  # of the settings when a block last began
+        self._cycle_revision, self._cycle_ms = -1, 0.0
         self._define_axes()
         self.flash.power_up(self)
         self._power_up()
@@ -86,7 +87,10 @@ class Controller:
     @property
     def cycle_ms(self) -> float:
         """Servo time as I10 states it, ms: what trajectories are calculated with."""
-        return servo_cycle_ms(self.variables.i(10))
+        if self.variables.i_revision != self._cycle_revision:
+            self._cycle_revision = self.variables.i_revision
+            self._cycle_ms = servo_cycle_ms(self.variables.i(10))
+        return self._cycle_ms
 
     @property
     def now_ms(self) -> float:
@@ -112,9 +116,8 @@ class Controller:
                 [motor for motor in self.motors.values() if motor.amplifier_enabled and not motor.activated]
             )
             self._awake = tuple(m for m in self.motors.values() if m.activated or m.number in self._with_plant)
-            self._cycle_ms = self.cycle_ms
         if not (self._leads.refresh() or self.gather.running or self.plcs.foreground):
-            return self._run(cycles, self._cycle_ms)
+            return self._run(cycles, self.cycle_ms)
         tracks: dict[int, list[float]] = {motor.number: [] for motor in self._awake}
         done = 0
         while done < cycles:

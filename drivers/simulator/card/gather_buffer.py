@@ -6,7 +6,7 @@ The sources and the period are read once, by GATHER.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from drivers.pmac.gathering.gather import (
     LONG_BITS,
@@ -17,12 +17,12 @@ from drivers.pmac.gathering.gather import (
     selected_sources,
     shifts_of,
 )
+from drivers.pmac.gathering.sample_block import MOST_WAITING, packed
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.memory import WORD_BITS, Memory, Pointer
+from drivers.pmac.memory import WORD_BITS, Memory, Passing, Pointer
 from drivers.pmac.variables import VariableStore
 
 _LONG_BYTES, _WORD_BYTES = LONG_BITS // 8, WORD_BITS // 8
-_Passed = Callable[[], list[int]]  # the same in each servo cycle of a stretch
 _Source = tuple[Callable[[], int], int]  # reads the bits of a register; its lowest bit in a sample
 
 
@@ -38,8 +38,10 @@ class GatherBuffer:
         self._listable = False
         self._sources: tuple[_Source, ...] = ()
         self.by_cycle = False  # an output is gathered: of a stretch of cycles only the last one is known
-        self._passed: tuple[tuple[int, _Passed, int], ...] = ()  # motor, reader, bytes
+        self._passing: tuple[Passing, ...] = ()  # of all sources, or of none
         self.motors: frozenset[int] | None = None  # those that `sample_stretch` reads; None when it cannot
+        self._widths: tuple[int, ...] = ()  # bytes of each source
+        self._waiting: list[list[float]] = []  # values by source, of the samples after those in `_data`
         self._padding = 0
         self._sample_bytes = 0
         self._period = 0
@@ -72,25 +74,28 @@ class GatherBuffer:
         if self._memory is None or not chosen or period < 0:
             asked = f"{len(chosen)} sources every {period} servo cycles"
             raise PmacError(ErrorCode.DATA_ERROR, f"{asked}: nothing that could be gathered")
-        # What a sample needs, computed once: thousands are taken per second.
-        places = zip(chosen, shifts_of(chosen), strict=True)
-        self._sources = tuple((_bits(self._memory, source), shift) for source, shift in places)
-        self._passed = tuple(
-            (*passed, (1 if source.space in "XY" else 2) * _WORD_BYTES)
-            for source in chosen
-            if (passed := self._memory.passed_bits_of(source)) is not None
-        )
-        all_passed = len(self._passed) == len(self._sources)
-        self.motors = frozenset(motor for motor, _, _ in self._passed) if all_passed else None
-        self._padding = padding_of(chosen)
-        output = dialect.registers["output"]
-        places_of_outputs = {output.address + number * output.stride for number in range(dialect.motor_count)}
-        self.by_cycle = any(each.space == output.space and each.address in places_of_outputs for each in chosen)
-        self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
+        self._pack()
+        self._prepare(self._memory, chosen)
         if not self._has_room:
             raise PmacError(ErrorCode.NO_ROOM, f"{self.size} long words are full; DEFINE GATHER starts over")
         self._period, self._cycle = period, 0
         self._listable = self.running = True
+
+    def _prepare(self, memory: Memory, chosen: Sequence[Pointer]) -> None:
+        """Find out what a sample needs, once: thousands are taken per second."""
+        places = zip(chosen, shifts_of(chosen), strict=True)
+        self._sources = tuple((_bits(memory, source), shift) for source, shift in places)
+        self._widths = tuple((1 if source.space in "XY" else 2) * _WORD_BYTES for source in chosen)
+        passing = tuple(each for each in map(memory.passing, chosen) if each is not None)
+        self._passing = passing if len(passing) == len(chosen) else ()
+        self.motors = frozenset(each.motor for each in passing) if self._passing else None
+        self._waiting = [[] for _ in self._passing]
+        self._padding = padding_of(chosen)
+        dialect = self._variables.dialect
+        output = dialect.registers["output"]
+        places_of_outputs = {output.address + number * output.stride for number in range(dialect.motor_count)}
+        self.by_cycle = any(each.space == output.space and each.address in places_of_outputs for each in chosen)
+        self._sample_bytes = long_words_of(chosen) * _LONG_BYTES
 
     def delete(self) -> None:
         """DELETE GATHER. Raises PmacError: 007, it is being filled."""
@@ -102,6 +107,7 @@ class GatherBuffer:
         self.running = self._listable = False
         self.size = 0
         self._data.clear()
+        self._waiting.clear()
 
     @property
     def due(self) -> bool:
@@ -113,7 +119,7 @@ class GatherBuffer:
         """Return after how many more servo cycles the buffer is full."""
         if not self._period:
             return 1
-        samples = (self.size * _LONG_BYTES - len(self._data)) // self._sample_bytes
+        samples = (self.size * _LONG_BYTES - self._filled) // self._sample_bytes
         return -self._cycle % self._period + (samples - 1) * self._period + 1
 
     def sample(self) -> None:
@@ -122,12 +128,15 @@ class GatherBuffer:
         self._cycle = cycle + 1
         if self._memory is None or not is_due(cycle, self._period):
             return
-        packed = self._padding
-        for bits, shift in self._sources:
-            packed |= bits() << shift
-        self._data += packed.to_bytes(self._sample_bytes, "little")
-        if not self._has_room or not self._period:
-            self.running = False
+        if self._passing:
+            for column, each in zip(self._waiting, self._passing, strict=True):
+                column.append(each.now())
+        else:
+            whole = self._padding
+            for bits, shift in self._sources:
+                whole |= bits() << shift
+            self._data += whole.to_bytes(self._sample_bytes, "little")
+        self._stop_when_full()
 
     def sample_stretch(self, cycles: int) -> None:
         """Take the samples that are due in a stretch of servo cycles, no more than `cycles_left`, all at once."""
@@ -135,15 +144,10 @@ class GatherBuffer:
         self._cycle += cycles
         if first >= cycles:
             return
-        columns = [
-            [bits.to_bytes(width, "little") for bits in passed()[first::period]]
-            for _, passed, width in self._passed
-        ]
-        tail = self._padding.to_bytes(self._sample_bytes, "little")[sum(width for _, _, width in self._passed) :]
-        for words in zip(*columns, strict=True):
-            self._data += b"".join(words) + tail
-        if not self._has_room:
-            self.running = False
+        for column, each in zip(self._waiting, self._passing, strict=True):
+            values = each.passed()
+            column += values if period == 1 else values[first::period]
+        self._stop_when_full()
 
     def long_words(self, first: int = 0, count: int | None = None) -> list[int]:
         """LIST GATHER: return `count` long words (all by default) from the one with the number `first`, from 0.
@@ -152,14 +156,34 @@ class GatherBuffer:
         """
         if not self._listable:
             raise PmacError(ErrorCode.DATA_ERROR, "nothing is gathered")
+        self._pack()
         begin = first * _LONG_BYTES
         end = len(self._data) if count is None else min(len(self._data), begin + count * _LONG_BYTES)
         places = range(begin, end, _LONG_BYTES)
         return [int.from_bytes(self._data[place : place + _LONG_BYTES], "little") for place in places]
 
     @property
+    def _filled(self) -> int:
+        """Bytes that are taken."""
+        waiting = len(self._waiting[0]) if self._waiting else 0
+        return len(self._data) + waiting * self._sample_bytes
+
+    @property
     def _has_room(self) -> bool:
-        return len(self._data) + self._sample_bytes <= self.size * _LONG_BYTES
+        return self._filled + self._sample_bytes <= self.size * _LONG_BYTES
+
+    def _stop_when_full(self) -> None:
+        if not self._has_room or not self._period:
+            self.running = False
+        if self._waiting and len(self._waiting[0]) >= MOST_WAITING:
+            self._pack()
+
+    def _pack(self) -> None:
+        """Bring the waiting samples into their bytes."""
+        if self._waiting and self._waiting[0]:
+            tail = self._padding.to_bytes(self._sample_bytes, "little")[sum(self._widths) :]
+            self._data += packed(self._waiting, self._widths, tail)
+            self._waiting = [[] for _ in self._waiting]
 
     def _refuse_running(self, what: str) -> None:
         if self.running:

@@ -179,19 +179,21 @@ class Leads:
             return None
         found = [0.0] * cycles
         for table in tables:
-            places = [self._passed(source, motor, before) for source in table.definition.sources]
-            corrections = table.corrections(*places)
-            found = [before_it + each for before_it, each in zip(found, corrections, strict=True)]
+            tracks = [self._passed(source, motor, before) for source in table.definition.sources]
+            corrections = table.corrections(tracks)
+            for at in range(cycles):
+                found[at] += corrections[at]
         return found
 
     def _passed(
         self, source: TableSource, target: Motor, before: Mapping[int, tuple[float, float]]
-    ) -> Sequence[float]:
+    ) -> list[float]:
         """Return the places of a source that the target sees: a cycle late if its own number is lower."""
         replay = self._motors[source.motor].replay
-        start = before[source.motor][source.desired]
         passed = replay.commands if source.desired else replay.encoders
-        return passed if source.motor < target.number else [start, *passed[:-1]]
+        if source.motor < target.number:
+            return passed
+        return [before[source.motor][source.desired], *passed[:-1]]
 
     def _find_order(self) -> None:
         """Find an order of the motors in which sources come before their targets."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from math import inf
+from typing import Final
 
 from drivers.pmac.reported_velocity import averaged_velocity
 from drivers.pmac.settings import PARTS_PER_COUNT
@@ -11,9 +11,9 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.guard import Alarm, Guard, TravelLimits, read_guard
 from drivers.simulator.card.jog_motion import HomeSensor, JogMotion, Stage
 from drivers.simulator.card.replay import Replay
-from drivers.simulator.plant.axis import Axis, Scale, read_encoder
+from drivers.simulator.plant.axis import Axis, Scale, counted
 
-_SEARCHING = Stage.SEARCHING  # a look-up less in every block
+_SEARCHING: Final = Stage.SEARCHING  # a look-up less in every block
 
 
 class MotorLoop:
@@ -80,7 +80,7 @@ class MotorLoop:
     @property
     def encoder(self) -> float:
         """Actual position as the encoder counts it."""
-        return float(read_encoder(self.actual + self.scale.now))
+        return counted(self.actual + self.scale.now)
 
     @property
     def counter(self) -> float:
@@ -95,7 +95,7 @@ class MotorLoop:
     @property
     def encoder_step(self) -> float:
         """Actual velocity in counts per servo cycle."""
-        return self.encoder - read_encoder(self._last_actual + self.scale.before)
+        return self.encoder - counted(self._last_actual + self.scale.before)
 
     @property
     def reported_velocity(self) -> float:
@@ -140,8 +140,8 @@ class MotorLoop:
         self,
         cycles: int,
         cycle_ms: float,
-        commands: Sequence[float] | None,
-        corrections: Sequence[float] | None = None,
+        commands: list[float] | None,
+        corrections: list[float] | None = None,
     ) -> list[float]:
         """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts).
 
@@ -168,7 +168,7 @@ class MotorLoop:
         self.pace = machine[-1] - (machine[-2] if cycles > 1 else start)
         if self._averaged is not None:
             for at in self._averaged.kept(cycles, self.cycles_run):
-                self._averaged.keep(self.encoder if self._losing else read_encoder(track[at] + self.scale.now))
+                self._averaged.keep(self.encoder if self._losing else counted(track[at] + self.scale.now))
         self.cycles_run += cycles
         if self._losing:
             self._last_actual = self.actual
@@ -176,7 +176,7 @@ class MotorLoop:
             self._last_actual = track[-2] if cycles > 1 else self.actual
             self.actual = track[-1]
         if not self.enabled:
-            self.desired = float(read_encoder(self.actual + self.scale.now)) - added
+            self.desired = counted(self.actual + self.scale.now) - added
         if self.jog.stage is _SEARCHING:
             self._search(start, self.true_position)
         return machine
@@ -198,9 +198,7 @@ class MotorLoop:
         """Remember the state before a stretch of cycles."""
         self.replay.begin(self.desired, self.actual, self.scale.now)
 
-    def keep_stretch(
-        self, cycle_ms: float, commands: Sequence[float] | None, corrections: Sequence[float] | None
-    ) -> None:
+    def keep_stretch(self, cycle_ms: float, commands: list[float] | None, corrections: list[float] | None) -> None:
         """Remember each cycle of the stretch that was just run with these, for `show`."""
         track, told = self._track, commands
         if self.enabled and commands is None:
@@ -235,7 +233,7 @@ class MotorLoop:
             self._poller = 0
             return None
         guard = self.guard
-        here = float(read_encoder(self.actual + self.scale.now))
+        here = counted(self.actual + self.scale.now)
         error = abs(self.desired + self.correction + self.superimposed - here) if self.enabled else 0.0
         travel = self.travel
         # A limit that is set is checked even inside Ix13 and Ix14.
@@ -316,8 +314,8 @@ class MotorLoop:
         self.stopped_at = None  # a program resumes from where the motor is, in the new counts
 
 
-def _sum(commands: Sequence[float], corrections: Sequence[float] | None, added: float) -> Sequence[float]:
+def _sum(commands: list[float], corrections: list[float] | None, added: float) -> list[float]:
     """Return commands with what is added to them, in each cycle or all the time."""
     if corrections is not None:
-        return [command + each for command, each in zip(commands, corrections, strict=True)]
+        return [commands[at] + corrections[at] for at in range(len(commands))]
     return [command + added for command in commands] if added else commands

@@ -6,14 +6,15 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from itertools import accumulate, repeat
+from typing import Final
 
 from drivers.pmac.requests import Deferred
 from drivers.pmac.trajectory.pieces import Piece, Vector, position_at
 
 Refill = Callable[[], Iterable[Piece]]
 Assign = Callable[[tuple[Deferred, ...]], None]
-FARTHEST_AHEAD = 1000  # cycles; pieces may be endless
-SAME_COUNTS = 1e-6  # two motions no further apart than this are the same
+FARTHEST_AHEAD: Final = 1000  # cycles; pieces may be endless
+SAME_COUNTS: Final = 1e-6  # two motions no further apart than this are the same
 
 
 class Player:
@@ -110,8 +111,8 @@ class Player:
                 self._elapsed_ms = times[-1]
                 if start < 0.0 or step_ms < 0.0:
                     times = [max(time, 0.0) for time in times]
-                for positions, (c0, c1, c2, c3) in zip(track, piece.cubics, strict=True):
-                    positions.extend([((c3 * t + c2) * t + c1) * t + c0 for t in times])
+                for at, (c0, c1, c2, c3) in enumerate(piece.cubics):
+                    track[at] += [((c3 * t + c2) * t + c1) * t + c0 for t in times]
                 left -= steps
             if left:
                 self._finish(piece)
@@ -120,7 +121,7 @@ class Player:
             for positions, last in zip(track, self.position, strict=True):
                 positions.extend([last] * left)
         elif count:
-            self.position = tuple(positions[-1] for positions in track)
+            self.position = tuple([positions[-1] for positions in track])
         return track
 
     def _go_on(self, piece: Piece, count: int, step_ms: float) -> list[list[float]]:

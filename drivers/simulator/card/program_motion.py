@@ -180,7 +180,7 @@ class ProgramMotion:
             tracks = self._time_base.play(player, cycles, cycle_ms)
         if player.idle and self._event is None and not self.running:
             self._rest(player.position)
-        return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
+        return self._by_motor(tracks)
 
     def uneventful(self, cycle_ms: float) -> int:
         """Return for how many servo cycles a piece of motion certainly goes on in real time; 1 if it does not."""
@@ -191,7 +191,10 @@ class ProgramMotion:
         """Return what `sample` would in so many calls for one cycle each, no more than `uneventful`."""
         assert self._player is not None
         tracks = self._player.sample_singly(cycles, cycle_ms)
-        return {motor.number: track for motor, track in zip(self._frame.motors, tracks, strict=True)}
+        return self._by_motor(tracks)
+
+    def _by_motor(self, tracks: list[list[float]]) -> dict[int, list[float]]:
+        return {motor.number: tracks[at] for at, motor in enumerate(self._frame.motors)}
 
     def _frozen(self, player: Player) -> bool:
         return self._time_base.stopped and not player.in_real_time

@@ -9,10 +9,11 @@ from __future__ import annotations
 import math
 import struct
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
+from typing import Final
 
 from drivers.pmac.gathering.gather import decode_float, encode_float
-from drivers.pmac.memory import WORD_BITS, Pointer
+from drivers.pmac.memory import WORD_BITS, Passing, Pointer
 from drivers.pmac.variable_words import VariableWords
 from drivers.simulator.card import reports
 from drivers.simulator.card.buffers import StoredBuffers
@@ -20,7 +21,7 @@ from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.countdown import Countdown
 from drivers.simulator.card.motor import Motor
 
-PARTS = 32  # of a count, and that Ix08 (or Ix09) times
+PARTS: Final = 32.0  # of a count, and that Ix08 (or Ix09) times
 WORD = (1 << WORD_BITS) - 1
 DOUBLE_BITS = 2 * WORD_BITS
 _HALF = 0xFFFF
@@ -72,7 +73,7 @@ READERS: Mapping[str, Value] = {
 """All registers; which of them a family has, and where, is in its dialect."""
 
 
-def _passed_positions(motor: Motor, counts: Sequence[float]) -> list[float]:
+def _passed_positions(motor: Motor, counts: list[float]) -> list[float]:
     scale = motor.variable(8)
     return [each * scale * PARTS for each in counts]
 
@@ -82,13 +83,15 @@ def _passed_commands(motor: Motor) -> list[float]:
 
 
 def _following_errors(motor: Motor) -> list[float]:
-    replay, superimposed = motor.replay, motor.superimposed
+    replay, superimposed, scale = motor.replay, motor.superimposed, motor.variable(8)
+    encoders = replay.encoders
     if not motor.enabled:
-        return [0.0] * len(replay.encoders)
-    cycles = zip(replay.commands, replay.corrections, replay.encoders, strict=True)
-    return _passed_positions(
-        motor, [desired + added + superimposed - encoder for desired, added, encoder in cycles]
-    )
+        return [0.0] * len(encoders)
+    commands, corrections = replay.commands, replay.corrections
+    return [
+        (commands[at] + corrections[at] + superimposed - encoders[at]) * scale * PARTS
+        for at in range(len(encoders))
+    ]
 
 
 def _velocities(motor: Motor) -> list[float]:
@@ -202,15 +205,16 @@ class CardMemory:
         value, controller, mask = READERS[name], self._controller, _mask(DOUBLE_BITS)
         return lambda: _whole(value(controller, number)) & mask
 
-    def passed_bits_of(self, pointer: Pointer) -> tuple[int, Callable[[], list[int]]] | None:
-        """Return the motor of a register, and what reads its bits in each cycle of the motor's last stretch."""
+    def passing(self, pointer: Pointer) -> Passing | None:
+        """Return how to read a register of a motor in each servo cycle of a stretch; None for other words."""
         held = self._registers.get((pointer.space, pointer.address))
-        width = DOUBLE_BITS if pointer.space == "D" else pointer.width
-        if held is None or held[0] not in PASSED or width not in (DOUBLE_BITS, WORD_BITS):
+        whole = pointer.space == "D" or pointer.width == WORD_BITS
+        if held is None or held[0] not in PASSED or not whole:
             return None
         name, number = held
-        values, motor, mask = PASSED[name], self._controller.motors[number], _mask(width)
-        return number, lambda: _bits(values(motor), mask)
+        now, passed, controller = READERS[name], PASSED[name], self._controller
+        motor = controller.motors[number]
+        return Passing(number, lambda: now(controller, number), lambda: passed(motor))
 
     def word(self, space: str, address: int) -> int:
         """Return an unsigned 24-bit word; `space` is X or Y."""
@@ -301,11 +305,3 @@ def _single(value: float) -> bytes:
 def _whole(value: float) -> int:
     """Return the integer that a register holds for a value; 0 for one that is not finite."""
     return math.floor(value + 0.5) if math.isfinite(value) else 0
-
-
-def _bits(values: Sequence[float], mask: int) -> list[int]:
-    """Return the bits of registers that hold these values."""
-    try:
-        return [math.floor(value + 0.5) & mask for value in values]
-    except (OverflowError, ValueError):  # one is not finite
-        return [_whole(value) & mask for value in values]

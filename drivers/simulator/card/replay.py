@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
-from drivers.simulator.plant.axis import read_encoder
+from drivers.simulator.plant.axis import counted, counted_along
 
 
 class Shown(NamedTuple):
@@ -23,10 +22,10 @@ class Shown(NamedTuple):
 class _Kept(NamedTuple):
     """A stretch as it was run; `commands` is None in open loop, `corrections` where the same one was added."""
 
-    track: Sequence[float]
-    noise: Sequence[float] | None
-    commands: Sequence[float] | None
-    corrections: Sequence[float]
+    track: list[float]
+    noise: list[float] | None
+    commands: list[float] | None
+    corrections: list[float]
     cycle_ms: float
 
 
@@ -38,32 +37,33 @@ class Replay:
 
     def __init__(self) -> None:
         self._begun = 0.0, 0.0, 0.0
-        self._kept = _Kept((), None, (), (), 1.0)
-        self._encoders: Sequence[float] | None = None
-        self._commands: Sequence[float] | None = None
+        self._kept = _Kept([], None, [], [], 1.0)
+        self._encoders: list[float] | None = None
+        self._commands: list[float] | None = None
         self._cycles: list[Shown] | None = None
 
     @property
-    def encoders(self) -> Sequence[float]:
+    def encoders(self) -> list[float]:
         """What the encoder counts in each cycle."""
         if self._encoders is None:
             track, noise = self._kept.track, self._kept.noise
             places = track if noise is None else [place + each for place, each in zip(track, noise, strict=True)]
-            self._encoders = list(map(float, map(read_encoder, places)))
+            self._encoders = counted_along(places)
         return self._encoders
 
     @property
-    def commands(self) -> Sequence[float]:
+    def commands(self) -> list[float]:
         """The commanded position in each cycle; in open loop it goes along with the encoder."""
         if self._commands is None:
             told, corrections = self._kept.commands, self._kept.corrections
             if told is None:
-                told = [place - added for place, added in zip(self.encoders, corrections, strict=True)]
+                encoders = self.encoders
+                told = [encoders[at] - corrections[at] for at in range(len(encoders))]
             self._commands = told
         return self._commands
 
     @property
-    def corrections(self) -> Sequence[float]:
+    def corrections(self) -> list[float]:
         """What tables add in each cycle."""
         return self._kept.corrections
 
@@ -71,8 +71,11 @@ class Replay:
     def encoder_steps(self) -> list[float]:
         """Actual velocity in each cycle, counts per cycle."""
         encoders, (_, actual, noise) = self.encoders, self._begun
-        before = [float(read_encoder(actual + noise)), *encoders[:-1]]
-        return [now - then for now, then in zip(encoders, before, strict=True)]
+        last, steps = counted(actual + noise), []
+        for encoder in encoders:
+            steps.append(encoder - last)
+            last = encoder
+        return steps
 
     @property
     def cycles(self) -> list[Shown]:
@@ -100,10 +103,10 @@ class Replay:
 
     def keep(
         self,
-        track: Sequence[float],
-        noise: Sequence[float] | None,
-        commands: Sequence[float] | None,
-        corrections: Sequence[float],
+        track: list[float],
+        noise: list[float] | None,
+        commands: list[float] | None,
+        corrections: list[float],
         cycle_ms: float,
     ) -> None:
         """Keep the stretch just run, with its `commands`, None in open loop, and the `corrections` beside them."""

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from math import copysign
 
-from drivers.simulator.plant.axis import EncoderAxis, Ends, Scale
+from drivers.simulator.plant.axis import FARTHEST, ROUNDS, EncoderAxis, Ends, Scale
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
 from drivers.simulator.plant.flexible_mode import FlexibleMode
 from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.servo_gains import NotchFilter, ServoGains, notch_of
 from drivers.simulator.plant.tip_load import TipLoad
-
-ROUNDS = 1.5 * 2.0**52  # a number plus this, less this, is rounded half to even as by `round`: see `FARTHEST`
-FARTHEST = 1e12  # counts; far inside +-2^51, where that is so
 
 
 class ServoAxis(EncoderAxis):

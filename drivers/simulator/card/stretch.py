@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Protocol
+from typing import Final, Protocol
 
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.gather_buffer import GatherBuffer
@@ -23,7 +23,8 @@ from drivers.simulator.card.jog_motion import Stage
 from drivers.simulator.card.leads import Leads
 from drivers.simulator.card.motor import Motor
 
-LEAST = 2  # cycles; a single one is cheaper by itself
+_SEARCHING: Final = Stage.SEARCHING  # a look-up less in every block
+LEAST: Final = 2  # cycles; a single one is cheaper by itself
 
 
 class Load(Protocol):
@@ -74,7 +75,7 @@ class Stretch:
                 most = min(most, system.motion.uneventful(cycle_ms))
         for motor in motors:
             jog = motor.jog
-            if jog.stage is Stage.SEARCHING or not motor.undisturbed:
+            if jog.stage is _SEARCHING or not motor.undisturbed:
                 return 1
             if jog.player is not None:
                 most = min(most, jog.player.whole_cycles(cycle_ms))

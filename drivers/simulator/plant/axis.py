@@ -5,9 +5,12 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Final, Protocol
 
 import numpy as np
+
+ROUNDS: Final = 1.5 * 2.0**52  # a number plus this, less this, is rounded half to even as by `round`
+FARTHEST: Final = 1e12  # counts; far inside +-2^51, where that is so
 
 # The reading for a true position, both in counts: the built-in itself, because it is in the innermost loop of all.
 read_encoder: Callable[[float], int] = round
@@ -15,6 +18,18 @@ DRAWN_AT_ONCE = 4096
 OPEN_LOOP_COUNTS_PER_S = 100_000.0  # speed of an ideal axis at full output, reached as it coasts
 BARE_COAST_S = 0.1  # coasting time constant of an axis without a machine
 BARE_ORIGIN = 500.0  # position of such an axis at power-up, in counts from a home trigger
+
+
+def counted(place: float) -> float:
+    """Return the whole count that an encoder reads at a true position."""
+    return place + ROUNDS - ROUNDS if -FARTHEST < place < FARTHEST else float(round(place))
+
+
+def counted_along(places: list[float]) -> list[float]:
+    """Return the counts that an encoder reads on its way, at least one."""
+    if -FARTHEST < min(places) and max(places) < FARTHEST:
+        return [place + ROUNDS - ROUNDS for place in places]
+    return [float(round(place)) for place in places]
 
 
 class Axis(Protocol):
