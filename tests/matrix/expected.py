@@ -58,15 +58,16 @@ OUT_OF_PHASE = "stopped, ^K: cut.out_of_phase machine.fault"
 TRIPPED_BLIND = f"{OUT_OF_PHASE} or {FAULT_K}"
 """Half a second of looks tells the phase; a loop that sees nothing may trip before."""
 
+UNASKED, SHIFTED = "stopped, ^A: machine.moves_unasked", "ready, lines: controller.zero_shifted machine.not_homed"
 ENERGISED = "stopped, ^K: machine.energised"
 OPENED = "stopped, ^K: machine.loop_open"
-NOT_ENABLED, MOVED = "ready, lines: machine.not_enabled", "ready, lines: machine.moving"
+NOT_ENABLED = "ready, lines: machine.not_enabled"
 JOG_ENDED, HOME_ENDED = "stopped, ^A: machine.not_arrived", "stopped, ^A: machine.home_ended"
 ASTRAY, UNEXPECTED = "stopped, ^A: machine.jog_astray", "stopped, ^A: machine.unexpected_motion"
 ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
 HELD_BY_OTHERS = "stopped, ^A: cut.ended_early cut.held_by_another"
 OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
-MOVED_ARMED, OFF_ARMED = "ready, nothing: session.arm_moved", "ready, nothing: session.arm_realigned"
+OFF_ARMED, ONE_OFF = "ready, nothing: session.arm_realigned", "ready, nothing: machine.opened_unasked"
 """What is armed is what was read: anything else in a poll disarms it."""
 
 NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
@@ -177,22 +178,31 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
         *(OUSTED, OUSTED, OUSTED_MOVING, OUSTED_MOVING, "ready, lines: owner.ousted", OUSTED),
         *(OUSTED_MOVING, "stopped, ^A: owner.ousted"),
     ),
-    # What it moves is not ours; drives that come on where hands may be are switched off.
+    # What it moves is not ours, and is stopped; drives that come on where hands may be are switched off.
     "stranger-writes, a jog": (
         *(
             "stopped, ^K: machine.energised",
-            SAME,
+            UNASKED,
             "stopped, ^A: machine.not_arrived or stopped, ^A: machine.jog_astray",
         ),
         "stopped, ^A: machine.unexpected_motion",
-        *(SAME, MOVED_ARMED, SAME, SAME),  # it has come to rest when the download is over
+        *(SHIFTED, UNASKED, SAME, SAME),  # it has come to rest when the download is over
     ),
     # In a cut the controller takes no jog.
-    "stranger-writes, a jog without end": (ENERGISED, SAME, ASTRAY, UNEXPECTED, MOVED, MOVED_ARMED, SAME, SAME),
-    # It has come to rest when the download is over; what is armed is disarmed by any motion.
-    "stranger-writes, a jog of the tool": (ENERGISED, SAME, UNEXPECTED, HOME_ENDED, SAME, MOVED_ARMED, SAME, SAME),
+    "stranger-writes, a jog without end": (ENERGISED, UNASKED, ASTRAY, UNEXPECTED, UNASKED, UNASKED, SAME, SAME),
+    # It has come to rest when the download is over; any motion that is seen is stopped.
+    "stranger-writes, a jog of the tool": (
+        ENERGISED,
+        UNASKED,
+        UNEXPECTED,
+        HOME_ENDED,
+        SHIFTED,
+        UNASKED,
+        SAME,
+        SAME,
+    ),
     # Drives that others switch off at rest are off: nothing stays armed. A program keeps its axes.
-    "stranger-writes, a kill of the tool": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, OFF_ARMED, SAME, SAME),
+    "stranger-writes, a kill of the tool": (SAME, ONE_OFF, OPENED, OPENED, NOT_ENABLED, ONE_OFF, SAME, SAME),
     "stranger-writes, ^K": (SAME, SAME, OPENED, OPENED, NOT_ENABLED, OFF_ARMED, OPENED, ABORTED_IN_DOUBT),
     # An abort closes loops, also where hands may be. At rest with the drives on it changes nothing.
     "stranger-writes, ^A": ABORTED_BY_OTHERS,
