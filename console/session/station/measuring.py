@@ -31,6 +31,7 @@ from profiles.metrology.turns import tool_offset_um
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
+from profiles.trace_files.plausible import size_doubt
 from profiles.traces import Trace
 
 
@@ -154,7 +155,9 @@ def _judged(
     if found is not None:
         result = replace(result, warnings=(*found.warnings, *result.warnings))
     diameter_mm = mean_diameter_of(trace, result)
-    offset_um = None if diameter_mm is None else tool_offset_um(diameter_mm, cut.job.finished_diameter_mm)
+    offset_um = None
+    if diameter_mm is not None and size_doubt(diameter_mm / 2.0, cut.job) is None:
+        offset_um = tool_offset_um(diameter_mm, cut.job.finished_diameter_mm)
     strategy, turn = Strategy(cut.made.strategy), trace if found is None else found.turn
     phase_known = header_of(trace.meta)[0].phase_known if found is None else found.phase_known
     lobe = None
@@ -181,15 +184,16 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
     """Move the radius of the tool tip by what the diameter of the last part was off; nothing moves.
 
     Raises:
-        SessionError: `trace.no_part`; `offset.no_size`; `offset.taken`; `offset.no_touch_off`, that of its cut
-            is no longer in force; `offset.too_large`, the touch-off itself was wrong.
+        SessionError: `trace.no_part`; `offset.no_size`, or why its size is not one of the job; `offset.taken`;
+            `offset.no_touch_off`, that of its cut is no longer in force; `offset.too_large`, the touch-off itself
+            was wrong.
     """
     part, alignment = context.state.measured, context.state.alignment
     if part is None:
         raise SessionError(Problem(code="trace.no_part"))
     offset_um = part.tool_offset_um
     if offset_um is None:
-        raise SessionError(Problem(code="offset.no_size", limit="# radius_mm: R"))
+        raise SessionError(part.size_doubt or Problem(code="offset.no_size", limit="# radius_mm: R"))
     if part.offset_taken:
         raise SessionError(Problem(code="offset.taken"))
     started, touched = context.started, alignment.touch_off
