@@ -20,6 +20,7 @@ from console.session.learning.imported import ImportedTrace, examined, refuse_un
 from console.session.learning.learning_record import learning_event
 from console.session.learning.learning_steps import as_cut
 from console.session.learning.part_learning import learning_of
+from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
@@ -80,7 +81,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
 
     Raises:
         SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; `trace.changed`; as
-            `refuse_unready` and `examined`.
+            `of_this_part`, `refuse_unready` and `examined`.
     """
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
@@ -93,6 +94,8 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
         raise SessionError(Problem(code="trace.changed", where=printable(found.path.name)))
+    run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
+    found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
     part = _judged(context, cut, found.trace, (printable(found.path.name), found.sha256), found)
     measured = {**_event(part), **_file_event(found), **command.answers}
