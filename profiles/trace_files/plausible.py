@@ -37,7 +37,11 @@ def unit_doubt(ront_um: float, meta: Mapping[str, str]) -> tuple[Problem, ...]:
         code, other_um, unit = "trace.unit_doubtful_large", ront_um / _STEP, "deviation_um"
     else:
         return ()
-    return (Problem(code=code, key=unit, value=f"{ront_um:.3g} um", limit=f"{other_um:.3g} um"),)
+    return (Problem(code=code, key=unit, value=_um(ront_um), limit=_um(other_um)),)
+
+
+def _um(size_um: float) -> str:
+    return f"{size_um:.0f} um" if size_um >= 100.0 else f"{size_um:.3g} um"
 
 
 def size_doubt(radius_mm: float, job: Job) -> Problem | None:

@@ -112,6 +112,14 @@ def test_a_file_from_before_the_end_of_the_cut_is_told_with_both_times(
             assert problem.value in words and problem.limit in words
 
 
+@pytest.mark.parametrize("date", ["yesterday", "", "0001-01-01", "9999-12-31T23:59:59-12:00"])
+def test_a_date_that_is_none_says_nothing(date: str, tmp_path: Path) -> None:
+    data = tmp_path / "data"
+    run_id = cut(data)
+    found = of_this_part(seen(gauge_file(tmp_path, stated={"date": date} if date else {})), data, run_id)
+    assert found.ready and all(each.code == "trace.older" for each in found.warnings)
+
+
 def test_learning_takes_a_file_only_for_a_part_that_was_cut_so(tmp_path: Path) -> None:
     path, data = gauge_file(tmp_path), tmp_path / "data"
     cut(data, of=seen(path))

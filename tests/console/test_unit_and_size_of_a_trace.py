@@ -44,7 +44,7 @@ def file(folder: Path, column: str, *head: str, in_mm: bool = False, lobe_um: fl
     ("column", "in_mm", "seen", "meant", "right"),
     [
         ("deviation_um", True, "0.0416 um", "41.6 um", "deviation_mm"),
-        ("deviation_mm", False, "4.16e+04 um", "41.6 um", "deviation_um"),
+        ("deviation_mm", False, "41596 um", "41.6 um", "deviation_um"),
     ],
 )
 def test_a_part_in_another_unit_than_its_header_is_not_judged(

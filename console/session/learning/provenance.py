@@ -47,8 +47,8 @@ def taken_before(data: Path, sha256: str, run_id: str | None, made: MadeWith | N
     cuts = cuts_of_run(data, other)
     if made is not None and not _made_otherwise(made, parts_made(cuts)):
         return ()
-    at = local_time(datetime.fromisoformat(cuts[0][2])) if cuts else printable(other, 8)
-    return (Problem(code="trace.taken", value=at),)
+    ended = _ended_at(cuts)
+    return (Problem(code="trace.taken", value=printable(other, 8) if ended is None else local_time(ended)),)
 
 
 def _made_otherwise(made: MadeWith, recorded: Sequence[MadeWith | None]) -> bool:
@@ -60,18 +60,23 @@ def _made_otherwise(made: MadeWith, recorded: Sequence[MadeWith | None]) -> bool
 def _older(found: ImportedTrace, data: Path, run_id: str) -> tuple[Problem, ...]:
     cuts = cuts_of_run(data, run_id)
     measured = _measured_at(found.path, found.trace.meta)
-    if not cuts or measured is None:
-        return ()
-    ended = datetime.fromisoformat(cuts[0][2])
-    if measured >= ended:
+    ended = _ended_at(cuts)
+    if ended is None or measured is None or measured >= ended:
         return ()
     return (Problem(code="trace.older", value=local_time(measured), limit=local_time(ended)),)
+
+
+def _ended_at(cuts: Sequence[tuple[str, str, str]]) -> datetime | None:
+    """Return when the newest of these cuts ended; None without one, or where the record has no date there."""
+    with suppress(ValueError, OverflowError, OSError):
+        return datetime.fromisoformat(cuts[0][2]).astimezone() if cuts else None
+    return None
 
 
 def _measured_at(path: Path, meta: Mapping[str, str]) -> datetime | None:
     """Return the earlier of the date in a file and that of its last change; None where neither is known."""
     dates: list[datetime] = []
-    with suppress(ValueError, OverflowError):  # what is no date states none
+    with suppress(ValueError, OverflowError, OSError):  # what is no date states none
         dates += [datetime.fromisoformat(meta[DATE]).astimezone()] if DATE in meta else []
     with suppress(OSError, ValueError, OverflowError):
         dates.append(datetime.fromtimestamp(os.stat(path).st_mtime).astimezone())
