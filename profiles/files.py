@@ -26,6 +26,7 @@ TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+_NUL_PART = 4  # a text of numbers and English in UTF-16 is half NUL bytes
 TOML_LINE_SHOWN = 40  # characters of a line that cannot be read
 _TOML_PLACE = re.compile(r"at line (\d+), column (\d+)")
 _STATED_TWICE = re.compile(r"Cannot (declare|overwrite|redefine|mutate)|Duplicate")
@@ -67,12 +68,22 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
     return content
 
 
+def refuse_nul(content: bytes, where: str) -> None:
+    """Refuse with `file.nul_bytes` what is mostly NUL bytes: UTF-16 without a byte order mark, or no text at all.
+
+    UTF-8 decodes it without complaint, and every line of it is then wrong. A single one is told with its line.
+    """
+    if _NUL_PART * content.count(b"\0") >= max(len(content), 1):
+        raise refused("file.nul_bytes", where=where)
+
+
 def parse_toml(content: bytes, where: str) -> dict[str, Any]:
     """Return the table in `content` (UTF-8, with or without a byte order mark).
 
     Raises `ProfileError`: `file.not_toml`, with line (`key`), column (`value`) and the text of the line (`limit`);
-    `file.key_twice`, a key or table that was stated before, found at that line.
+    `file.key_twice`, a key or table that was stated before, found at that line; `file.nul_bytes`.
     """
+    refuse_nul(content, where)
     text = content.decode("utf-8-sig", "backslashreplace")
     lines, code = text.split("\n"), "file.not_toml"
     try:

@@ -11,6 +11,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from profiles.chucking.diagnosis import Diagnosis, diagnose
 from profiles.chucking.ring import is_thin
 from profiles.files import printable
@@ -19,8 +21,9 @@ from profiles.lobe.lobe_conditions import CONDITIONS
 from profiles.lobe.lobe_fit import LobeFit, fit_lobe
 from profiles.metrology.filters import gaussian_transmission
 from profiles.problem import Problem
-from profiles.roundness import seen_oval_um_pp
+from profiles.roundness import centred_profile, seen_oval_um_pp
 from profiles.trace_files.header import DIRECTIONS, TraceHeader, header_of
+from profiles.trace_files.plausible import size_doubt, unit_doubt
 from profiles.traces import Trace
 
 # Value of the header line `start_mark` when the angles of the trace begin at the spindle index.
@@ -29,7 +32,6 @@ MOST_FILTERED = 0.005
 MOST_BIAS = 0.01
 FINEST_UM = 0.01  # no gauge of a workshop resolves less
 OVAL = 2  # UPR of an off-axis circle; a chuck with two jaws makes the same
-MOST_OFF_SIZE_MM = 0.5  # on the radius: more is another part, or a diameter in place of a radius (choice)
 UNDECLARED = 3.0  # multiple of the noise floor above which a harmonic outside the fit is reported
 LEAST_UNDECLARED = 0.02  # and the fraction of the tolerance that its amplitude has to be for that
 
@@ -78,7 +80,11 @@ def find_lobe(
         diagnosis=seen,
         simulated=simulated,
         phase_assumed=phase_deg is not None and not from_index and not _jaw_known(job),
-        reasons=(*_of_cut(trace.meta, simulated and not practice), *_reasons(fit, header, job, phase_deg)),
+        reasons=(
+            *_of_cut(trace.meta, simulated and not practice),
+            *unit_doubt(_ront_um(trace), trace.meta),
+            *_reasons(fit, header, job, phase_deg),
+        ),
         warnings=(*unusable, *_warnings(fit, header, job)),
     )
 
@@ -134,6 +140,11 @@ def _on_the_spindle(
     return ((jaw_deg if from_index else job.jaw_1_deg) + past_deg) % 360.0, past_deg
 
 
+def _ront_um(trace: Trace) -> float:
+    """Return RONt of all points, without a filter: enough to tell one unit from another."""
+    return float(np.ptp(centred_profile(trace.angle_deg, trace.deviation_um, None)))
+
+
 def _of_cut(meta: Mapping[str, str], simulated: bool) -> Iterable[Problem]:
     """Judge how the part was cut: what a compensation has left is not the lobe; unstated means uncompensated."""
     for key in ("strategy", "compensation"):
@@ -147,10 +158,8 @@ def _of_cut(meta: Mapping[str, str], simulated: bool) -> Iterable[Problem]:
 def _reasons(fit: LobeFit, header: TraceHeader, job: Job, phase_deg: float | None) -> Iterable[Problem]:
     if header.radius_mm is not None:
         mean_mm = 0.0 if header.size == "relative" else 1e-3 * fit.mean_um
-        found_mm = header.radius_mm + mean_mm
-        if abs(found_mm - job.finished_radius_mm) > MOST_OFF_SIZE_MM:
-            value, limit = f"{found_mm:.3f} mm", f"{job.finished_radius_mm:.3f} mm"
-            yield Problem(code="lobe.other_size", key="radius_mm", value=value, limit=limit)
+        if doubt := size_doubt(header.radius_mm + mean_mm, job):
+            yield doubt
     if header.state == "clamped":
         yield Problem(code="lobe.not_free", key="state", value=header.state, limit="free")
     if header.method not in (None, "radial"):

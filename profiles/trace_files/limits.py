@@ -11,6 +11,7 @@ import codecs
 import re
 from collections.abc import Iterator
 
+from profiles.files import refuse_nul
 from profiles.problem import ProfileError, refused
 
 MOST_POINTS = 500_000
@@ -20,8 +21,11 @@ _UTF_16 = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
 
 
 def text_of(content: bytes, where: str, code: str) -> str:
-    """Return bytes as text; `code` is that of the refusal of what is no text."""
-    encoding = "utf-16" if content.startswith(_UTF_16) else "utf-8-sig"
+    """Return bytes as text; `code` is that of the refusal of what is no text, `file.nul_bytes` the other."""
+    marked = content.startswith(_UTF_16)
+    if not marked:
+        refuse_nul(content, where)
+    encoding = "utf-16" if marked else "utf-8-sig"
     try:
         return content.decode(encoding)
     except UnicodeDecodeError as error:

@@ -47,7 +47,8 @@ def test_a_circle_off_the_axis_says_that_its_radius_is_missing(console: Console,
     angle = np.radians(np.arange(360.0))
     seen = 500.0 * np.cos(angle) + np.sqrt(26_000.0**2 - (500.0 * np.sin(angle)) ** 2) - 26_000.0
     path = tmp_path / "part.csv"
-    path.write_text("angle_deg,deviation_um\n" + "\n".join(f"{a},{r}" for a, r in enumerate(seen)))
+    rows = "\n".join(f"{a},{r}" for a, r in enumerate(seen))
+    path.write_text(f"# units_checked: yes\nangle_deg,deviation_um\n{rows}")
     said = console("roundness", str(path), "--filter", "15")
     assert said.code == 0 and said.err.count("\n") == 1
     for word in ("warning", "part.csv", "500 um", "0.05 um", "radius_mm"):

@@ -204,6 +204,21 @@ def test_a_part_cut_before_the_console_was_restarted_is_judged_by_the_record(out
     assert len(outside.events("measured")) == 2
 
 
+@pytest.mark.long
+def test_the_file_of_the_part_before_is_not_that_of_the_next(outside: Outside) -> None:
+    outside.cut()
+    first = outside.gauge("good.csv", **STATED)
+    outside.taken(first)
+    outside.floor.context.tell(measured=None)
+    outside.cut()
+    assert outside.refused(first) == ["trace.taken"]
+    assert outside.floor.state.cut_done, "the part in the chuck is still to be measured"
+    early = outside.gauge("early.csv", **STATED)
+    os.utime(early, ns=(10**18,) * 2)
+    part = outside.taken(early)
+    assert "trace.older" in [problem.code for problem in part.result.warnings]
+
+
 def test_no_part_in_the_record_is_no_part(outside: Outside) -> None:
     path = trace_folder(outside.data) / "found.csv"
     write_trace(path, Trace(angle_deg=np.arange(360.0), deviation_um=np.cos(np.arange(360.0)), meta=STATED))

@@ -19,6 +19,7 @@ ASSUMED = load_job("lee-2001-experiment-1").job
 JOB = replace(ASSUMED, assumed=())
 ANGLE = np.arange(720) / 2.0
 INDEX = {"direction": "spindle", "start_mark": "spindle index"}
+ROUND = {**INDEX, "units_checked": "yes"}  # as round as no lathe turns
 SIMULATED = {**INDEX, "simulated": "yes", "strategy": "none"}
 
 
@@ -54,7 +55,7 @@ def test_the_phase_is_brought_to_the_spindle(
 
 def test_sizes_are_told_to_what_a_gauge_resolves() -> None:
     """A trace without any scatter has a confidence limit of some nanometres, and digits of those mean nothing."""
-    (problem,) = found(92.0, INDEX, amplitude=0.0).reasons
+    (problem,) = found(92.0, ROUND, amplitude=0.0).reasons
     assert (problem.code, problem.limit) == ("lobe.not_significant", "< 0.01 um")
 
 
@@ -82,7 +83,8 @@ def test_a_trace_of_unknown_phase_has_an_amplitude_only() -> None:
 def test_a_trace_of_a_part_of_another_size_is_not_of_this_job(radius_mm: float, size: str) -> None:
     """A smaller part, or a diameter in place of a radius."""
     (told,) = found(92.0, {**INDEX, "radius_mm": str(radius_mm), "size": size}).reasons
-    assert (told.code, told.key) == ("lobe.other_size", "radius_mm")
+    code = "lobe.diameter_stated" if radius_mm == 51.8 else "lobe.other_size"
+    assert (told.code, told.key) == (code, "radius_mm")
     assert told.limit == f"{JOB.finished_radius_mm:.3f} mm"
 
 
@@ -93,7 +95,7 @@ def test_its_own_size_is_no_reason_against_it() -> None:
 def test_other_reasons_against_it() -> None:
     assert codes(found(92.0, {**INDEX, "state": "clamped"})) == ["lobe.not_free"]
     assert codes(found(92.0, {**INDEX, "method": "v_block"})) == ["lobe.method"]
-    assert codes(found(92.0, INDEX, amplitude=0.0)) == ["lobe.not_significant"]
+    assert codes(found(92.0, ROUND, amplitude=0.0)) == ["lobe.not_significant"]
     filtered = found(92.0, {**INDEX, "filter_upr": "15"})
     assert [(problem.code, problem.value) for problem in filtered.warnings] == [("lobe.filtered", "2.7 %")]
 

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from console.cli.library import data_of, naming
+from console.cli.library import data_of, named, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
@@ -21,6 +21,7 @@ from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
 from console.session.learning.learning_record import record_accepted
 from console.session.learning.learning_steps import SIMULATED, Taught, reverted, taught
+from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
@@ -58,6 +59,8 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
             date=utc_now(),
             extra=options.extra or (),
         )
+    if taken := taken_before(data, hashlib.sha256(content).hexdigest(), None, found.made):
+        raise SessionError(*named(taken, where))
     following, reasons = found.step.next, found.step.reasons
     refused = bool(reasons) and (options.keep or not found.step.placed)
     warnings = tell((*machine.warnings, *found.warnings, *(() if refused else reasons)), text)

@@ -14,6 +14,7 @@ from profiles.metrology.turns import Turns, mean_diameter_mm, several_turns, too
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import OFF_AXIS, RoundnessResult, evaluate
 from profiles.trace_files.header import TraceHeader, header_of
+from profiles.trace_files.plausible import size_doubt, unit_doubt
 from profiles.traces import Trace, read_trace
 
 
@@ -23,7 +24,7 @@ class MeasuredTrace:
 
     `jaw_1_deg` is the angle of jaw 1 in the angles of the trace, None where it is unknown. `mean_diameter_mm` is
     None where the trace has no size; `tool_offset_um`, positive into the work, also where there is no job to
-    compare it with.
+    compare it with, or the trace is of another size.
     """
 
     trace: Trace
@@ -50,12 +51,17 @@ def measured_trace(options: Namespace) -> MeasuredTrace:
     _refuse_method(header, options, where)
     with naming(where):
         turns, result = _evaluated(trace, header, job, options)
+    if job is not None and options.vblock is None and (problems := unit_doubt(result.ront_um, trace.meta)):
+        raise ProfileError(*named(problems, where))
     warnings = (*warnings, *(each for each in result.warnings if each.code != OFF_AXIS or options.vblock is None))
     size_mm = offset_um = None
     if header.radius_mm is not None and header.size != "relative":
         size_mm = mean_diameter_mm(header.radius_mm, result.mean_deviation_um)
     if job is not None and size_mm is not None:
-        offset_um = tool_offset_um(size_mm, job.diameter_mm - 2.0 * job.depth_of_cut_mm)
+        if doubt := size_doubt(size_mm / 2.0, job):
+            warnings = (*warnings, doubt)
+        else:
+            offset_um = tool_offset_um(size_mm, job.finished_diameter_mm)
     elif job is not None:
         warnings = (*warnings, Problem(code="trace.no_size", key="radius_mm", limit="# radius_mm: R"))
     shown = result if options.vblock is not None else _of_circle(result, options.circle)

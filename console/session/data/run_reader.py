@@ -51,8 +51,10 @@ __all__ = [
     "RunRow",
     "RunStory",
     "Telemetry",
+    "cuts_of_run",
     "ended_early",
     "measured_parts",
+    "other_run_of_trace",
     "recorded_date",
     "run_of_trace",
     "runs",
@@ -212,6 +214,25 @@ def run_of_trace(folder: Path, trace_sha256: str) -> str | None:
     with _reading(folder) as database:
         found = None if database is None else database.execute(query, (trace_sha256,)).fetchone()
     return None if found is None else str(found[0])
+
+
+def other_run_of_trace(folder: Path, trace_sha256: str, run_id: str | None) -> str | None:
+    """Return the newest run other than `run_id` whose part has the trace with this hash; as `run_of_trace`."""
+    query = (
+        "SELECT run_id FROM measurements WHERE trace_sha256 = ? AND run_id IS NOT ? ORDER BY rowid DESC LIMIT 1"
+    )
+    with _reading(folder) as database:
+        found = None if database is None else database.execute(query, (trace_sha256, run_id)).fetchone()
+    return None if found is None else str(found[0])
+
+
+def cuts_of_run(folder: Path, run_id: str) -> list[tuple[str, str, str]]:
+    """Return kind, data and date of the cuts of a run that came to their end, newest first; as `run_of_trace`."""
+    query = """
+    SELECT kind, data, at_utc FROM events WHERE run_id = ? AND kind IN ('result', 'cut') ORDER BY rowid DESC
+    """
+    with _reading(folder) as database:
+        return [] if database is None else database.execute(query, (run_id,)).fetchall()
 
 
 def _conditions(filters: RunFilters) -> tuple[list[str], list[object]]:

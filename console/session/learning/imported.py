@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
 import hashlib
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -17,10 +19,13 @@ from console.session.learning.learning_steps import is_simulated, lathe_of
 from profiles.arrays import read_only
 from profiles.files import printable
 from profiles.job import Job
+from profiles.metrology.circles import ReferenceCircle
+from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.turns import several_turns
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
 from profiles.trace_files.header import TraceHeader, header_of
+from profiles.trace_files.plausible import unit_doubt
 from profiles.traces import Trace, parse_trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"
@@ -54,7 +59,7 @@ class ImportedTrace:
     turn: Trace
     asked: tuple[str, ...]
     open: tuple[str, ...]
-    result: RoundnessResult | None
+    result: RoundnessResult | None  # at the angles of `turn`
     warnings: tuple[Problem, ...] = ()
     problems: tuple[Problem, ...] = ()
 
@@ -93,6 +98,8 @@ def examined(
         result = evaluate(
             turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=header.radius_of(job)
         )
+        result = result_on_the_spindle(result, header, job.jaw_1_deg)
+        problems = unit_doubt(result.ront_um, trace.meta)
     return ImportedTrace(
         path=path,
         content=content,
@@ -102,7 +109,7 @@ def examined(
         turn=on_the_spindle(turn, header, job.jaw_1_deg),
         asked=asked,
         open=open_,
-        result=result,
+        result=None if problems else result,
         warnings=warnings,
         problems=problems,
     )
@@ -172,4 +179,37 @@ def on_the_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Trac
         angle_deg=read_only(angle_deg[order]),
         deviation_um=read_only(turn.deviation_um[order]),
         meta=MappingProxyType({**meta, "direction": "spindle", "start_mark": "spindle index"}),
+    )
+
+
+def result_on_the_spindle(found: RoundnessResult, header: TraceHeader, spindle_deg: float) -> RoundnessResult:
+    """Return the result of a turn with its angles as `on_the_spindle` has them; not a figure of it changes.
+
+    The contacts of the circles, which are places in the order of the file, are left out.
+    """
+    jaw_1_deg = header.jaw_1_of(spindle_deg)
+    if jaw_1_deg is None:
+        return found
+    way = -1.0 if header.against_spindle else 1.0
+    turned = cmath.exp(1j * math.radians(spindle_deg - way * jaw_1_deg))
+
+    def centre(x_um: float, y_um: float) -> complex:
+        return turned * complex(x_um, way * y_um)
+
+    def placed(each: Harmonic) -> Harmonic:
+        past_deg = each.past_jaw_1_deg(jaw_1_deg, against_spindle=header.against_spindle)
+        phase_deg = replace(each, phase_deg=past_deg).past_jaw_1_deg(-spindle_deg)
+        return replace(each, phase_deg=phase_deg)
+
+    def about(circle: ReferenceCircle) -> ReferenceCircle:
+        own = centre(circle.centre_x_um, circle.centre_y_um)
+        return replace(circle, centre_x_um=own.real, centre_y_um=own.imag, contacts=())
+
+    own = centre(found.centre_x_um, found.centre_y_um)
+    return replace(
+        found,
+        centre_x_um=own.real,
+        centre_y_um=own.imag,
+        harmonics=tuple(placed(each) for each in found.harmonics),
+        circles=tuple(about(each) for each in found.circles),
     )

@@ -155,13 +155,30 @@ def taught_by(
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     return Taught(
-        step=step,
+        step=_once(step, known),
         made=made,
         stage=stage,
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=_causes(part, cut, filed, made, tool_um),
     )
+
+
+def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:
+    """Return a step, with `learned.same_trace` where its trace has taught a version as a part cut otherwise.
+
+    Two parts of a real lathe are never the same to the last digit; those of an ideal simulated one may be.
+    """
+    fresh = step.next
+    if fresh.holds_for.simulated or fresh.part is None:
+        return step
+    seen = (fresh.part.ront_um, fresh.part.lobe_sd_um)
+    parts = [(each, each.part) for each in known if each.reverts is None and each.parent != fresh.parent]
+    others = [each for each, part in parts if part is not None and (part.ront_um, part.lobe_sd_um) == seen]
+    if not others:
+        return step
+    reason = Problem(code="learned.same_trace", key=str(others[-1].version))
+    return replace(step, reasons=(*step.reasons, reason))
 
 
 def _causes(part: PartHarmonics, cut: CutWith, filed: Job, made: MadeWith, tool_um: complex) -> tuple[Cause, ...]:

@@ -20,6 +20,7 @@ from console.session.learning.imported import ImportedTrace, examined, refuse_un
 from console.session.learning.learning_record import learning_event
 from console.session.learning.learning_steps import as_cut
 from console.session.learning.part_learning import learning_of
+from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
@@ -31,6 +32,7 @@ from profiles.metrology.turns import tool_offset_um
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
+from profiles.trace_files.plausible import size_doubt
 from profiles.traces import Trace
 
 
@@ -79,7 +81,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
 
     Raises:
         SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; `trace.changed`; as
-            `refuse_unready` and `examined`.
+            `of_this_part`, `refuse_unready` and `examined`.
     """
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
@@ -92,6 +94,8 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
         raise SessionError(Problem(code="trace.changed", where=printable(found.path.name)))
+    run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
+    found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
     part = _judged(context, cut, found.trace, (printable(found.path.name), found.sha256), found)
     measured = {**_event(part), **_file_event(found), **command.answers}
@@ -154,7 +158,9 @@ def _judged(
     if found is not None:
         result = replace(result, warnings=(*found.warnings, *result.warnings))
     diameter_mm = mean_diameter_of(trace, result)
-    offset_um = None if diameter_mm is None else tool_offset_um(diameter_mm, cut.job.finished_diameter_mm)
+    offset_um = None
+    if diameter_mm is not None and size_doubt(diameter_mm / 2.0, cut.job) is None:
+        offset_um = tool_offset_um(diameter_mm, cut.job.finished_diameter_mm)
     strategy, turn = Strategy(cut.made.strategy), trace if found is None else found.turn
     phase_known = header_of(trace.meta)[0].phase_known if found is None else found.phase_known
     lobe = None
@@ -181,15 +187,16 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
     """Move the radius of the tool tip by what the diameter of the last part was off; nothing moves.
 
     Raises:
-        SessionError: `trace.no_part`; `offset.no_size`; `offset.taken`; `offset.no_touch_off`, that of its cut
-            is no longer in force; `offset.too_large`, the touch-off itself was wrong.
+        SessionError: `trace.no_part`; `offset.no_size`, or why its size is not one of the job; `offset.taken`;
+            `offset.no_touch_off`, that of its cut is no longer in force; `offset.too_large`, the touch-off itself
+            was wrong.
     """
     part, alignment = context.state.measured, context.state.alignment
     if part is None:
         raise SessionError(Problem(code="trace.no_part"))
     offset_um = part.tool_offset_um
     if offset_um is None:
-        raise SessionError(Problem(code="offset.no_size", limit="# radius_mm: R"))
+        raise SessionError(part.size_doubt or Problem(code="offset.no_size", limit="# radius_mm: R"))
     if part.offset_taken:
         raise SessionError(Problem(code="offset.taken"))
     started, touched = context.started, alignment.touch_off

@@ -15,6 +15,7 @@ from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Signature, Standing
 from profiles.problem import Problem
+from profiles.trace_files.plausible import DIAMETER_STATED, size_doubt
 
 if TYPE_CHECKING:
     from console.session.data.made_parts import MadeWith
@@ -148,10 +149,15 @@ class MeasuredPart:
     run_id: str | None = None
 
     @property
+    def size_doubt(self) -> Problem | None:
+        """Why its size is not one of its job, so that it is no measure of the tool; None where it may be."""
+        return None if self.diameter_mm is None else size_doubt(self.diameter_mm / 2.0, self.job)
+
+    @property
     def diameter_passes(self) -> bool | None:
         """Whether the mean diameter is within the tolerance of its job; None where that is not judged."""
-        most_um = self.job.diameter_tolerance_um
-        if most_um is None or self.diameter_mm is None:
+        most_um, doubt = self.job.diameter_tolerance_um, self.size_doubt
+        if most_um is None or self.diameter_mm is None or (doubt is not None and doubt.code == DIAMETER_STATED):
             return None
         return abs(self.diameter_mm - self.job.finished_diameter_mm) * 1000.0 <= most_um
 

@@ -89,9 +89,10 @@ def made_of_point(point: PartPoint, text: Catalogue) -> str:
 
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
-    """Return the defects of a measured part: marks of stops, warnings of its evaluation."""
+    """Return the defects of a measured part: marks of stops, a doubtful size, warnings of its evaluation."""
     lines = mark_lines(text, part.marks_mm, width, "inspect_page")
-    for problem in part.result.warnings:
+    doubts = () if part.size_doubt is None else (part.size_doubt,)
+    for problem in (*doubts, *part.result.warnings):
         lines += hanging(("! ", Token.WARNING), text.problem(problem), width, Token.WARNING)
     return lines
 

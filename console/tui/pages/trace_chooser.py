@@ -13,6 +13,7 @@ from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER
 from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
+from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
 from console.session.station.state import StationState
 from console.tui.inspecting.trace_listing import Changed, Look, TraceListing
@@ -56,12 +57,14 @@ class _Question:
     answers: tuple[tuple[str, str], ...]
     simulated: bool
     lathe: str
+    run_id: str | None
 
 
 class _Reader:
     """Read trace files beside the screen, one at a time; a large one takes seconds."""
 
-    def __init__(self) -> None:
+    def __init__(self, data: Path) -> None:
+        self._data = data
         self._found: tuple[_Question, Found] | None = None
         self._thread: threading.Thread | None = None
 
@@ -79,7 +82,8 @@ class _Reader:
         found: Found
         try:
             simulated, lathe = question.simulated, question.lathe
-            found = examined(question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe)
+            read = examined(question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe)
+            found = of_this_part(read, self._data, question.run_id)
         except ProfileError as error:
             found = tuple(error.problems)
         except Exception as fault:  # in a thread of its own: nobody else would hear of it
@@ -112,7 +116,7 @@ class TraceChooser(Horizontal):
         self._entry = Input(id="trace-path", compact=True, select_on_focus=False)
         self._entry.cursor_blink = False
         self._entry.max_length = TEXT_CAP_CHARACTERS
-        self._reader = _Reader()
+        self._reader = _Reader(ui.data)
         self._listing = TraceListing(ui.data)
         self._typed: tuple[Path, ...] = ()
         self._checked: Path | None = None
@@ -302,6 +306,7 @@ class TraceChooser(Horizontal):
                 answers=answers,
                 simulated=state.simulated,
                 lathe=lathe,
+                run_id=None if look.part is None else look.part.run_id,
             )
         )
 

@@ -26,6 +26,8 @@ def inspect_reasons(action: str, view: View) -> tuple[Problem, ...]:
             return why_not_reverted(work)
         case "offset" if part is not None and part.tool_offset_um is not None:
             return refusal(state, action)
+        case "offset" if part is not None and part.size_doubt is not None:
+            return (part.size_doubt,)
         case "offset":
             code = "trace.no_part" if part is None else "offset.no_size"
             return (Problem(code=code, limit="# radius_mm: R"),)
