@@ -68,14 +68,15 @@ _LIMITS = """
 - Control-A closes a loop that has tripped, or that another host has opened, since the last poll, where it stands.
   The controller trips it again if the cause lasts; the next poll then finds it open, and the next stop is
   control-K.
-- The console does not prevent what another host moves, enables or writes. During a motion of this console the next
-  poll checks it: uncommanded motion is stopped at that poll. The constants of a running program are read in turn,
-  within a second, unless an axis has left its plan before. At rest the next poll, within 0.1 s, stops the motion of
-  another host; the next command refuses what it has disabled or rewritten, and the first poll of the program finds a
-  feed override. An axis that is found elsewhere than it was left has no home any more. A zero that is set while no
-  console is in control, or a shift of less than 0.01 mm or 0.5 degrees, is not seen: after other software has been at the
-  controller, home again. Between the last comparison and the start a program may be rewritten: it then
-  runs until an axis leaves the plan, or it ends otherwise than the planned one.
+- The console does not prevent what another host moves, enables or writes. During a motion of this console the
+  next poll checks it: uncommanded motion is stopped at that poll. The constants of a running program are read
+  in turn, within a second, unless an axis has left its plan before. At rest the next poll, within 0.1 s, stops
+  the motion of another host; the next command refuses what it has disabled or rewritten, and the first poll of
+  the program finds a feed override. An axis that is found elsewhere than it was left has no home any more. A
+  zero that is set while no console is in control, or a shift of less than 0.01 mm or 0.5 degrees, is not seen:
+  after other software has been at the controller, home again. Between the last comparison and the start a
+  program may be rewritten: it then runs until an axis leaves the plan, or it ends otherwise than the planned
+  one.
 - A line that arrives otherwise than it was sent shows only in its effect. What is loaded is read back, so that it
   has none; a jog has begun by the time of the next poll.
 """
