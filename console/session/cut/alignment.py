@@ -243,6 +243,12 @@ def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Prob
     return _by_step(SameObjects(alignment, job))[step]  # a page asks for each ten times a second
 
 
+def stamp_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
+    """Return why what was taken in a step is not of this job; a table that was left on undoes no clamping."""
+    left_on = table_problems(alignment)
+    return tuple(problem for problem in step_problems(alignment, step, job) if problem not in left_on)
+
+
 @lru_cache(maxsize=8)
 def _by_step(of: SameObjects[Alignment, Job]) -> dict[AlignStep, tuple[Problem, ...]]:
     return {step: _step_problems(of.one, step, of.other) for step in AlignStep}

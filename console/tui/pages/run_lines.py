@@ -13,7 +13,7 @@ from console.session.cut.alignment import (
     aligned_job,
     aligned_machine,
     problems,
-    step_problems,
+    stamp_problems,
 )
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import Interlock, of_job, of_lobe
@@ -249,7 +249,7 @@ def _stamp(text: Catalogue, stamps: Alignment, step: AlignStep, job: Job, value:
     """Return what was taken in a step, "" for nothing yet, if it applies to this job."""
     if not value:
         return text("run_page.not_yet")
-    return text("run_page.not_of_job") if step_problems(stamps, step, job) else value
+    return text("run_page.not_of_job") if stamp_problems(stamps, step, job) else value
 
 
 def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: int) -> list[Line]:
