@@ -132,8 +132,13 @@ def table_problems(alignment: Alignment) -> tuple[Problem, ...]:
 
 def tables_told(tables: tuple[Problem, ...], *, homed: bool) -> tuple[Problem, ...]:
     """Return the same of what was just read of the `tables`, and of axes that are `homed` or not."""
-    held = tuple(each for each in tables if each.code == "cut.table_holds")
+    held = held_by(tables)
     return tables if homed or not held else (replace(held[0], code=NO_HOME_FOR_TABLE),)
+
+
+def held_by(tables: tuple[Problem, ...]) -> tuple[Problem, ...]:
+    """Return those of the tables that add something to the tool, and are not only switched on."""
+    return tuple(each for each in tables if each.code == "cut.table_holds")
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
