@@ -23,6 +23,7 @@ from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.tracing import Tracing
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 
@@ -57,7 +58,15 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
         said = text("retract.tables_cleared" if cleared else "retract.no_tables")
         show(options, lambda: {"ended_by_controller": lost, "tables_cleared": cleared}, lambda: [said])
         return 0
-    lengths = Lengths(loaded.machine)
+    _show_places(options, loaded.machine, last, lost=lost, switched=switched, text=text)
+    return 0
+
+
+def _show_places(
+    options: Namespace, machine: MachineProfile, last: Snapshot, *, lost: bool, switched: bool, text: Catalogue
+) -> None:
+    """Print where the axes stand after a retract, and whether a table was on."""
+    lengths = Lengths(machine)
     places = {axis: lengths.at(axis, last.axis(axis).position) for axis in (AxisName.TOOL, AxisName.CARRIAGE)}
     show(
         options,
@@ -67,7 +76,6 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
             text("retract.tables_off" if switched else "retract.no_tables"),
         ],
     )
-    return 0
 
 
 def _only_switched_on(lathe: Lathe) -> bool:
