@@ -12,7 +12,9 @@ from console.report.reported_run import ReportedRun
 from console.report.verdict import code_words
 from console.text.catalogue import Catalogue
 from console.text.run_debrief import debrief_sections
+from profiles.forecast import forecast_um
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
+from profiles.own_values import number_or_none
 
 
 def debriefed(run: ReportedRun, text: Catalogue) -> Markup | None:
@@ -42,7 +44,9 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
         if "version" in step:
             waves = step.get("harmonics")
             orders = ", ".join(map(str, waves)) if isinstance(waves, list) else ""
-            facts = {"lobe": um(step.get("expected_lobe_um_pp")), "ront": um(step.get("expected_ront_um"))}
+            calculated_um = number_or_none(step.get("expected_ront_um"))
+            ront = um(None if calculated_um is None else forecast_um(calculated_um))
+            facts = {"lobe": um(step.get("expected_lobe_um_pp")), "ront": ront}
             gain, version = number(step.get("gain"), 3), str(step["version"])
             yield text("report.proposed", version=version, orders=orders, gain=gain, **facts)
         reasons = step.get("reasons")

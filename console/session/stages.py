@@ -5,6 +5,7 @@ from __future__ import annotations
 from enum import StrEnum
 
 from console.session.errors import SessionError
+from console.session.work import STAGES
 from drivers.cutting.planning import nominal_command
 from drivers.cutting.strategy import INVERTING, Strategy
 from profiles.axis.response import ServoResponse
@@ -27,6 +28,17 @@ class Stage(StrEnum):
     def fraction(self) -> float:
         """Fraction of the compensation that the tool follows."""
         return PARTIAL_FRACTION if self is Stage.PARTIAL else 1.0
+
+
+def next_stage(stage: str, strategy: Strategy) -> str:
+    """Return the stage behind this one: whole, air, half; a strategy that follows no path has no half of it."""
+    following = STAGES[(STAGES.index(stage) + 1) % len(STAGES)]
+    return STAGES[0] if following == Stage.PARTIAL and not strategy.traits.inverts else following
+
+
+def without_half(strategy: Strategy) -> str:
+    """Return the suffix of the sentences on the stages to come: those of a strategy that has no half, or none."""
+    return "" if strategy.traits.inverts else "_no_half"
 
 
 def nominal_path(

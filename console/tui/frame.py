@@ -45,7 +45,8 @@ MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 LEAST_BODY = 4  # lines of the page that no message takes. A longer message continues in the list of messages.
 COASTING_RPM = 5.0  # above it a spindle that nothing drives is said to turn
 DOT = 3  # cells of the dot behind a name
-LEAST_MACHINE, LEAST_JOB = 8, 16  # cells that a name keeps while there is room for both
+LEAST_MACHINE, LEAST_JOB = 12, 16  # cells that a name keeps while there is room for both
+SHORTEST_JOB = 8  # cells below which the name of a job tells nothing
 _FIRST_SERVED = ("stop", "alarm", "next")  # rows that may have several lines, in the order in which they get them
 
 
@@ -80,7 +81,8 @@ class Frame:
 def state_row(frame: Frame, width: int) -> list[Line]:
     """Return SIM, the machine, the open job, the activity, the age of the state, and the time.
 
-    Long names lose their middle, that of the machine first; one that has room for nothing is left out.
+    The machine is always there: which lathe this terminal is at. Where the row is full, the age of a good link
+    goes first, then the middle of the job's name, the job, and who looks on; an old state is said in any case.
     """
     text, state = frame.text, frame.state
     head: list[tuple[str, Token]] = (
@@ -98,16 +100,12 @@ def state_row(frame: Frame, width: int) -> list[Line]:
         token = Token.WARNING if state.cut.is_lost else token
     if _observes(state):
         activity, token = observing(text, state, frame.clock), Token.WARNING
-    right = (
-        *place(text, state, frame.client),
-        *onlookers(text, state),
-        *age_of(frame),
-        dim(f"   {frame.clock:%H:%M} "),
-    )
-    room = width - width_of((*head, *right)) - cell_len(activity) - 1
-    machine, job = _names(state.machine, frame, room)
+    clock = dim(f"   {frame.clock:%H:%M} ")
+    room = width - width_of((*head, clock)) - cell_len(activity) - 1
+    beside = _beside(frame, room)
+    machine, job = _names(state.machine, frame, room - width_of(beside))
     names = [(f"{name} · ", token) for name, token in ((machine, Token.DIM), (job, Token.STRONG)) if name]
-    return [ranged((*head, *names, (activity, token)), right, width)]
+    return [ranged((*head, *names, (activity, token)), (*beside, clock), width)]
 
 
 def sim(text: Catalogue, state: StationState) -> str:
@@ -117,15 +115,34 @@ def sim(text: Catalogue, state: StationState) -> str:
     return text("sim") if state.speed == 1.0 else text("sim.speed", speed=f"{state.speed:g}")
 
 
+def _beside(frame: Frame, room: int) -> Line:
+    """Return where the terminal is, who looks on and how old the state is, as far as the names leave `room`."""
+    state = frame.state
+    parts = [place(frame.text, state, frame.client), onlookers(frame.text, state), age_of(frame)]
+    if not state.is_stale(frame.now_s) and room - sum(map(width_of, parts)) < _least_names(
+        state.machine, frame.job
+    ):
+        parts.pop()
+    for part in parts[1::-1]:
+        if room - sum(map(width_of, parts)) < _least_names(state.machine, ""):
+            parts.remove(part)
+    return tuple(piece for part in parts for piece in part)
+
+
+def _least_names(machine: str, job: str) -> int:
+    """Return the cells that both names need to be well told, each with its dot."""
+    named = ((machine, LEAST_MACHINE), (job, LEAST_JOB))
+    return sum(min(cell_len(name), least) + DOT for name, least in named if name)
+
+
 def _names(machine: str, frame: Frame, room: int) -> tuple[str, str]:
     """Return the names of the machine and of the job in `room` cells, each with its dot."""
     job = frame.job
-    if not job:
-        return name_in(machine, max(room - DOT, 1)), ""
-    for_machine = min(cell_len(machine), max(room - cell_len(job) - 2 * DOT, LEAST_MACHINE))
+    least = min(cell_len(machine), LEAST_MACHINE)
+    for_machine = min(cell_len(machine), max(room - cell_len(job) - 2 * DOT, least))
     for_job = room - for_machine - 2 * DOT
-    if for_job < LEAST_JOB:  # the machine is in the title of the terminal as well
-        return "", name_among(job, frame.jobs, max(room - DOT, 1), tail_fraction=0.6)
+    if not job or for_job < min(cell_len(job), SHORTEST_JOB):
+        return name_in(machine, max(room - DOT, least)), ""
     return name_in(machine, for_machine), name_among(job, frame.jobs, for_job, tail_fraction=0.6)
 
 

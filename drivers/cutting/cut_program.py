@@ -135,8 +135,8 @@ class CutProgram:
         that has `ended`, values that it changes itself are skipped.
 
         Raises:
-            DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`;
-                a program is missing.
+            DriverError: `controller.program_differs`, `controller.constant_differs`, when it has `ended`
+                `cut.constant_changed`; `controller.table_differs`; a program is missing.
         """
         if self._loaded is None or self._loaded.program is not program:
             where, key = f"PROG {program.number}", "program"
@@ -232,7 +232,7 @@ class CutProgram:
         its own time: the program bounds it.
 
         Raises:
-            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `controller.constant_differs`,
+            DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `cut.constant_differs`,
                 those of the guard and of `Motion.until`; the machine is stopped before it is raised.
                 `heartbeat.plc_silent`: it was ended as the policy says.
             StoppedError: somebody stopped the machine.

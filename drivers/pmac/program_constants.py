@@ -26,6 +26,9 @@ from drivers.pmac.program_text import ProgramText
 from drivers.pmac.variables import VariableStore
 from profiles.problem import Problem
 
+NOT_STARTED = "controller.constant_differs"  # found before a program runs, which is not started then
+IN_THE_CUT = "cut.constant_differs"  # found while it runs, which is stopped then
+AFTER_IT = "cut.constant_changed"  # found when it has ended
 RELATIVE = 1e-8
 """Controllers report variables with some ten digits. A difference after the eighth affects no part: the lobe angle
 of one segment, off by so much, is off by 0.02 degrees of lobe after 10,000 segments.
@@ -103,12 +106,12 @@ def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:
     return found
 
 
-def _differing(planned: Mapping[str, float], actual: Mapping[str, float]) -> Iterator[Problem]:
+def _differing(planned: Mapping[str, float], actual: Mapping[str, float], code: str) -> Iterator[Problem]:
     """Yield the problem of each actual value that is not as planned."""
     for name, value in actual.items():
         if not math.isclose(value, planned[name], rel_tol=RELATIVE, abs_tol=RELATIVE):
             found, limit = format_number(value), format_number(planned[name])
-            yield Problem(code="controller.constant_differs", key=name, value=found, limit=limit)
+            yield Problem(code=code, key=name, value=found, limit=limit)
 
 
 def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[str, float]:
@@ -116,17 +119,21 @@ def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[
 
 
 def constant_problems(
-    client: Controller, constants: Sequence[Constant], copied: Mapping[str, float] | None = None
+    client: Controller,
+    constants: Sequence[Constant],
+    copied: Mapping[str, float] | None = None,
+    code: str = NOT_STARTED,
 ) -> tuple[Problem, ...]:
     """Read constants and compare; one that is a copy is compared with its source, or with what was `copied`."""
     sources = [each.copied_from for each in constants if each.copied_from and copied is None]
     found = read_values(client, (*(each.name for each in constants), *sources))
     if copied is None:
         copied = {each.name: found[each.copied_from] for each in constants if each.copied_from}
-    return tuple(_differing(_values(constants, copied), {each.name: found[each.name] for each in constants}))
+    actual = {each.name: found[each.name] for each in constants}
+    return tuple(_differing(_values(constants, copied), actual, code))
 
 
-def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
+def pointer_problems(client: Controller, program: ProgramText, code: str = NOT_STARTED) -> Iterator[Problem]:
     """Compare the M-variable definitions before a program with those of the controller."""
     planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
     if not planned:
@@ -135,7 +142,7 @@ def pointer_problems(client: Controller, program: ProgramText) -> Iterator[Probl
     for (name, text), reply in zip(planned.items(), reported, strict=True):
         actual = reply.strip().rpartition("->")[2]  # in any form of I9 (`M169->D:$46`)
         if _pointer(actual) != _pointer(text):
-            yield Problem(code="controller.constant_differs", key=f"{name}->", value=actual, limit=text)
+            yield Problem(code=code, key=f"{name}->", value=actual, limit=text)
 
 
 def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]:
@@ -149,7 +156,7 @@ def word_problems(client: Controller, program: ProgramText) -> Iterator[Problem]
         (actual,) = client.query(f"RH{place},{len(planned)}", again=True)
         if _hexadecimal(actual) != planned:
             limit = " ".join(f"{word:X}" for word in planned)
-            yield Problem(code="controller.constant_differs", key=place, value=actual.strip(), limit=limit)
+            yield Problem(code=NOT_STARTED, key=place, value=actual.strip(), limit=limit)
 
 
 def _pointer(text: str) -> Pointer | str | None:
@@ -180,4 +187,4 @@ class ConstantsWatch:
 
     def see(self, names: Sequence[str], values: Sequence[float]) -> Problem | None:
         """Compare the values of `names`; return the first difference from the plan."""
-        return next(_differing(self._planned, dict(zip(names, values, strict=True))), None)
+        return next(_differing(self._planned, dict(zip(names, values, strict=True)), IN_THE_CUT), None)

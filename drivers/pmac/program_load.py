@@ -23,6 +23,8 @@ from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import Program
 from drivers.pmac.language.text import format_line
 from drivers.pmac.program_constants import (
+    AFTER_IT,
+    NOT_STARTED,
     Constant,
     ConstantsWatch,
     constant_problems,
@@ -100,18 +102,22 @@ def verify_loaded(client: Controller, loaded: LoadedProgram, *, ended: bool = Fa
     When it has `ended`, the variables that it sets itself are left out. Without `tables` the entries of
     compensation tables are not read: over a slow line that takes seconds.
 
-    Raises DriverError: `controller.program_differs`, `controller.constant_differs`, `controller.table_differs`.
+    Raises DriverError: `controller.program_differs`, `controller.constant_differs` (`cut.constant_changed` of one
+    that has ended), `controller.table_differs`.
     """
     constants = tuple(each for each in loaded.constants if each.kept or not ended)
-    _refuse(constant_problems(client, constants, loaded.copied))
+    code = AFTER_IT if ended else NOT_STARTED
+    _refuse(constant_problems(client, constants, loaded.copied, code))
     # A time base that was in use has changed its own words of the conversion table.
-    _verify(client, loaded, tables=tables, words=not ended)
+    _verify(client, loaded, tables=tables, words=not ended, code=code)
 
 
-def _verify(client: Controller, loaded: LoadedProgram, *, tables: bool, words: bool) -> None:
+def _verify(
+    client: Controller, loaded: LoadedProgram, *, tables: bool, words: bool, code: str = NOT_STARTED
+) -> None:
     program = loaded.program
     verify_program(client, program)
-    _refuse(tuple(pointer_problems(client, program)))
+    _refuse(tuple(pointer_problems(client, program, code)))
     if words:
         _refuse(tuple(word_problems(client, program)))
     for table in program.tables if tables else ():

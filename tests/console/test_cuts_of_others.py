@@ -97,7 +97,7 @@ def test_a_tool_that_trips_after_another_host_wrote_is_not_called_sticky(
 )
 def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Floor, line: str) -> None:
     state, after_s = cut_with(floor, line)
-    assert "controller.constant_differs" in told(state) and after_s < 1.0
+    assert "cut.constant_differs" in told(state) and after_s < 1.0
     assert not state.cut_done
 
 
@@ -136,7 +136,7 @@ def test_a_program_that_goes_on_elsewhere_is_not_called_done(floor: Floor, strat
 def test_a_cut_with_fewer_turns_than_planned_is_ended_early(floor: Floor) -> None:
     """Found at the end, should the few turns be over before the constant is read."""
     state, _ = cut_with(floor, "P23=11")
-    assert {"cut.ended_early", "controller.constant_differs"} & set(told(state))
+    assert {"cut.ended_early", "cut.constant_differs"} & set(told(state))
     assert not state.cut_done
 
 

@@ -147,6 +147,7 @@ def test_what_is_predicted_is_of_the_strategy_whose_path_was_identified(
     )
     assert found["predicted"]["before"]["ront_um"] == pytest.approx(55.0)
     assert found["predicted"]["after"]["ront_um"] < 0.1
+    assert found["predicted"]["forecast"]["ront_um"] == found["predicted"]["forecast"]["low_um"] == 2.0
     band = found["predicted"]["band"]
     assert [each["code"] for each in band["because"]] == [
         "band.servo.identified",

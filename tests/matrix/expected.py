@@ -71,6 +71,7 @@ OFF_ARMED, ONE_OFF = "ready, nothing: session.arm_realigned", "ready, nothing: m
 """What is armed is what was read: anything else in a poll disarms it."""
 
 NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
+CHANGED_IN_CUT = "stopped, ^A: cut.constant_differs"
 NOT_THAT_TABLE = "stopped, ^A: controller.table_differs"
 """What was loaded wrong is no refusal: a line that arrives otherwise than it was sent is a fault of its link."""
 
@@ -221,10 +222,10 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     # What is loaded matters where something is; what is armed is refused at its start.
     "stranger-writes, M26=1": _loaded(SAME, HELD_BY_OTHERS),
     "stranger-writes, fewer turns": _loaded(
-        NOT_AS_PLANNED, f"{NOT_AS_PLANNED} or stopped, ^A: cut.ended_early controller.constant_differs"
+        NOT_AS_PLANNED, f"{CHANGED_IN_CUT} or stopped, ^A: cut.ended_early cut.constant_changed"
     ),
-    "stranger-writes, a deeper cut": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {NOT_AS_PLANNED}"),
-    "stranger-writes, a larger lobe": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {NOT_AS_PLANNED}"),
+    "stranger-writes, a deeper cut": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {CHANGED_IN_CUT}"),
+    "stranger-writes, a larger lobe": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {CHANGED_IN_CUT}"),
     # A buffer that is open, or runs, is not another's to open.
     "stranger-writes, another program": _loaded(SAME, SAME),
     # The axis that is homed instead has lost its zero by that.

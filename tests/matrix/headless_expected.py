@@ -25,6 +25,7 @@ GONE = "unproven, ^K: link.lost machine.state_unknown"
 SETTING = "stopped, ^A: controller.setting"
 ANOTHER_PROGRAM = "stopped, ^A: controller.program_differs"
 NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
+CHANGED_IN_CUT = "stopped, ^A: cut.constant_differs"
 NOT_LOADED = f"{REFUSED}: controller.constant_differs"
 OUSTED = "stopped, ^A: owner.ousted"
 NOT_STARTED = "stopped, ^K: controller.err012"
@@ -154,18 +155,18 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     "stranger-writes, fewer turns": _row(
         LOADING=NOT_LOADED,
         POSITIONING=NOT_AS_PLANNED,
-        STARTING=NOT_AS_PLANNED,
-        CUTTING=f"{NOT_AS_PLANNED} {IN_PART} or stopped, ^A: cut.ended_early controller.constant_differs",
+        STARTING=CHANGED_IN_CUT,
+        CUTTING=f"{CHANGED_IN_CUT} {IN_PART} or stopped, ^A: cut.ended_early cut.constant_changed",
     ),
     "stranger-writes, a deeper cut": _row(
         LOADING=NOT_LOADED,
         POSITIONING=NOT_AS_PLANNED,
-        STARTING=f"{NOT_AS_PLANNED} or {OUTSIDE} {IN_PART}",
-        CUTTING=f"{OUTSIDE} {IN_PART} or {NOT_AS_PLANNED} {IN_PART}",
-        RETRACTING=NOT_AS_PLANNED,
+        STARTING=f"{CHANGED_IN_CUT} or {OUTSIDE} {IN_PART}",
+        CUTTING=f"{OUTSIDE} {IN_PART} or {CHANGED_IN_CUT} {IN_PART}",
+        RETRACTING=CHANGED_IN_CUT,
     ),
     "stranger-writes, a larger lobe": _row(
-        POSITIONING=NOT_AS_PLANNED, CUTTING=f"{OUTSIDE} {IN_PART} or {NOT_AS_PLANNED} {IN_PART}"
+        POSITIONING=NOT_AS_PLANNED, CUTTING=f"{OUTSIDE} {IN_PART} or {CHANGED_IN_CUT} {IN_PART}"
     ),
     # A program that is rewritten behind the last comparison runs, and is stopped where it leaves the plan.
     "stranger-writes, another program": _row(

@@ -125,6 +125,21 @@ def test_without_a_home_the_command_clears_what_a_table_adds_and_nothing_moves(
     assert others == [0.0, 0.0, 0.0] and tool == pytest.approx(before, abs=1.0)
 
 
+def test_without_a_home_a_table_that_adds_nothing_is_switched_off_as_by_f8(
+    lathe: tuple[Order, str, PmacClient],
+) -> None:
+    """The drives are disabled: nothing moves, and nothing is asked of a home that nobody has."""
+    made, address, client = lathe
+    for line in ("I51=0", "#1HM", "#1K#2K#3K", "I51=1"):
+        client.request(line)
+    (before,) = client.numbers("#1P")
+    done = retract(made, address, "--yes", "--json")
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout)["tables_cleared"]
+    tool, *others = client.numbers("#1P", "I51", f"P{OWNER}")
+    assert others == [0.0, 0.0] and tool == pytest.approx(before, abs=SETTLES_COUNTS)
+
+
 def test_a_lathe_that_another_console_controls_is_left_alone(lathe: tuple[Order, str, PmacClient]) -> None:
     made, address, client = lathe
     client.request(f"P{OWNER}=77")

@@ -10,13 +10,17 @@ from typing import Any
 import pytest
 
 from console.session.cut.alignment import Alignment
+from console.session.station.jogging import Steps
 from console.session.station.state import Activity, StopState
 from console.session.work import edited
 from console.text.catalogue import load
+from console.tui.lines import plain
 from console.tui.pages.align import AlignPage
-from console.tui.pages.jog_lines import jaw_words
+from console.tui.pages.jog_lines import JogView, jaw_words, jog_lines, jog_panel
 from console.tui.ui_context import View
+from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.lobe.lobe_origin import without_lobe
 from profiles.store import load_machine
 from tests.tui.align_stage import (
     IN_PART,
@@ -208,6 +212,46 @@ def test_in_phase_is_claimed_only_where_jaw_1_was_taken_at_the_mark(
 
 def test_a_real_machine_rests_on_its_stamps_alone() -> None:
     assert "in phase" in shown(state(VALID, simulated=False, seen=None)).text
+
+
+def test_without_a_known_lobe_nothing_is_in_phase() -> None:
+    work = experiment()
+    plain_job = replace(work, job=replace(without_lobe(work.job), roundness_tolerance_um=5.0))
+    seen = WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=0.25)
+    for now in (state(VALID, simulated=False, seen=None), state(VALID, seen=seen)):
+        text = shown(now, work=plain_job).text
+        assert "✓ all readings taken" in text and "in phase" not in text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("simulated", [True, False])
+def test_which_arrow_moves_which_way_is_the_last_that_goes(simulated: bool, language: str) -> None:
+    """Also with a step that is too long, and under an alarm of three lines; what is left out is marked."""
+    text, machine = load(language), load_machine(MACHINE).machine
+    now = state(VALID) if simulated else state(VALID, simulated=False, seen=None)
+    jog = JogView(
+        machine=machine,
+        state=now,
+        steps=Steps(mm=4),
+        axis=AxisName.TOOL,
+        made=0,
+        asked=0,
+        now_s=100.0,
+        left_s=30.0,
+    )
+    every, marks = jog_lines(text, jog, 45, None), set[str]()
+    for height in range(3, len(every) + 1):
+        rows, mark = jog_panel(text, jog, 45, height)
+        assert len(rows) <= height
+        shown_words = plain(rows)
+        for arrow in ("↑", "↓", "←", "→", "PgUp"):
+            assert arrow in shown_words, (height, arrow)
+        assert bool(mark) is (set(filter(None, every)) - set(rows) != set())
+        assert "[10.000]" in shown_words or height < 5
+        marks.add(mark)
+    assert marks == {"", text("panel.more")}
+    page = shown(now, language=language, size=(80, 22))
+    assert "↑" in page.text and text("panel.more") in page.text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -32,6 +32,7 @@ from console.tui.lines import line, plain, width_of
 from console.tui.list_panel import message_lines
 from console.tui.theme import Token
 from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
+from drivers.lathe.standing import Standing
 from drivers.simulator.plant.collision_kind import CollisionKind
 from profiles.machine import SAFETY_DEVICES
 from profiles.problem import Problem
@@ -120,6 +121,38 @@ def test_the_open_job_is_in_the_first_row_and_two_jobs_alike_differ(language: st
         )
         assert first != second and "lee-" in first, activity
         assert load(language)(f"activity.{activity}") in first and "ent-1 · " in first, first
+
+
+FULL: tuple[dict[str, object], ...] = (
+    {},
+    {"standing": Standing.OBSERVER, "holder": 0},
+    {"standing": Standing.OBSERVER, "holder": 1_683_503_496},
+    {"onlookers": 2, "activity": Activity.LOST},
+)
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("client", ["", "192.168.100.107"])
+@pytest.mark.parametrize("full", FULL, ids=["ready", "free", "held", "lost"])
+def test_which_lathe_it_is_can_always_be_read(full: dict[str, object], client: str, language: str) -> None:
+    """At 80 columns, on a real lathe, whatever else the row has to tell, and however slow the link is."""
+    for trip_ms, job in product((5.0, 20.0, 250.0), ("", "ring3 링", "lee-2001-experiment-1")):
+        for name, shown in (("big-lathe", "big"), ("ring3 선반 (2호기)", "rin")):
+            state = replace(READY, machine=name, simulated=False, round_trip_ms=trip_ms, **full)  # type: ignore[arg-type]
+            row = plain(state_row(frame(state, language, job=job, client=client), 80))
+            assert load(language)("activity.lost") in row or state.activity is not Activity.LOST
+            assert row.strip().startswith(shown) and name[-1] in row.partition(" · ")[0], row
+            assert width_of(state_row(frame(state, language, job=job, client=client), 80)[0]) <= 80
+
+
+def test_the_age_of_a_good_link_gives_way_before_a_name_and_that_of_an_old_state_never() -> None:
+    free = replace(READY, simulated=False, machine="lathe-7", standing=Standing.OBSERVER, holder=0)
+    slow = plain(state_row(frame(replace(free, round_trip_ms=20.0), job="ring3 링"), 80))
+    assert "lathe-7 · ring3 링 · OBSERVING, no console has control" in slow
+    full = plain(state_row(frame(free, job="lee-2001-experiment-1"), 80))
+    assert "lathe-7 · " in full and "ent-1 · OBSERVING" in full and "link" not in full
+    old = plain(state_row(frame(free, job="lee-2001-experiment-1", now_s=13.0), 80))
+    assert "lathe-7 · " in old and "STALE, 3 s" in old
 
 
 def test_a_page_without_a_digit_has_the_place_of_the_page_that_lists_it() -> None:

@@ -12,6 +12,7 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
+from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
@@ -29,9 +30,10 @@ from drivers.cutting.planning import CutPlan, Strategy
 from drivers.preview.preview import all_asked, program_of
 from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem
+from profiles.store import load_job
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on
-from tests.tui.scenes import previewed, signed, taught_part
+from tests.tui.scenes import BEFORE, part, previewed, signed, taught_part
 from tests.tui.stage import LANGUAGES
 
 PART = taught_part()
@@ -191,13 +193,13 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
     play_on(OnPreview, play, tmp_path, work=cam(), state=MEASURED)
 
 
-def test_an_edited_job_has_no_version_and_half_of_the_printed_program_does_not_exist(tmp_path: Path) -> None:
+def test_an_edited_job_has_no_version_and_the_printed_program_has_no_half(tmp_path: Path) -> None:
     async def play(stage: OnPreview) -> None:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.edited_now"]
         stage.ui.work = replace(with_strategy(cam(), "paper"), stage="air")
         await stage.act("preview.stage")
-        assert stage.codes == ["stage.strategy"]
+        assert stage.codes == [] and stage.ui.work.stage == "full"
 
     play_on(OnPreview, play, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05"))
 
@@ -226,6 +228,56 @@ def test_after_the_air_comes_half_on_the_same_blank(language: str) -> None:
     assert max(cell_len(words) for words in (page.next_step, inspect.next_step)) <= 77
     under_way = run_stage.cutting(in_air=True)
     assert text("run_page.cut_in_air") in shown_on(RunPage, under_way, work=air, language=language).text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path: Path) -> None:
+    text, made = load(language), previewed(signed().job)
+    plain = replace(with_strategy(signed(), "none"), outlook=made, preview=made)
+    air = replace(plain, stage="air")
+    now = run_stage.state(cut=run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, in_air=True))
+    pages = [shown_on(page, now, work=air, language=language) for page in (PreviewPage, RunPage, InspectPage)]
+    half = "절반" if language == "ko" else "half"
+    for page in pages:
+        assert "s" in page.next_step and half not in page.next_step
+        assert cell_len(page.next_step) <= 77
+    assert half not in pages[0].next_step and text("run_page.after_air_no_half")[:12] in pages[1].text
+
+    async def play(stage: OnPreview) -> None:
+        for wanted in ("air", "full", "air"):
+            await stage.act("preview.stage")
+            assert stage.ui.work is not None and (stage.ui.work.stage, stage.codes) == (wanted, [])
+        # The half of another strategy is refused, and s leaves it.
+        stage.ui.work = replace(plain, stage="partial")
+        await stage.act("preview.stage")
+        assert stage.ui.work.stage == "full"
+
+    play_on(OnPreview, play, tmp_path, work=plain)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cut_is_plain(language: str) -> None:
+    text, made = load(language), part(Strategy.NONE, BEFORE)
+    found = lobe_of(
+        made.trace,
+        made.job,
+        PartLobe(loaded=load_job("lee-2001-experiment-1"), file="x", file_sha256=""),
+        phase_known=True,
+        simulated=True,
+    )
+    assert found.found is not None
+    error_um = found.found.fit.error_um_pp
+    job = replace(signed().job, lobe_error_source="fitted", lobe_error_um_pp=error_um)
+    now = replace(MEASURED, measured=replace(made, lobe=found))
+    for strategy, word, said in (
+        ("pvt", "next_lobe_taken", "lobe_taken"),
+        ("none", "next_lobe_plain", "lobe_in_job"),
+    ):
+        work = replace(signed(), job=job, strategy=strategy)
+        page = shown_on(InspectPage, now, work=work, language=language)
+        assert page.next_step == text(f"inspect_page.{word}") and cell_len(page.next_step) <= 77
+        words = text(f"inspect_page.{said}", job=job.name, strategy=strategy)
+        assert words[:30] in page.text, page.text
 
 
 def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:

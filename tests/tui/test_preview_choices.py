@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
@@ -221,7 +222,21 @@ def test_the_band_is_explained_largest_first_and_adds_up() -> None:
     assert band is not None and band.cutting_um is not None
     squares = sum(value**2 for value in values) - band.cutting_um**2
     assert band.after_um + band.cutting_um + math.sqrt(squares) == pytest.approx(band.high_um, abs=0.05)
-    assert f"{band.low_um:.1f} to {band.high_um:.1f} um" in rows[0]
+    assert f"{max(band.low_um, 2.0):.1f} to {band.high_um:.1f} um" in rows[0]
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_nothing_below_2_um_is_forecast_and_what_is_calculated_is_told(language: str) -> None:
+    work = pvt()
+    assert work.preview is not None
+    calculated_um = work.preview.predictions[Strategy.PVT].ront_um
+    assert calculated_um < 0.5, "what the model of an inverted servo leaves"
+    page = shown_on(PreviewPage, READY, work=work, language=language)
+    for name in ("pvt", "cam", "timebase"):
+        (row,) = [each for each in page.text.splitlines() if f" {name} " in each and "um" in each]
+        assert re.search(r"\b2\.0 um", row), row
+    assert "(2.0–" in page.text and "(0." not in page.text
+    assert f"{calculated_um:.2f} um" in told(work, language)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -172,7 +172,7 @@ def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int]
         rows = text.split("\n")
         assert all(cell_len(row) <= room[0] for row in rows)
         assert len(rows) <= room[1]
-        for name, left in (("pvt", "0.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
+        for name, left in (("pvt", "2.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
             row = next(row for row in rows if f" {name} " in row and left in row)
             assert ("▸" in row) == (name == strategy)
 

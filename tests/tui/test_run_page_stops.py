@@ -12,6 +12,9 @@ from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
 from console.session.work import edited
 from console.text.catalogue import load
+from console.tui.lines import plain
+from console.tui.pages.run_lines import summary_lines
+from profiles.problem import Problem
 from tests.tui.machine_states import ON, REST
 from tests.tui.run_stage import (
     CUT_IN_PART,
@@ -233,3 +236,14 @@ def test_the_times_of_a_stop_are_whole_at_80_columns(language: str) -> None:
     assert "12.3 s, " in page.text and "0.05 s" in page.text
     label = load(language)("run_page.stop.rest")
     assert f"{label} " in page.text, "a label does not touch its value"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_table_that_was_left_on_does_not_say_that_the_blank_was_not_clamped_for_this_job(language: str) -> None:
+    text, work = load(language), experiment()
+    left_on = replace(VALID, tables=(Problem(code="cut.table_on", key="I51", value="1"),))
+    rows = plain(summary_lines(text, state(left_on), work, 100.0, 60))
+    assert VALID.clamping is not None and VALID.clamping.at in rows
+    assert text("run_page.not_of_job") not in rows
+    of_another = replace(left_on, clamping=replace(VALID.clamping, diameter_mm=53.0))
+    assert text("run_page.not_of_job") in plain(summary_lines(text, state(of_another), work, 100.0, 60))

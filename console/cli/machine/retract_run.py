@@ -9,11 +9,12 @@ from pathlib import Path
 from console.cli.library import SIM_LINK, machine_of
 from console.cli.machine.identify_run import reached_machine
 from console.cli.output import agreed, show, tell
-from console.session.cut.alignment import NO_HOME_FOR_TABLE, tables_told
+from console.session.cut.alignment import NO_HOME_FOR_TABLE, Alignment, held_by, tables_told
 from console.session.cut.retracting import clear_tables, retract_and_switch_tables_off, retracted_by_distance
 from console.session.errors import SessionError, refuse
 from console.session.signals import Interruption
 from console.session.station.conditions import require
+from console.session.station.jogging import clears_tables
 from console.session.station.reaching import guard, leave
 from console.text.catalogue import Catalogue
 from drivers.identification.rig import Rig
@@ -22,6 +23,7 @@ from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.tracing import Tracing
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 
@@ -43,7 +45,8 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
             if owning is not None:
                 owning.claim()
             try:
-                if options.clear_tables:
+                clears = options.clear_tables or _only_switched_on(lathe)
+                if clears:
                     cleared = _cleared(rig, lost=lost)
                 else:
                     switched, last = _retracted(lathe, lost=lost)
@@ -51,11 +54,19 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
                 leave(lathe, owning)
     finally:
         tell(tracing.problems, text)
-    if options.clear_tables:
+    if clears:
         said = text("retract.tables_cleared" if cleared else "retract.no_tables")
         show(options, lambda: {"ended_by_controller": lost, "tables_cleared": cleared}, lambda: [said])
         return 0
-    lengths = Lengths(loaded.machine)
+    _show_places(options, loaded.machine, last, lost=lost, switched=switched, text=text)
+    return 0
+
+
+def _show_places(
+    options: Namespace, machine: MachineProfile, last: Snapshot, *, lost: bool, switched: bool, text: Catalogue
+) -> None:
+    """Print where the axes stand after a retract, and whether a table was on."""
+    lengths = Lengths(machine)
     places = {axis: lengths.at(axis, last.axis(axis).position) for axis in (AxisName.TOOL, AxisName.CARRIAGE)}
     show(
         options,
@@ -65,7 +76,15 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
             text("retract.tables_off" if switched else "retract.no_tables"),
         ],
     )
-    return 0
+
+
+def _only_switched_on(lathe: Lathe) -> bool:
+    """Whether F8 on page Run would clear tables in place of a retract, and they add nothing to the tool.
+
+    What a table adds to it is cleared only for who asks for that.
+    """
+    tables = lathe.program.tables_left()
+    return clears_tables(lathe.snapshot(), Alignment(tables=tables)) and not held_by(tables)
 
 
 def _retracted(lathe: Lathe, *, lost: bool) -> tuple[bool, Snapshot]:

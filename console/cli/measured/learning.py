@@ -31,6 +31,7 @@ from drivers.simulator.plant.which_lathe import options_of
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
 from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
+from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
 from profiles.problem import Problem
 from profiles.store import LoadedJob
 from profiles.traces import parse_trace, read_trace_file
@@ -138,6 +139,7 @@ def _step_fields(found: Taught) -> dict[str, object]:
         "lobe_um_pp": step.expected_lobe_um_pp,
         "half_width_um_pp": step.expected_half_width_um_pp,
         "RONt_um": step.expected_ront_um,
+        "forecast_RONt_um": forecast_um(step.expected_ront_um),
     }
     return {
         "cut_with": found.made.header(),
@@ -187,17 +189,25 @@ def _step_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
     expected = f"{step.expected_lobe_um_pp:.2f} ± {step.expected_half_width_um_pp:.2f}"
     rows = [
         ("", text("learned.measured"), text("learned.next"), ""),
-        ("RONt", f"{part.ront_um:.2f}", f"{step.expected_ront_um:.2f}", "um"),
+        ("RONt", f"{part.ront_um:.2f}", f"{forecast_um(step.expected_ront_um):.2f}", "um"),
         (text("learned.lobe"), f"{2 * part.lobe.amplitude_um:.2f}", expected, "um"),
     ]
     lines = [f"{_subject(holds, text)}: {head}", ""]
     if step.placed:
-        lines += [*table(rows, numeric=(1, 2)), "", *table(_facts(step, text))]
+        lines += [*table(rows, numeric=(1, 2)), *_below_forecast(step.expected_ront_um, text)]
+        lines += ["", *table(_facts(step, text))]
         lines += ["", *certificate_lines(step.certificate, text)]
     else:
         lines += table([(name, measured, unit) for name, measured, _, unit in rows], numeric=(1,))
     causes = [f"  {cause_words(cause, text)}" for cause in found.causes]
     return [*lines, "", text("cause.title"), *causes] if fails else lines
+
+
+def _below_forecast(calculated_um: float, text: Catalogue) -> list[str]:
+    """Return that less is calculated for the next part than is forecast."""
+    if not is_below_forecast(calculated_um):
+        return []
+    return [text("forecast.least", calculated=f"{calculated_um:.2f}", least=f"{LEAST_FORECAST_UM:g}")]
 
 
 def _kept_lines(

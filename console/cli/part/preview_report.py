@@ -19,6 +19,7 @@ from drivers.preview.preview import Preview, Response
 from profiles.axis.envelope import envelope, highest_safe_speed
 from profiles.chucking.advice import force_span
 from profiles.findings import Severity
+from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
 from profiles.lobe.lobe_conditions import OTHER_CUT, lobe_source
 from profiles.problem import ProblemError
 
@@ -55,7 +56,10 @@ def _source(seen: Preview) -> str:
 
 
 def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
-    """Return the roundness of the released part without and with the strategy; None where that is refused."""
+    """Return the roundness of the released part without and with the strategy; None where that is refused.
+
+    `after` and `band` are calculated; `forecast` is what may be said of a part to come.
+    """
     band = predicted_band(seen, seen.strategy)
     if band is None:
         return None
@@ -65,6 +69,11 @@ def _predicted(seen: Preview, text: Catalogue) -> dict[str, object] | None:
         "before": {"ront_um": seen.job.lobe_error_um_pp},
         "after": {"ront_um": band.after_um},
         "band": {"low_um": band.low_um, "high_um": band.high_um, "because": because},
+        "forecast": {
+            "ront_um": forecast_um(band.after_um),
+            "low_um": forecast_um(band.low_um),
+            "high_um": forecast_um(band.high_um),
+        },
     }
 
 
@@ -188,8 +197,11 @@ def _facts(seen: Preview, band: Band | None, text: Catalogue) -> list[tuple[str,
         (text("preview.inverts"), inverted),
     ]
     if band is not None:
-        left = f"{band.after_um:.2f} um ({band.low_um:.1f} … {band.high_um:.1f} um)"
-        rows.append((text("preview.left", strategy=seen.strategy), left))
+        after, low, high = map(forecast_um, (band.after_um, band.low_um, band.high_um))
+        rows.append((text("preview.left", strategy=seen.strategy), f"{after:.1f} um ({low:.1f} … {high:.1f} um)"))
+        if is_below_forecast(band.after_um):
+            calculated, least = f"{band.after_um:.2f}", f"{LEAST_FORECAST_UM:g}"
+            rows.append(("", text("forecast.least", calculated=calculated, least=least)))
     return [
         *rows,
         (text("preview.grip"), f"{seen.grip_margin_n:.0f} N"),

@@ -132,8 +132,13 @@ def table_problems(alignment: Alignment) -> tuple[Problem, ...]:
 
 def tables_told(tables: tuple[Problem, ...], *, homed: bool) -> tuple[Problem, ...]:
     """Return the same of what was just read of the `tables`, and of axes that are `homed` or not."""
-    held = tuple(each for each in tables if each.code == "cut.table_holds")
+    held = held_by(tables)
     return tables if homed or not held else (replace(held[0], code=NO_HOME_FOR_TABLE),)
+
+
+def held_by(tables: tuple[Problem, ...]) -> tuple[Problem, ...]:
+    """Return those of the tables that add something to the tool, and are not only switched on."""
+    return tuple(each for each in tables if each.code == "cut.table_holds")
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
@@ -241,6 +246,12 @@ def retuned(alignment: Alignment, at: str) -> Alignment:
 def step_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
     """Return why a step is not yet done for this job; empty when it is."""
     return _by_step(SameObjects(alignment, job))[step]  # a page asks for each ten times a second
+
+
+def stamp_problems(alignment: Alignment, step: AlignStep, job: Job) -> tuple[Problem, ...]:
+    """Return why what was taken in a step is not of this job; a table that was left on undoes no clamping."""
+    left_on = table_problems(alignment)
+    return tuple(problem for problem in step_problems(alignment, step, job) if problem not in left_on)
 
 
 @lru_cache(maxsize=8)

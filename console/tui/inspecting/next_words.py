@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from console.session.stages import without_half
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.tui.inspecting.plain_words import in_scatter, is_elsewhere, is_kept, jaw_explains
-from console.tui.pages.lobe_lines import is_taken
+from console.tui.pages.lobe_lines import follows_lobe, is_taken
 from console.tui.ui_context import View
+from drivers.cutting.strategy import Strategy
 
 _UNDER_WAY = {
     Activity.MEASURING: "next_wait",
@@ -28,7 +30,7 @@ def next_word(view: View) -> str:
         return _UNDER_WAY[state.activity]
     if part is None:
         if state.cut is not None and state.cut.in_air and not state.cut_done:
-            return "next_air"
+            return "next_air" if view.work is None else f"next_air{without_half(Strategy(view.work.strategy))}"
         return ("next_measure" if state.cut_done else "next_cut") + where(state)
     if not part.strategy.traits.follows_lobe:
         return _lobe_word(part, view)
@@ -66,7 +68,7 @@ def next_word(view: View) -> str:
 def _lobe_word(part: MeasuredPart, view: View) -> str:
     """Return the word after a part that was cut without compensation."""
     if is_taken(part.lobe, view.work):
-        return "next_lobe_taken"
+        return "next_lobe_taken" if follows_lobe(view.work) else "next_lobe_plain"
     return "next_lobe" if part.lobe is not None and not part.lobe.reasons else "next_no_lobe"
 
 

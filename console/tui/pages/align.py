@@ -17,12 +17,12 @@ from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
 from console.tui.align.chuck_picture import PICTURE_ROWS, JawSeen, jaw_seen, picture_lines
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import BLANK, Line, Sheet, dim, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, dim, line
 from console.tui.link.far_terminal import WITHIN_S
 from console.tui.page import Page
 from console.tui.pages import align_lines
 from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
-from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_title
+from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_panel, jog_title
 from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, refusal, waiting
@@ -95,7 +95,8 @@ class AlignPage(Page):
             rows = align_lines.large_lines(text, state, machine, view.now_s, self._large.size.width)
             self._large.show(rows, text("align_page.large"))
         jog = self._jog.view(state, view.now_s)
-        self._jog_panel.show(jog_lines(text, jog, *self._jog_panel.size), jog_title(text, jog))
+        rows, more = jog_panel(text, jog, *self._jog_panel.size)
+        self._jog_panel.show(rows, jog_title(text, jog), more)
         self._show_asked(view)
         jaws = machine.chuck.jaws if job is None else job.jaws
         steps, roomy = align_lines.step_lines(text, state, job), self.has_class("-roomy")
@@ -179,12 +180,12 @@ class AlignPage(Page):
         return line((text(f"align_page.next.{self._next_word(state, step, job)}", **facts), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
-        """Return how to do the present step, and why the alignment is not valid."""
+        """Return how to do the present step, why the alignment is not valid, and all of the jog panel."""
         text, state = self.ui.text, view.state
         if self._ask.is_open:
             return asked_lines(text, self._ask.question(view), width, None)
-        by_hand = [] if state.simulated else [BLANK, *wrapped(text("align_page.real"), width)]
-        return [*align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None), *by_hand]
+        why = align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None)
+        return [*why, BLANK, *jog_lines(text, self._jog.view(state, view.now_s), width, None)]
 
     def heard(self, action: str | None) -> None:
         """Drop the steps of a jog key that wait, at any other key."""

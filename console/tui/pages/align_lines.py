@@ -44,7 +44,7 @@ from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
 from console.tui.ui_context import waiting
 from drivers.lathe.snapshot import AxisName, Snapshot
-from profiles.job import Job
+from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import MEASURED
 from profiles.machine import MachineProfile
 
@@ -209,7 +209,7 @@ def why_lines(
 ) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
     if is_valid(state.alignment, job) and waiting(state) not in _NO_ADVICE:
-        return _stamps(text, state, machine, width, height)
+        return _stamps(text, state, job, machine, width, height)
     return clipped(_missing(text, state, job, machine, width), height, text("panel.more"))
 
 
@@ -324,23 +324,26 @@ def drives_are_on(state: StationState) -> bool:
 
 
 def _stamps(
-    text: Catalogue, state: StationState, machine: MachineProfile, width: int, height: int | None
+    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int | None
 ) -> list[Line]:
     """Return what the alignment rests on; in little room the blank rows go first, then how to undo."""
-    head = _all_taken(text, state, machine, width)
+    head = _all_taken(text, state, job, machine, width)
     facts = _facts(text, state.alignment, min(width, WIDEST_STAMP))
     back = wrapped(text("align_page.back"), width)
     roomy, close = [*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]
     return first_fitting(height, text("panel.more"), roomy, close, [*head, *facts])
 
 
-def _all_taken(text: Catalogue, state: StationState, machine: MachineProfile, width: int) -> list[Line]:
-    off_deg = jaw_off_deg(state, machine)
+def _all_taken(
+    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int
+) -> list[Line]:
+    """Return that all is taken; that tool and lobe are in phase only of a lobe that is known."""
+    off_deg, knows_lobe = jaw_off_deg(state, machine), job is not None and job.lobe_error_source != NO_LOBE
     seen_well = off_deg is not None and off_deg <= NEAR_MARK_DEG
-    if seen_well or not state.simulated:
+    if knows_lobe and (seen_well or not state.simulated):
         return [line(("✓ " + text("align_page.valid"), Token.OK))]
     rows = [line("✓ " + text("align_page.all_taken"))]
-    if off_deg is not None:
+    if off_deg is not None and not seen_well:
         first, *rest = wrapped(text("align_page.jaw_off", angle=f"{off_deg:z.2f}°"), width - 4, Token.WARNING)
         rows += [(("SIM", Token.SIM), dim(" "), *first), *((dim(" " * 4), *more) for more in rest)]
     return rows

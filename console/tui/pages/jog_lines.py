@@ -65,23 +65,40 @@ def jog_title(text: Catalogue, jog: JogView) -> str:
     return text("align_page.jog_release", over=f"{over.released:.3g}", silent=silent)
 
 
-def jog_lines(text: Catalogue, jog: JogView, width: int, height: int) -> list[Line]:
-    """Return the jog panel; in little room the picture goes first, then the stopping distance."""
+def jog_lines(text: Catalogue, jog: JogView, width: int, height: int | None) -> list[Line]:
+    """Return the jog panel, all of it without a height; which key moves which way goes last.
+
+    In little room the speeds and the stopping distance go first, then what is seen, then the ladders: a step of
+    another length is refused or undone, one in the wrong direction may meet the part.
+    """
     head = [_enable_line(text, jog, width), *_ladder(text, jog)]
     travel = [*travel_lines(text, jog.state, jog.machine, width), _turning_line(text, jog)]
     facts = [_stopping_line(text, jog), speed_line(text, jog.machine, jog.steps)]
     seen = seen_lines(text, jog, width)
+    one = _of_step(seen, jog.state)
+    ladder = head[1 + (jog.axis is AxisName.SPINDLE)]
     return first_fitting(
         height,
         text("panel.more"),
         [*head, BLANK, *travel, BLANK, *facts, *seen],
         [*head, BLANK, *travel, *facts, *seen],
         [*head, *travel, *facts, *seen],
-        [*head, *travel, *facts, *_of_step(seen, jog.state)],
+        [*head, *travel, *facts, *one],
         [*head, *travel, facts[0], *seen],
-        [*head, *facts, *seen],
-        [*head, *seen],
+        [*head, *travel, facts[0], *one],
+        [*head, *travel, *one],
+        [*head, *travel, facts[0]],
+        [*head, *travel],
+        [head[0], ladder, *travel],
+        [head[0], *travel],
+        travel[: max(height or 0, 0)],
     )
+
+
+def jog_panel(text: Catalogue, jog: JogView, width: int, height: int) -> tuple[list[Line], str]:
+    """Return the rows of the panel, and its mark where it lacks some of them: how to see those."""
+    rows, every = (jog_lines(text, jog, width, room) for room in (height, None))
+    return rows, "" if all(row in rows for row in every if row) else text("panel.more")
 
 
 def _enable_line(text: Catalogue, jog: JogView, width: int) -> Line:

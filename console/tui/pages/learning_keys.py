@@ -12,8 +12,9 @@ from console.session.errors import SessionError
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
 from console.session.learning.learning_record import record_accepted, record_kept
 from console.session.learning.part_learning import accept, revert
+from console.session.stages import next_stage
 from console.session.station.state import MeasuredPart
-from console.session.work import STAGES, Work, opened
+from console.session.work import Work, opened
 from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext
 from drivers.cutting.strategy import Strategy
@@ -192,11 +193,11 @@ def _newest(work: Work, data: Path, *, simulated: bool, lathe: str) -> LearnedCo
 
 
 def step_stage(ui: UiContext) -> None:
-    """Select the next stage: whole, air, half; report a conflict with the other choices."""
+    """Select the next stage: whole, air, and half where there is one; report a conflict with the other choices."""
     work = ui.work
     if work is None:
         return
-    ui.work = replace(work, stage=STAGES[(STAGES.index(work.stage) + 1) % len(STAGES)])
+    ui.work = replace(work, stage=next_stage(work.stage, Strategy(work.strategy)))
     say_what_does_not_hold(ui)
 
 

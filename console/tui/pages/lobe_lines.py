@@ -7,6 +7,7 @@ from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, hanging, wrapped
 from console.tui.theme import Token
+from drivers.cutting.strategy import Strategy
 from profiles.calibration.lobe import FoundLobe
 
 _MARK = ("! ", Token.WARNING)
@@ -30,12 +31,19 @@ def is_taken(lobe: PartLobe | None, work: Work | None) -> bool:
     return (job.lobe_error_source, job.lobe_error_um_pp) == ("fitted", found.fit.error_um_pp)
 
 
+def follows_lobe(work: Work | None) -> bool:
+    """Whether the next cut of the open job is compensated; who has chosen a plain one keeps it."""
+    return work is not None and Strategy(work.strategy).traits.follows_lobe
+
+
 def _plain_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
     """Return in plain words what the lobe is for, or that there is none."""
     if lobe.found is None or (lobe.reasons and not is_taken(lobe, work)):
         return wrapped(text("inspect_page.plain.no_lobe"), width, Token.STRONG)
     if is_taken(lobe, work) and work is not None:
-        return wrapped(text("inspect_page.lobe_taken", job=work.job.name), width, Token.STRONG)
+        word = "lobe_taken" if follows_lobe(work) else "lobe_in_job"
+        words = text(f"inspect_page.{word}", job=work.job.name, strategy=work.strategy)
+        return wrapped(words, width, Token.STRONG)
     error = text.units.figure(lobe.found.fit.error_um_pp, "um", 1)
     return wrapped(text("inspect_page.plain.lobe", error=error), width, Token.STRONG)
 

@@ -13,7 +13,7 @@ from textual.events import Resize
 from console.session.cut.alignment import Alignment, problems
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import of_lobe
-from console.session.stages import Stage
+from console.session.stages import Stage, without_half
 from console.session.station.state import StationState
 from console.session.work import Work, with_strategy
 from console.text.catalogue import Catalogue
@@ -365,8 +365,10 @@ def _next_words(text: Catalogue, work: Work, seen: Underway, page: str) -> str:
 
 
 def _next_word(work: Work, seen: Underway) -> str:
+    if work.stage == Stage.AIR:
+        return f"next_air{without_half(Strategy(work.strategy))}"
     if work.stage != Stage.FULL:
-        return "next_air" if work.stage == Stage.AIR else "next_half"
+        return "next_half"
     if work.job.lobe_error_source == NO_LOBE:
         return "next_plain"
     if work.set_aside:

@@ -17,6 +17,7 @@ from drivers.preview.closed_form import ClosedForm, closed_form
 from drivers.preview.preview import Prediction, Underway
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
+from profiles.forecast import forecast_um
 from profiles.job import NO_LOBE, Job
 from profiles.problem import Problem, ProblemError
 
@@ -78,11 +79,19 @@ def by_part(seen: Underway, strategy: Strategy) -> ExpectedPart | None:
 
 
 def left_words(seen: Underway, strategy: Strategy, units: Units) -> str:
-    """Return the expected roundness, a number: by the part that the path was learned from, else by the model."""
+    """Return the forecast roundness, a number: by the part that the path was learned from, else by the model."""
+    left_um = calculated_um(seen, strategy)
+    if left_um is None:
+        return UNKNOWN if by_part(seen, strategy) is None else NOTHING
+    return units.figure(forecast_um(left_um), "um", 1)
+
+
+def calculated_um(seen: Underway, strategy: Strategy) -> float | None:
+    """Return what is calculated to be left, by the part that the path was learned from or by the model, um p-p."""
     expected, made = by_part(seen, strategy), seen.predictions.get(strategy)
     if expected is not None:
-        return NOTHING if expected.ront_um is None else units.figure(expected.ront_um, "um", 1)
-    return UNKNOWN if made is None else units.figure(made.ront_um, "um", 1)
+        return expected.ront_um
+    return None if made is None else made.ront_um
 
 
 def findings_of(seen: Underway, strategy: Strategy) -> tuple[Finding, ...]:
@@ -144,7 +153,7 @@ def roundness_caption(
             BEFORE_KEY,
             text("preview_page.without"),
             Token.BEFORE,
-            text.units.figure(left_um, "um", 1),
+            text.units.figure(forecast_um(left_um), "um", 1),
             text,
             width,
         )

@@ -13,12 +13,12 @@ from console.session.cut.alignment import (
     aligned_job,
     aligned_machine,
     problems,
-    step_problems,
+    stamp_problems,
 )
 from console.session.cut.compensated import chosen_problems
 from console.session.cut.interlocks import Interlock, of_job, of_lobe
 from console.session.learning.fingerprint import expected_of
-from console.session.stages import Stage
+from console.session.stages import Stage, without_half
 from console.session.station.jogging import tool_radius_mm
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
@@ -249,7 +249,7 @@ def _stamp(text: Catalogue, stamps: Alignment, step: AlignStep, job: Job, value:
     """Return what was taken in a step, "" for nothing yet, if it applies to this job."""
     if not value:
         return text("run_page.not_yet")
-    return text("run_page.not_of_job") if step_problems(stamps, step, job) else value
+    return text("run_page.not_of_job") if stamp_problems(stamps, step, job) else value
 
 
 def moves_lines(text: Catalogue, armed: Armed, machine: MachineProfile, width: int) -> list[Line]:
@@ -317,7 +317,7 @@ def after_lines(
         marks += wrapped(text("run_page.hold_mark", z=places), width, Token.WARNING)
     missing = [] if is_over(state) else [check for check in checks(state, work, machine) if check.problems]
     rows = check_lines(text, tuple(missing), width)
-    following = wrapped(text(f"run_page.{_after_word(state)}"), width)
+    following = wrapped(text(f"run_page.{_after_word(state, work)}"), width)
     return [*following, *([BLANK, *marks] if marks else []), *([BLANK, *rows] if rows else [])]
 
 
@@ -327,11 +327,11 @@ def is_over(state: StationState) -> bool:
     return state.cut_done or (cut is not None and cut.stage is CutStage.DONE and not cut.in_air)
 
 
-def _after_word(state: StationState) -> str:
+def _after_word(state: StationState, work: Work | None) -> str:
     if state.cut is not None and state.cut.stage is CutStage.HELD:
         return "after_hold"
     if state.cut is not None and state.cut.in_air:
-        return "after_air"
+        return "after_air" if work is None else f"after_air{without_half(Strategy(work.strategy))}"
     if state.cut_done:
         return "after_cut" if state.simulated else "after_real_cut"
     return "after_measured"

@@ -5,7 +5,7 @@ from __future__ import annotations
 from enum import Enum, auto
 
 from console.session.cut.alignment import table_problems
-from console.session.stages import Stage
+from console.session.stages import Stage, without_half
 from console.session.station.commands import ClearTables, Command, Retract
 from console.session.station.jogging import clears_tables, tool_in_part
 from console.session.station.progress import CutProgress, CutStage
@@ -14,6 +14,7 @@ from console.tui.pages.run_lines import checks, is_over
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.feed_hold import HoldState
+from drivers.cutting.strategy import Strategy
 from profiles.machine import MachineProfile
 
 ENDED = (CutStage.DONE, CutStage.HELD)
@@ -100,7 +101,9 @@ def _missing_word(view: View, machine: MachineProfile) -> str:
         if view.state.touched is not None:
             return "arm_again"
         done_in_air = cut is not None and cut.in_air and cut.stage is CutStage.DONE
-        return "arm_air" if done_in_air and view.work.stage == Stage.AIR else "arm"
+        if done_in_air and view.work.stage == Stage.AIR:
+            return f"arm_air{without_half(Strategy(view.work.strategy))}"
+        return "arm"
     return {"job": "set_up", "learned": "choose", "commissioned": "commission"}.get(failed[0], "align")
 
 

@@ -22,6 +22,7 @@ from profiles.axis.envelope import highest_safe_speed
 from profiles.axis.response import ServoResponse, Source
 from profiles.compensations.next_version import half_width_um_pp
 from profiles.files import printable
+from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
 from profiles.job import NO_LOBE, Job
 from profiles.machine import MachineProfile
 
@@ -88,7 +89,7 @@ def span_of(work: Work, seen: Underway, strategy: Strategy) -> preview_lines.Spa
     if _is_learned(work):
         return _span_by_part(work, seen, strategy)
     band = predicted_band(seen, strategy)
-    return None if band is None else (band.low_um, band.high_um)
+    return None if band is None else (forecast_um(band.low_um), forecast_um(band.high_um))
 
 
 def _is_learned(work: Work) -> bool:
@@ -101,7 +102,7 @@ def _span_by_part(work: Work, seen: Underway, strategy: Strategy) -> preview_lin
     if told is None or told.ront_um is None or part is None:
         return None
     half_um = half_width_um_pp(part.lobe_sd_um, scatter_um(seen.job, seen.machine))
-    return max(told.ront_um - half_um, 0.0), told.ront_um + half_um
+    return forecast_um(told.ront_um - half_um), forecast_um(told.ront_um + half_um)
 
 
 def _band_lines(work: Work, seen: Underway, strategy: Strategy, text: Catalogue, width: int) -> list[Line]:
@@ -118,7 +119,12 @@ def _band_lines(work: Work, seen: Underway, strategy: Strategy, text: Catalogue,
         value = NOTHING if um is None else text.units.figure(um, "um", 2)
         rows += hanging(dim(f"{value:>{_VALUE_CELLS - 4}} {text.units.unit('um')} "), words, width)
     combined = "combined_learned" if _is_learned(work) else "combined"
-    return [*rows, *wrapped(text(f"preview_page.{combined}"), width, Token.DIM)]
+    rows += wrapped(text(f"preview_page.{combined}"), width, Token.DIM)
+    left_um = preview_lines.calculated_um(seen, strategy)
+    if left_um is not None and is_below_forecast(left_um):
+        left, least = (text.units.figure(each, "um", 2) for each in (left_um, LEAST_FORECAST_UM))
+        rows += wrapped(text("preview_page.forecast", calculated=left, least=least), width)
+    return rows
 
 
 def _reasons(work: Work, seen: Underway, strategy: Strategy, text: Catalogue) -> list[tuple[float | None, str]]:

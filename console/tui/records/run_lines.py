@@ -18,6 +18,7 @@ from console.tui.records.list_lines import local
 from console.tui.records.opened_run import JobNow, OpenedRun
 from console.tui.theme import Token
 from profiles.files import printable
+from profiles.forecast import forecast_um
 from profiles.own_values import number_or_none
 from profiles.problem import Problem
 
@@ -231,7 +232,7 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     if isinstance(proposed, dict):
         if proposed.get("version") is not None:
             left = number_or_none(proposed.get("expected_ront_um"))
-            expected = NOTHING if left is None else text.units.figure(left, "um", 2)
+            expected = NOTHING if left is None else text.units.figure(forecast_um(left), "um", 2)
             version = printable(str(proposed["version"]), 10)
             lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
         reasons = proposed.get("reasons")
