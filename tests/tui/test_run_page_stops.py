@@ -12,6 +12,7 @@ from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
 from console.session.work import edited
 from console.text.catalogue import load
+from profiles.problem import Problem
 from tests.tui.machine_states import ON, REST
 from tests.tui.run_stage import (
     CUT_IN_PART,
@@ -31,6 +32,22 @@ from tests.tui.stage import LANGUAGES, SIZES, experiment
 
 FRESH = state(Alignment(), snapshot=look(REST | {"open_loop"}, tool=0.0, carriage=0.0))
 """The controller was switched on a moment ago: nothing is homed, clamped or energised."""
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_cut_left_before_a_restart_of_the_controller_is_got_out_of_by_homing(language: str) -> None:
+    """F8 on the path of a cut would need the zero that is lost; page 4 says the same."""
+    early = (Problem(code="alignment.ended_early"),)
+    left = replace(VALID, clamping=None, homed=False, lost=early)
+    on, off = (
+        shown(state(left, snapshot=look(flags), cut=cut()), language=language)
+        for flags in (ON - {"home_complete"}, OFF - {"home_complete"})
+    )
+    words = load(language)
+    assert on.next_step == words("run_page.next.home_out") and "F4" in on.next_step
+    assert off.next_step == words("run_page.next.home_out_off") and off.next_step.count("F4") == 2
+    at_home = state(replace(left, homed=True), snapshot=look(tool=0.0), cut=cut())
+    assert shown(at_home, language=language).next_step == words("run_page.next.align"), "to clamp a new blank"
 
 
 def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
