@@ -34,7 +34,7 @@ from console.tui.lines import (
     wrapped,
 )
 from console.tui.link.holder_lines import observing, onlookers, place
-from console.tui.link.lost_lines import is_watched, lost_step
+from console.tui.link.lost_lines import is_watched, lost_step, stopping_key, unanswered_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
@@ -96,6 +96,8 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     elif state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
+    if state.is_unanswered(frame.now_s):
+        activity, token = text("frame.unanswered"), Token.WARNING
     if _observes(state):
         activity, token = observing(text, state, frame.clock), Token.WARNING
     right = (
@@ -227,6 +229,8 @@ def next_row(frame: Frame, width: int) -> list[Line]:
         return _answer(frame, width)
     if state.speed == 0.0:
         step = line((text("frame.instructor_paused"), Token.ACTION))
+    elif unanswered := unanswered_step(text, state, frame.now_s):
+        step = line((unanswered, Token.ACTION))
     elif lost := lost_step(text, state):
         step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
@@ -234,7 +238,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     elif _observes(state) and state.stop is None:
         step = line((text("frame.observer"), Token.ACTION))
     elif state.stop is not None:
-        key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
+        key = "frame.recover" if state.stop.rest_s is not None else stopping_key(state)
         step = line((text(key, reason=text.reason(state.stop.reason)), Token.ACTION))
     token = step[0][1] if step else Token.TEXT
     return hanging((" ▶ ", Token.ACTION), plain([step]), width, token)
@@ -246,6 +250,8 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
     key = text("frame.stop_in_text" if frame.field is FieldKind.TEXT else "frame.stop")
     left = line((f" {key} ", Token.STOP))
     words, token = _of_stop(text, state, frame.machine)
+    if state.is_unanswered(frame.now_s) and (state.stop is None or state.stop.delivered):
+        words, token = text("frame.not_known"), Token.WARNING
     rows = wrapped(words, max(width - width_of(left) - 2, 1), token)
     column = max(width_of(row) for row in rows) + 1
     filled = [(*row, dim(" " * (column - width_of(row)))) for row in rows]
@@ -263,6 +269,8 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
     if state.activity is Activity.LOST:
         return text("frame.not_known"), Token.WARNING
     if stop is not None and stop.rest_s is None:
+        if stop.taken_s is not None and state.spindle_rpm is not None and abs(state.spindle_rpm) >= COASTING_RPM:
+            return text("frame.stop_turns", speed=f"{state.spindle_rpm:.0f}"), Token.WARNING
         return text("frame.stop_sent"), Token.WARNING
     if stop is not None and stop.rest_s is not None:
         how = text("frame.by_kill" if stop.killed else "frame.by_ramp")

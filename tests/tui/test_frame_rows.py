@@ -295,3 +295,29 @@ def test_no_alarm_is_not_said_of_what_nobody_looks_at(language: str) -> None:
     for key, snapshot in shown.items():
         assert rows(snapshot) == [f" · {text(key)}"], "one row at 80 columns, and all of it"
         assert "".join("".join(rows(snapshot, 60)).split()) == f"·{text(key)}".replace(" ", "")
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_motion_of_which_nothing_is_heard_is_not_said_to_go_on(language: str) -> None:
+    """Two polls have not been answered then, and the controller has begun to end the motion by itself."""
+    words, cut = load(language), cutting()
+    assert cut.snapshot is not None
+    known, silent = (frame(cut, language, now_s=cut.snapshot.asked_s + late_s) for late_s in (0.4, 0.7))
+    assert words("activity.cutting") in plain(state_row(known, 120))
+    assert words("frame.unanswered") in plain(state_row(silent, 120))
+    assert words("activity.cutting") not in plain(state_row(silent, 120))
+    assert words("frame.no_answer", age="0.7") in plain(next_row(silent, 120))
+    assert words("frame.not_known") in plain(stop_row(silent, 120))
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_once_it_answers_a_stop_of_a_silent_machine_is_said_to_be_proven_and_a_coasting_spindle_to_coast(
+    language: str,
+) -> None:
+    words = load(language)
+    stop = StopState(reason="link.not_in_step", killed=True, sent_s=9.0, taken_s=10.0)
+    answers = frame(replace(READY, activity=Activity.STOPPING, stop=stop, spindle_rpm=412.0), language)
+    assert words("frame.stopping_again") in plain(next_row(answers, 120))
+    assert words("frame.stop_turns", speed="412") in plain(stop_row(answers, 120))
+    again = replace(answers, now_s=12.0)
+    assert words("lost_link.silent") in plain(next_row(again, 200)), "it has fallen silent again"

@@ -224,11 +224,15 @@ class Stops:
         """Note when something moves, and when the controller first obeys a stop, by a poll requested after it."""
         if snapshot.moving or self._context.state.activity in MOVING - {Activity.STOPPING}:
             self._moved_s = self._context.clock.now_s()
-        stop = self._context.state.stop
-        if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
+        context, stop = self._context, self._context.state.stop
+        if stop is None or snapshot.asked_s < stop.sent_s:
             return
-        if snapshot.obeys_stop(killed=self._context.lathe.stop.killed):
-            self._context.tell(stop=replace(stop, taken_s=snapshot.at_s))
+        if context.state.activity is Activity.LOST and stop.rest_s is None and not self.gone:
+            context.tell(activity=Activity.STOPPING)  # it answers: what is left is the proof of rest
+        if stop.taken_s is not None:
+            return
+        if snapshot.obeys_stop(killed=context.lathe.stop.killed):
+            context.tell(stop=replace(stop, taken_s=snapshot.at_s))
 
 
 def _same_drives(before: Snapshot, after: Snapshot) -> bool:
