@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 from rich.cells import cell_len
@@ -40,6 +40,9 @@ from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
+
+PAST = {"cut.out_of_phase": "cut.was_out_of_phase"}
+"""What is said of an alarm of a cut that is over: without the key that would have ended the cut."""
 
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 LEAST_BODY = 4  # lines of the page that no message takes. A longer message continues in the list of messages.
@@ -188,8 +191,10 @@ def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) 
 
 def alarm_words(text: Catalogue, alarm: Alarm) -> str:
     """Return the sentence of an alarm; of one that is over and waits to be seen, that it is over."""
-    said = text.problem(alarm.problem)
-    return said if alarm.active else text("frame.alarm_over", problem=said)
+    if alarm.active:
+        return text.problem(alarm.problem)
+    past = replace(alarm.problem, code=PAST.get(alarm.problem.code, alarm.problem.code))
+    return text("frame.alarm_over", problem=text.problem(past))
 
 
 def _answer(frame: Frame, width: int) -> list[Line]:

@@ -9,7 +9,7 @@ from itertools import product
 
 import pytest
 
-from console.session.station.alarms import Priority, acknowledged, collision_problems, raised, seen
+from console.session.station.alarms import Priority, acknowledged, cleared, collision_problems, raised, seen
 from console.session.station.progress import Synchronisation
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
@@ -321,3 +321,13 @@ def test_once_it_answers_a_stop_of_a_silent_machine_is_said_to_be_proven_and_a_c
     assert words("frame.stop_turns", speed="412") in plain(stop_row(answers, 120))
     again = replace(answers, now_s=12.0)
     assert words("lost_link.silent") in plain(next_row(again, 200)), "it has fallen silent again"
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_an_alarm_of_a_cut_that_is_over_asks_for_no_key_that_would_have_ended_it(language: str) -> None:
+    out = Problem(code="cut.out_of_phase", limit="± 1.4 deg")
+    over = replace(STOPPED, alarms=cleared(raised((), out, Priority.MEDIUM, 1.0), out.code))
+    row = plain(alarm_row(frame(over, language), 300))
+    assert "F7" not in row and "± 1.4 deg" in row
+    standing = replace(STOPPED, alarms=raised((), out, Priority.MEDIUM, 1.0))
+    assert "F7" in plain(alarm_row(frame(standing, language), 300))
