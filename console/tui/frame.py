@@ -279,7 +279,11 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
         return text("frame.stop_sent"), Token.WARNING
     if stop is not None and stop.rest_s is not None:
         how = text("frame.by_kill" if stop.killed else "frame.by_ramp")
-        return text("frame.at_rest_after", seconds=f"{stop.rest_s - stop.sent_s:.1f}", how=how), Token.TEXT
+        proven = f"{stop.rest_s - stop.sent_s:.1f}"
+        if stop.still_s is None:
+            return text("frame.at_rest_after", seconds=proven, how=how), Token.TEXT
+        still = f"{stop.still_s - stop.sent_s:.1f}"
+        return text("frame.at_rest_seen", seconds=still, proven=proven, how=how), Token.TEXT
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
         return text("frame.spindle_needs", seconds=f"{seconds:.1f}"), Token.TEXT

@@ -250,3 +250,7 @@ def test_the_times_of_a_stop_are_whole_at_80_columns(language: str) -> None:
     assert "12.3 s, " in page.text and "0.05 s" in page.text
     label = load(language)("run_page.stop.rest")
     assert f"{label} " in page.text, "a label does not touch its value"
+    still = load(language)("run_page.stop.still")
+    assert still not in page.text, "no poll has told"
+    known = shown(stopped(taken_s=98.05, still_s=98.5, rest_s=110.3), language=language)
+    assert f"{still} " in known.text and "0.5 s" in known.text and "12.3 s, " in known.text

@@ -88,6 +88,7 @@ POLLED = MOVING - {Activity.TESTING, Activity.STOPPING}  # a test also reads wha
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
+    `still_s` is the first poll from which on nothing has moved, None where none is known: the proof takes longer.
     `taken_s` is when a poll first showed that the controller obeys it. `delivered` is False when the link did not
     take it. `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed. `of_cut`
     is whether it ended a cut, `mark_mm` where the tool then came to rest in the part, mm behind its face; None
@@ -100,6 +101,7 @@ class StopState:
     delivered: bool = True
     taken_s: float | None = None
     rest_s: float | None = None
+    still_s: float | None = None
     tool_in_part: bool | None = None
     can_retract: bool = False
     of_cut: bool = False
