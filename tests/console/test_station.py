@@ -121,19 +121,11 @@ def test_what_is_changed_by_another_host_disarms_at_once(aligned: Floor, line: s
 def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     job = experiment_1()
     aligned.arm(job)
-    spindle: dict[float, float] = {}
-    aligned.looks.append(lambda seen: spindle.update({seen.at_s: seen.spindle.position}))
     aligned.when(lambda _: in_turn(aligned, 20.0), lambda: aligned.stop.stop("space"))
     state = aligned.do(Start())
     assert state.activity is Activity.STOPPED and state.stop is not None
     assert state.stop.reason == "space" and state.stop.rest_s is not None
     assert state.stop.tool_in_part and state.stop.can_retract and not state.cut_done
-    still_s, rest_s = state.stop.still_s, state.stop.rest_s
-    assert still_s is not None and state.stop.sent_s < still_s < rest_s - 0.3, (
-        "the proof takes longer than the stop"
-    )
-    after, before = ([at for s, at in spindle.items() if (s >= still_s) is later] for later in (True, False))
-    assert max(after) - min(after) <= 2.0 and abs(before[-1] - after[0]) > 2.0
     assert not aligned.station.post(Retract())
     assert codes(aligned.state) == ["session.stopped"]
     state = aligned.do(Recover())
