@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 
 from rich.cells import cell_len
@@ -34,12 +34,15 @@ from console.tui.lines import (
     wrapped,
 )
 from console.tui.link.holder_lines import observing, onlookers, place
-from console.tui.link.lost_lines import is_watched, lost_step
+from console.tui.link.lost_lines import is_watched, lost_step, stopping_key, unanswered_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
+
+PAST = {"cut.out_of_phase": "cut.was_out_of_phase"}
+"""What is said of an alarm of a cut that is over: without the key that would have ended the cut."""
 
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}
 LEAST_BODY = 4  # lines of the page that no message takes. A longer message continues in the list of messages.
@@ -98,6 +101,8 @@ def state_row(frame: Frame, width: int) -> list[Line]:
     elif state.activity is Activity.CUTTING and state.cut is not None and state.cut.synchronisation is not None:
         activity = f"{activity} · {text(f'frame.sync.{state.cut.synchronisation}')}"
         token = Token.WARNING if state.cut.is_lost else token
+    if state.is_unanswered(frame.now_s):
+        activity, token = text("frame.unanswered"), Token.WARNING
     if _observes(state):
         activity, token = observing(text, state, frame.clock), Token.WARNING
     clock = dim(f"   {frame.clock:%H:%M} ")
@@ -203,8 +208,10 @@ def _alarm(text: Catalogue, alarm: Alarm, count: str, token: Token, width: int) 
 
 def alarm_words(text: Catalogue, alarm: Alarm) -> str:
     """Return the sentence of an alarm; of one that is over and waits to be seen, that it is over."""
-    said = text.problem(alarm.problem)
-    return said if alarm.active else text("frame.alarm_over", problem=said)
+    if alarm.active:
+        return text.problem(alarm.problem)
+    past = replace(alarm.problem, code=PAST.get(alarm.problem.code, alarm.problem.code))
+    return text("frame.alarm_over", problem=text.problem(past))
 
 
 def _answer(frame: Frame, width: int) -> list[Line]:
@@ -244,6 +251,8 @@ def next_row(frame: Frame, width: int) -> list[Line]:
         return _answer(frame, width)
     if state.speed == 0.0:
         step = line((text("frame.instructor_paused"), Token.ACTION))
+    elif unanswered := unanswered_step(text, state, frame.now_s):
+        step = line((unanswered, Token.ACTION))
     elif lost := lost_step(text, state):
         step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
@@ -251,7 +260,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     elif _observes(state) and state.stop is None:
         step = line((text("frame.observer"), Token.ACTION))
     elif state.stop is not None:
-        key = "frame.recover" if state.stop.rest_s is not None else "frame.stopping"
+        key = "frame.recover" if state.stop.rest_s is not None else stopping_key(state)
         step = line((text(key, reason=text.reason(state.stop.reason)), Token.ACTION))
     token = step[0][1] if step else Token.TEXT
     return hanging((" ▶ ", Token.ACTION), plain([step]), width, token)
@@ -263,6 +272,8 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
     key = text("frame.stop_in_text" if frame.field is FieldKind.TEXT else "frame.stop")
     left = line((f" {key} ", Token.STOP))
     words, token = _of_stop(text, state, frame.machine)
+    if state.is_unanswered(frame.now_s) and (state.stop is None or state.stop.delivered):
+        words, token = text("frame.not_known"), Token.WARNING
     rows = wrapped(words, max(width - width_of(left) - 2, 1), token)
     column = max(width_of(row) for row in rows) + 1
     filled = [(*row, dim(" " * (column - width_of(row)))) for row in rows]
@@ -280,10 +291,16 @@ def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> t
     if state.activity is Activity.LOST:
         return text("frame.not_known"), Token.WARNING
     if stop is not None and stop.rest_s is None:
+        if stop.taken_s is not None and state.spindle_rpm is not None and abs(state.spindle_rpm) >= COASTING_RPM:
+            return text("frame.stop_turns", speed=f"{state.spindle_rpm:.0f}"), Token.WARNING
         return text("frame.stop_sent"), Token.WARNING
     if stop is not None and stop.rest_s is not None:
         how = text("frame.by_kill" if stop.killed else "frame.by_ramp")
-        return text("frame.at_rest_after", seconds=f"{stop.rest_s - stop.sent_s:.1f}", how=how), Token.TEXT
+        proven = f"{stop.rest_s - stop.sent_s:.1f}"
+        if stop.still_s is None:
+            return text("frame.at_rest_after", seconds=proven, how=how), Token.TEXT
+        still = f"{stop.still_s - stop.sent_s:.1f}"
+        return text("frame.at_rest_seen", seconds=still, proven=proven, how=how), Token.TEXT
     if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
         seconds = spindle_stop_s(machine, state.cut.speed_rpm)
         return text("frame.spindle_needs", seconds=f"{seconds:.1f}"), Token.TEXT

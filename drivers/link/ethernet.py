@@ -15,6 +15,8 @@ from drivers.pmac.ethernet import REPLY_LIMIT, Direction, Request, RequestCode
 from profiles.problem import Problem
 
 REPLY_WAIT_S = 2.0  # for the previous reply: the board mixes up the replies to two lines at a time
+LEAST_WAIT_S = 0.3  # the same where its reader did not wait any longer: in motion a stop waits for the outcome
+QUIET_S = 0.1  # a shorter reading is no wait for a reply
 OPENING_S = 2.0  # for the first answer; a network accepts connections that no board serves
 ANSWER_S = 1.0  # how long the board may take to answer a stop; after that the stop may not have been received
 URGENT_WAIT_S = 0.02  # of a stop, for another thread that is handing over a request
@@ -97,6 +99,7 @@ class EthernetLink:
         self._line = b""
         self._asked_last = ""
         self._said = b""
+        self._patience_s: float | None = None  # of whoever has read since the last line; None where nobody has
         self._connection = Connection(address.host, address.port, self.address)
         self._stops = self._reserve(address) if address.reserves_stop else None
 
@@ -118,6 +121,7 @@ class EthernetLink:
             if part == b"\r":
                 line, self._line = self._line, b""
                 self._await_replies()
+                self._patience_s = None
                 self._asked_last = line.decode("latin-1")
                 self._request(_get_response(line), Asked.LINE)
             elif part == FLUSH:
@@ -135,6 +139,8 @@ class EthernetLink:
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the reply text within `timeout_s`. Raises LinkError: `link.lost`, `link.closed`."""
+        if timeout_s > QUIET_S:
+            self._patience_s = max(timeout_s, self._patience_s or 0.0)
         deadline = time.monotonic() + timeout_s
         while not self._said:
             left_s = deadline - time.monotonic()
@@ -161,11 +167,14 @@ class EthernetLink:
             raise LinkError(problem) from error
 
     def _await_replies(self) -> None:
-        deadline = time.monotonic() + REPLY_WAIT_S
+        """Wait for the replies of what was sent, no longer than their reader was ready to wait for them."""
+        patience_s = REPLY_WAIT_S if self._patience_s is None else max(self._patience_s, LEAST_WAIT_S)
+        wait_s = min(patience_s, REPLY_WAIT_S)
+        deadline = time.monotonic() + wait_s
         while not self._replies.complete:
             left_s = deadline - time.monotonic()
             if left_s <= 0.0:
-                limit = f"{REPLY_WAIT_S:g} s"
+                limit = f"{wait_s:g} s"
                 raise LinkTimeoutError(
                     Problem(code="link.silent", where=self.address, key=self._asked_last, value=limit)
                 )

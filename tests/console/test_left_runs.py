@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, cast
 
 import pytest
 
 from console.session.cut.alignment import problems
 from console.session.data.records import LEFT_IN_PART, RunRecord
 from console.session.data.run_reader import ended_early
-from console.session.station.commands import ConfirmClamping, TakeControl
+from console.session.station.commands import ConfirmClamping, EnableDrives, Home, Retract, TakeControl
+from drivers.lathe.snapshot import AxisName
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_job, load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of
+
+if TYPE_CHECKING:
+    from drivers.cutting.planning import CutPlan
 
 RUN = {
     **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
@@ -141,3 +147,31 @@ def test_who_looks_on_at_a_cut_is_not_told_that_it_ended_early(tmp_path: Path) -
     job = load_job("lee-2001-experiment-1").job
     assert "alignment.ended_early" not in [problem.code for problem in problems(second.state.alignment, job)]
     record.close()
+
+
+def test_after_a_restart_of_the_controller_homing_takes_the_tool_out_first_and_f8_never_moves_it_in(
+    tmp_path: Path,
+) -> None:
+    """Nobody knows where the tool stands; no blank has to be confirmed that is not there."""
+    cut_left(tmp_path).close()
+    new = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    new.do(EnableDrives())
+    before = new.state.snapshot
+    assert before is not None and not before.homed
+    plan = SimpleNamespace(setup=SimpleNamespace(retracted=before.tool.position + 1.0e5), zero_row_z=None)
+    new.context.plan = cast("CutPlan", plan)  # of the cut that was left, in the zero that is lost
+    new.do(Retract())
+    after = new.state.snapshot
+    assert new.refusals == [] and after is not None
+    assert after.tool.position < before.tool.position, "positive is toward the work"
+    assert after.carriage.commanded == before.carriage.commanded
+    moved: list[str] = []
+    new.looks.append(
+        lambda seen: moved.extend(a for a in AxisName if "desired_velocity_zero" not in seen.axis(a).flags)
+    )
+    new.do(Home())
+    assert list(dict.fromkeys(moved)) == [AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE]
+    assert new.state.snapshot is not None and new.state.snapshot.homed
+    assert "alignment.ended_early" in [problem.code for problem in new.state.alignment.lost], "as it was recorded"
+    new.do(Retract())
+    assert new.refusals == ["screen.tool_is_out"]

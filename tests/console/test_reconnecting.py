@@ -187,7 +187,11 @@ def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forget
     else:
         assert not state.controls and state.holder == NOBODY, "nobody is claimed for in silence"
         assert b"\x0b" not in said and state.activity is Activity.READY
+        assert "owner.restarted" in console.alarms and "owner.ousted" not in console.alarms, (
+            "no other console had it"
+        )
         console.do(TakeControl())
+        assert "owner.restarted" not in console.alarms
     assert console.state.controls and console.state.lost_link is None
 
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from console.session.station.commands import Jog, Recover
+from console.session.station.commands import Jog, Recover, Start
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName
-from tests.console.floor import Floor, experiment_1
+from tests.console.floor import Floor, experiment_1, in_turn
 
 
 @pytest.mark.parametrize("key", ["space", "escape", "f12"])
@@ -37,3 +37,16 @@ def test_directly_after_a_motion_it_is_a_stop_of_that_motion(aligned: Floor) -> 
     aligned.stop.stop("space")
     assert aligned.idle().activity is Activity.STOPPED
     assert aligned.do(Recover()).activity is Activity.READY
+
+
+def test_a_stop_in_a_cut_tells_when_all_stood_still_and_when_that_was_proven(aligned: Floor) -> None:
+    """The proof takes longer than the stop: by the polls the spindle turned until `still_s`, and no longer."""
+    aligned.arm(experiment_1())
+    spindle: dict[float, float] = {}
+    aligned.looks.append(lambda seen: spindle.update({seen.at_s: seen.spindle.position}))
+    aligned.when(lambda _: in_turn(aligned, 5.0), lambda: aligned.stop.stop("space"))
+    stop = aligned.do(Start()).stop
+    assert stop is not None and stop.still_s is not None and stop.rest_s is not None
+    assert stop.sent_s < stop.still_s < stop.rest_s - 0.3
+    after, before = ([at for s, at in spindle.items() if (s >= stop.still_s) is later] for later in (True, False))
+    assert max(after) - min(after) <= 2.0 and abs(before[-1] - after[0]) > 2.0

@@ -88,3 +88,17 @@ def test_the_console_in_control_counts_who_looks_on(tmp_path: Path) -> None:
     assert here.count == 0
     shown = onlookers(load("en"), StationState(onlookers=1))
     assert "1 console looks on" in str(shown) and onlookers(load("en"), StationState()) == ()
+
+
+def test_when_the_console_in_control_has_gone_the_alarm_of_it_ends_and_t_is_named(tmp_path: Path) -> None:
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    kim = station_of(sim, tmp_path)
+    lee = station_of(sim, tmp_path)
+    looks(lee)
+    assert "owner.beside" in lee.alarms
+    kim.station.close("quit")
+    looks(lee)
+    assert lee.alarms == ["owner.free"] and "press t" in load("en").problem(lee.state.alarms[0].problem)
+    assert "owner.beside" not in [alarm.problem.code for alarm in lee.state.alarms]
+    lee.do(TakeControl())
+    assert "owner.free" not in lee.alarms

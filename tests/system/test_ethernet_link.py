@@ -137,6 +137,19 @@ def test_a_line_behind_one_that_is_never_answered_is_not_sent(
     assert board.heard_nothing_more()
 
 
+def test_a_line_waits_no_longer_for_an_answer_than_its_reader_did(
+    both: tuple[EthernetLink, Board], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In motion a stop is due once two polls were not answered; 2 s more were spent here."""
+    monkeypatch.setattr(ethernet, "LEAST_WAIT_S", 0.15)
+    link, _ = both
+    link.send(b"P1\r")
+    assert link.receive(0.12) == b""
+    with pytest.raises(LinkTimeoutError) as silent:
+        link.send(b"P2\r")
+    assert silent.value.problems[0].value == "0.15 s"
+
+
 @pytest.mark.parametrize("said", [b"@", b"\x18"])
 def test_control_x_is_a_flush_and_what_was_asked_before_is_forgotten(
     both: tuple[EthernetLink, Board], said: bytes

@@ -55,7 +55,7 @@ def is_stopped_by(trainee: Trainee, reason: str) -> None:
     """Rest is proven in time, and the row says what stopped the machine; then go on."""
     trainee.sees("activity.stopped", REST_S)
     trainee.terminal.wait_for(rf"Stopped \({re.escape(reason)}\)\.", 1.0)
-    at_rest = re.search(r"at rest ([\d.]+) s after the stop", trainee.terminal.text)
+    at_rest = re.search(r"(?:proven in|rest proven after) ([\d.]+) s", trainee.terminal.text)
     assert at_rest is not None and float(at_rest[1]) < REST_S, trainee.terminal.text
     trainee.press("f2")
     trainee.sees("activity.ready", 5.0)

@@ -413,3 +413,19 @@ def test_after_a_last_cut_that_ended_early_f4_enables_the_drives_to_take_the_too
     assert [type(order) for order in shown(state(left, snapshot=look(OFF)), "align.take").orders] == [
         ConfirmClamping
     ]
+
+
+def test_after_a_restart_of_the_controller_f4_homes_before_the_chuck_is_opened() -> None:
+    """Where the tool stands is not known then: the home search takes it out, and no blank is lied about."""
+    early = (Problem(code="alignment.ended_early"),)
+    left = replace(VALID, clamping=None, drives_on=False, homed=False, lost=early)
+    unhomed = ON - {"home_complete"}
+    off = shown(state(left, snapshot=look(OFF - {"home_complete"})), "align.step")
+    assert off.orders == [EnableDrives()] and "again" not in off.said
+    assert "F4 homes" in off.next_step and "F8" not in off.next_step
+    on = shown(state(replace(left, drives_on=True), snapshot=look(unhomed)), "align.step")
+    assert on.orders == [Home()] and "outward first" in on.next_step
+    home = replace(look(), tool=replace(look().tool, position=0.0))
+    out = shown(state(replace(left, drives_on=True, homed=True), snapshot=home), "align.step")
+    assert out.orders == [DisableDrives()], "at its home the tool is clear of every part"
+    assert "only then reach into the chuck" in out.next_step

@@ -9,7 +9,7 @@ from itertools import product
 
 import pytest
 
-from console.session.station.alarms import Priority, acknowledged, collision_problems, raised, seen
+from console.session.station.alarms import Priority, acknowledged, cleared, collision_problems, raised, seen
 from console.session.station.progress import Synchronisation
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
@@ -328,3 +328,39 @@ def test_no_alarm_is_not_said_of_what_nobody_looks_at(language: str) -> None:
     for key, snapshot in shown.items():
         assert rows(snapshot) == [f" · {text(key)}"], "one row at 80 columns, and all of it"
         assert "".join("".join(rows(snapshot, 60)).split()) == f"·{text(key)}".replace(" ", "")
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_motion_of_which_nothing_is_heard_is_not_said_to_go_on(language: str) -> None:
+    """Two polls have not been answered then, and the controller has begun to end the motion by itself."""
+    words, cut = load(language), cutting()
+    assert cut.snapshot is not None
+    known, silent = (frame(cut, language, now_s=cut.snapshot.asked_s + late_s) for late_s in (0.4, 0.7))
+    assert words("activity.cutting") in plain(state_row(known, 120))
+    assert words("frame.unanswered") in plain(state_row(silent, 120))
+    assert words("activity.cutting") not in plain(state_row(silent, 120))
+    assert words("frame.no_answer", age="0.7") in plain(next_row(silent, 120))
+    assert words("frame.not_known") in plain(stop_row(silent, 120))
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_once_it_answers_a_stop_of_a_silent_machine_is_said_to_be_proven_and_a_coasting_spindle_to_coast(
+    language: str,
+) -> None:
+    words = load(language)
+    stop = StopState(reason="link.not_in_step", killed=True, sent_s=9.0, taken_s=10.0)
+    answers = frame(replace(READY, activity=Activity.STOPPING, stop=stop, spindle_rpm=412.0), language)
+    assert words("frame.stopping_again") in plain(next_row(answers, 120))
+    assert words("frame.stop_turns", speed="412") in plain(stop_row(answers, 120))
+    again = replace(answers, now_s=12.0)
+    assert words("lost_link.silent") in plain(next_row(again, 200)), "it has fallen silent again"
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_an_alarm_of_a_cut_that_is_over_asks_for_no_key_that_would_have_ended_it(language: str) -> None:
+    out = Problem(code="cut.out_of_phase", limit="± 1.4 deg")
+    over = replace(STOPPED, alarms=cleared(raised((), out, Priority.MEDIUM, 1.0), out.code))
+    row = plain(alarm_row(frame(over, language), 300))
+    assert "F7" not in row and "± 1.4 deg" in row
+    standing = replace(STOPPED, alarms=raised((), out, Priority.MEDIUM, 1.0))
+    assert "F7" in plain(alarm_row(frame(standing, language), 300))

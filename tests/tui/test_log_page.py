@@ -50,7 +50,7 @@ def test_the_log_has_commands_stops_and_messages_in_their_order_with_their_times
             "08:52:00 command      home",
             "08:52:00 command      jog: X tool -0.010 mm ×12",
             "08:51:55 stop ",
-            "08:51:56 at rest      1.5 s after the stop",
+            "08:51:56 at rest      proven 1.5 s after the stop",
             f"08:52:00 message      {app.ui.text.problem(Problem(code='session.busy'))[:30]}",
         ):
             assert row in shown, shown

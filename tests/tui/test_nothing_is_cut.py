@@ -150,6 +150,7 @@ OF_THE_STOP_ROW = {
     "frame.not_known": replace(READY, activity=Activity.LOST),
     "frame.stop_sent": replace(STOPPED, stop=StopState(reason="f9", killed=True, sent_s=1.0)),
     "frame.at_rest_after": STOPPED,
+    "frame.at_rest_seen": replace(STOPPED, stop=replace(STOPPED.stop, still_s=10.2)),  # type: ignore[type-var]
     "frame.spindle_needs": run_stage.cutting(),
     "frame.moving": replace(run_stage.cutting(), activity=Activity.HOMING),
     "frame.at_rest": READY,
@@ -160,9 +161,10 @@ OF_THE_STOP_ROW = {
 @pytest.mark.parametrize("key", OF_THE_STOP_ROW)
 def test_what_stands_beside_the_stop_key_is_whole_and_the_key_in_its_place(key: str, language: str) -> None:
     text = load(language)
-    facts = (
-        {"seconds": "0.6", "how": text("frame.by_ramp")} if key == "frame.at_rest_after" else {"seconds": "0.3"}
-    )
+    facts = {
+        "frame.at_rest_after": {"seconds": "0.6", "how": text("frame.by_ramp")},
+        "frame.at_rest_seen": {"seconds": "0.2", "proven": "0.6", "how": text("frame.by_ramp")},
+    }.get(key, {"seconds": "0.3"})
     for field, width in product((FieldKind.NONE, FieldKind.TEXT), (60, COLUMNS, 160)):
         now = frame(OF_THE_STOP_ROW[key], language, field=field)
         *above, last = rows = stop_row(now, width)

@@ -36,6 +36,22 @@ FRESH = state(Alignment(), snapshot=look(REST | {"open_loop"}, tool=0.0, carriag
 """The controller was switched on a moment ago: nothing is homed, clamped or energised."""
 
 
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_cut_left_before_a_restart_of_the_controller_is_got_out_of_by_homing(language: str) -> None:
+    """F8 on the path of a cut would need the zero that is lost; page 4 says the same."""
+    early = (Problem(code="alignment.ended_early"),)
+    left = replace(VALID, clamping=None, homed=False, lost=early)
+    on, off = (
+        shown(state(left, snapshot=look(flags), cut=cut()), language=language)
+        for flags in (ON - {"home_complete"}, OFF - {"home_complete"})
+    )
+    words = load(language)
+    assert on.next_step == words("run_page.next.home_out") and "F4" in on.next_step
+    assert off.next_step == words("run_page.next.home_out_off") and off.next_step.count("F4") == 2
+    at_home = state(replace(left, homed=True), snapshot=look(tool=0.0), cut=cut())
+    assert shown(at_home, language=language).next_step == words("run_page.next.align"), "to clamp a new blank"
+
+
 def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
     page = shown(STATES["stopped in the part"])
     assert "1.3 s" in page.text
@@ -236,6 +252,10 @@ def test_the_times_of_a_stop_are_whole_at_80_columns(language: str) -> None:
     assert "12.3 s, " in page.text and "0.05 s" in page.text
     label = load(language)("run_page.stop.rest")
     assert f"{label} " in page.text, "a label does not touch its value"
+    still = load(language)("run_page.stop.still")
+    assert still not in page.text, "no poll has told"
+    known = shown(stopped(taken_s=98.05, still_s=98.5, rest_s=110.3), language=language)
+    assert f"{still} " in known.text and "0.5 s" in known.text and "12.3 s, " in known.text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -32,6 +32,9 @@ _BLANK = {"jaws": "", "material": "", "diameter_mm": "mm", "wall_thickness_mm": 
 
 ENDED_EARLY = "alignment.ended_early"  # the last cut on this machine, as its record says: the part may be cut
 
+HANDED_OVER = "alignment.handed_over"
+NOT_KEPT = "alignment.not_kept"  # nobody has control any more: who had it meanwhile is not known
+
 
 class AlignStep(StrEnum):
     """Alignment steps in order: clamping, with somebody inside the guard, comes before the drives are on."""
@@ -194,7 +197,7 @@ def clamped(alignment: Alignment, job: Job, at: str) -> Alignment:
     before = alignment.jaw or alignment.clamping
     flanks = alignment.flanks if before is None or before.jaws == job.jaws else ()
     fresh = replace(alignment, clamping=clamping_of(job, at), skim_counts=None, flanks=flanks, readings=None)
-    fresh = _settled(fresh, ENDED_EARLY, "alignment.unclamped", "alignment.handed_over")
+    fresh = _settled(fresh, ENDED_EARLY, "alignment.unclamped", HANDED_OVER, NOT_KEPT)
     if alignment.jaw is None or alignment.jaw.jaws == job.jaws:
         return fresh
     return _without(replace(fresh, jaw=None), Problem(code="alignment.jaws_changed", value=at))
@@ -222,14 +225,14 @@ def without_reading(alignment: Alignment) -> Alignment:
     return replace(alignment, jaw=None) if alignment.touch_off is None else replace(alignment, touch_off=None)
 
 
-def handed_over(alignment: Alignment, at: str) -> Alignment:
-    """Return the alignment after another console has had control."""
+def handed_over(alignment: Alignment, at: str, code: str = HANDED_OVER) -> Alignment:
+    """Return the alignment after another console has had control, or this one has lost it (`NOT_KEPT`)."""
     alignment = replace(alignment, flanks=(), skim_counts=None, readings=None)
     if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:
         return alignment
     kept = _lost(alignment, ENDED_EARLY)
     gone = replace(alignment, clamping=None, jaw=None, touch_off=None, lost=kept)
-    return _without(gone, Problem(code="alignment.handed_over", value=at))
+    return _without(gone, Problem(code=code, value=at))
 
 
 def retuned(alignment: Alignment, at: str) -> Alignment:
@@ -326,7 +329,7 @@ def _clamp(alignment: Alignment, job: Job) -> tuple[Problem, ...]:
     clamping = alignment.clamping
     if clamping is None:
         return (
-            *_lost(alignment, ENDED_EARLY, "alignment.unclamped", "alignment.handed_over"),
+            *_lost(alignment, ENDED_EARLY, "alignment.unclamped", HANDED_OVER, NOT_KEPT),
             Problem(code="alignment.no_clamping"),
             *force_problems(job),
         )

@@ -13,6 +13,7 @@ from profiles.problem import Problem
 
 HOME_COUNTS = 0.0
 STILL_TIMEOUT_S = 3.0  # a just disabled axis may still settle; a spindle that coasts takes longer
+OFF_THE_LIMIT_MM = 0.1  # our choice: a soft tool goes some hundredths beyond the end of a jog
 CARRIAGE_ZERO_COUNTS = 0.0
 """Where the carriage stands ahead of every table, and each adds nothing."""
 
@@ -20,12 +21,13 @@ CARRIAGE_ZERO_COUNTS = 0.0
 def retracted_by_distance(machine: MachineProfile, snapshot: Snapshot) -> float:
     """Return where the tool is clear by the retract distance, counts, where no part is known.
 
-    No further out than its home, where it is clear of every part; without a home, than its travel allows.
+    No further out than its home, where it is clear of every part; without a home, than its travel allows, short
+    of the limit: on it the controller would end the jog as a fault.
     """
     tool, here = machine.tool, snapshot.tool.position
     homed = "home_complete" in snapshot.tool.flags
-    out = min(HOME_COUNTS, here) if homed else tool.travel_min_mm * tool.counts_per_mm
-    return max(here - tool.retract_mm * tool.counts_per_mm, out)
+    least = HOME_COUNTS if homed else (tool.travel_min_mm + OFF_THE_LIMIT_MM) * tool.counts_per_mm
+    return max(here - tool.retract_mm * tool.counts_per_mm, min(least, here))
 
 
 def retract_and_switch_tables_off(lathe: Lathe, target: float, zero_z: float = CARRIAGE_ZERO_COUNTS) -> bool:

@@ -31,6 +31,8 @@ FAULT = "machine.fault"  # axis faults reported by the controller; `value` names
 AT_REST = "rest"  # the `key` of faults that stopped nothing, because nothing was under control
 IN_PROGRAM = "program"  # that of faults in a cut
 OUSTED = "owner.ousted"
+NOBODYS = ("owner.restarted", "owner.let_go")
+"""This console has lost control, and nobody has it: by a restart of the controller, or after another console."""
 HOME_LOST = ("controller.was_reset", "controller.home_lost", "controller.zero_shifted")
 """Lost positions: active until every axis is homed again."""
 
@@ -44,6 +46,8 @@ CONDITIONS = frozenset(
         "owner.held",
         "owner.beside",
         OUSTED,
+        *NOBODYS,
+        "owner.free",
         "heartbeat.lost",
         "trial.active",
         "trial.stands",

@@ -296,18 +296,21 @@ def retract(context: StationContext, _: Retract) -> None:
     """Retract the tool until it is clear of the part, or by the retract distance where no part is known.
 
     A stop leaves the compensation table of a cut on. Then the carriage moves back, too, to where the table adds
-    nothing, and the table is switched off there; a tool that is out already stays where it is.
+    nothing, and the table is switched off there; a tool that is out already stays where it is. Without a home the
+    path of a cut is nowhere: the tool goes out by the retract distance from where it stands.
 
     Raises:
-        DriverError: `machine.retract_direction`, the tool is out already, and no table is known to be on.
+        SessionError: `screen.tool_is_out`, and no table is known to be on.
     """
     snapshot = context.lathe.snapshot()
     refused = no_retract(snapshot, context.loaded_machine.machine, context.state.alignment)
     if refused is not None:
         raise SessionError(refused)
     plan, alignment = context.plan, context.state.alignment
-    if plan is None:
+    if plan is None or not snapshot.homed:
         retract_and_switch_tables_off(context.lathe, retracted_by_distance(context.machine, snapshot))
+    elif not alignment.tables and snapshot.tool.position < plan.setup.retracted:
+        raise SessionError(Problem(code="screen.tool_is_out"))
     else:
         zero_z = CARRIAGE_ZERO_COUNTS if plan.zero_row_z is None else plan.zero_row_z
         out = min(plan.setup.retracted, snapshot.tool.position) if alignment.tables else plan.setup.retracted

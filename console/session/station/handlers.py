@@ -16,7 +16,7 @@ from console.session.cut.retracting import refuse_unless_still
 from console.session.errors import SessionError, refuse
 from console.session.practice.begins import Begins
 from console.session.station import commands, jogging
-from console.session.station.alarms import recovered
+from console.session.station.alarms import NOBODYS, OUSTED, recovered
 from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start
@@ -40,7 +40,7 @@ from drivers.lathe.snapshot import AxisName
 from drivers.pmac.programs.setup import cut_setup
 from profiles.problem import Problem
 
-OWNER_CODES = ("owner.held", "owner.beside", "owner.ousted", "owner.observer")
+OWNER_CODES = ("owner.held", "owner.beside", OUSTED, *NOBODYS, "owner.observer", "owner.free")
 """Alarms that taking control settles."""
 
 OVER_PART_MM = 2.0  # distance of the tool behind the face of the part for the touch-off

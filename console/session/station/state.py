@@ -79,12 +79,17 @@ IDLE = frozenset({Activity.READY, Activity.STOPPED, Activity.LOST})
 PAUSED = "paused"  # of `CutStage`, which is not there for the first page
 
 STALE_S = 1.0  # a state older than this is no longer current
+STALE_IN_MOTION_S = 0.6
+"""The same of a motion that was seen: it is polled every 50 ms, and a poll without a reply is repeated once."""
+
+POLLED = MOVING - {Activity.TESTING, Activity.STOPPING}  # a test also reads what it has sampled
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
+    `still_s` is the first poll from which on nothing has moved, None where none is known: the proof takes longer.
     `taken_s` is when a poll first showed that the controller obeys it. `delivered` is False when the link did not
     take it. `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed. `of_cut`
     is whether it ended a cut, `mark_mm` where the tool then came to rest in the part, mm behind its face; None
@@ -97,6 +102,7 @@ class StopState:
     delivered: bool = True
     taken_s: float | None = None
     rest_s: float | None = None
+    still_s: float | None = None
     tool_in_part: bool | None = None
     can_retract: bool = False
     of_cut: bool = False
@@ -285,4 +291,15 @@ class StationState:
     def is_stale(self, now_s: float) -> bool:
         """Whether the state shown is too old, or will not be refreshed."""
         age_s = self.age_s(now_s)
-        return self.activity is Activity.LOST or age_s is None or age_s > STALE_S
+        return self.activity is Activity.LOST or age_s is None or age_s > self._stale_s
+
+    def is_unanswered(self, now_s: float) -> bool:
+        """Whether something was seen moving, or is being stopped, and nobody has told since what it does."""
+        stopping = self.activity is Activity.STOPPING and self.stop is not None and self.stop.rest_s is None
+        seen = self.activity in POLLED and self.snapshot is not None and self.snapshot.moving
+        return self.controls and (stopping or seen) and self.snapshot is not None and self.is_stale(now_s)
+
+    @property
+    def _stale_s(self) -> float:
+        seen = self.activity in POLLED and self.snapshot is not None and self.snapshot.moving
+        return STALE_IN_MOTION_S if seen else STALE_S

@@ -15,6 +15,7 @@ from console.session.station.watches import watch_axes
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
+from drivers.lathe.standstill import STILL_COUNTS
 from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
 
@@ -45,6 +46,8 @@ class Stops:
         self.leaving = False
         self._later: list[tuple[str, dict[str, object]]] = []
         self._moved_s = float("-inf")
+        self._last: Snapshot | None = None  # poll since the stop
+        self._still_s: float | None = None
         self._noted: tuple[bool, bool] | None = None  # of the last stop in the record: rest proven, drives off
 
     def settle(self, *, lost: bool = False) -> None:
@@ -64,6 +67,7 @@ class Stops:
             delivered=stop.delivered,
             taken_s=before.taken_s if before is not None and under_way else None,
             rest_s=None,
+            still_s=None,
             tool_in_part=None,
             can_retract=False,
         )
@@ -160,11 +164,11 @@ class Stops:
             killed=context.lathe.stop.killed,
             delivered=True,
             rest_s=context.clock.now_s(),
+            still_s=self._still_s,
             tool_in_part=tool_in_part(snapshot, context.loaded_machine.machine, context.state.alignment),
             can_retract=snapshot.loops_closed,
         )
-        taken_after_s = None if rest.taken_s is None else rest.taken_s - rest.sent_s
-        self._keep(current, proven=True, taken_after_s=taken_after_s)
+        self._keep(rest, proven=True)
         watch_axes(context, snapshot)
         context.tell(stop=rest, spindle_rpm=None, activity=Activity.STOPPED, refusals=())
 
@@ -189,7 +193,7 @@ class Stops:
             in_part = tool_in_part(snapshot, context.loaded_machine.machine, context.state.alignment)
             context.tell(stop=replace(stop, can_retract=False, tool_in_part=in_part))
 
-    def _keep(self, stop: StopState, *, proven: bool, taken_after_s: float | None = None) -> None:
+    def _keep(self, stop: StopState, *, proven: bool) -> None:
         """Record a stop once, and later its outcome: rest proven, drives off."""
         context, before, killed = self._context, self._noted, self._context.lathe.stop.killed
         self._noted = (proven, killed)
@@ -202,12 +206,13 @@ class Stops:
                 turn=None if cut is None else cut.turn,
                 proven=proven,
                 killed=killed,
-                taken_after_s=taken_after_s,
+                taken_after_s=_after(stop, stop.taken_s if proven else None),
+                **(_times(stop) if proven else {}),
             )
         elif killed and not before[1]:
             self._note("killed", proven=proven)
         elif proven and not before[0]:
-            self._note("at_rest")
+            self._note("at_rest", **_times(stop))
 
     def _note(self, kind: str, **data: object) -> None:
         self._later.append((kind, data))
@@ -224,11 +229,34 @@ class Stops:
         """Note when something moves, and when the controller first obeys a stop, by a poll requested after it."""
         if snapshot.moving or self._context.state.activity in MOVING - {Activity.STOPPING}:
             self._moved_s = self._context.clock.now_s()
-        stop = self._context.state.stop
-        if stop is None or stop.taken_s is not None or snapshot.asked_s < stop.sent_s:
+        context, stop = self._context, self._context.state.stop
+        if stop is None or snapshot.asked_s < stop.sent_s:
             return
-        if snapshot.obeys_stop(killed=self._context.lathe.stop.killed):
-            self._context.tell(stop=replace(stop, taken_s=snapshot.at_s))
+        self._see_still(snapshot, stop)
+        if context.state.activity is Activity.LOST and stop.rest_s is None and not self.gone:
+            context.tell(activity=Activity.STOPPING)  # it answers: what is left is the proof of rest
+        if stop.taken_s is not None:
+            return
+        if snapshot.obeys_stop(killed=context.lathe.stop.killed):
+            context.tell(stop=replace(stop, taken_s=snapshot.at_s))
+
+    def _see_still(self, snapshot: Snapshot, stop: StopState) -> None:
+        """Note the first poll since the stop from which on no axis has moved."""
+        before = self._last if self._last is not None and self._last.asked_s >= stop.sent_s else None
+        self._last = snapshot
+        if before is None or not (before.at_rest and snapshot.still(before, STILL_COUNTS)):
+            self._still_s = None
+        elif self._still_s is None:
+            self._still_s = before.at_s
+
+
+def _after(stop: StopState, at_s: float | None) -> float | None:
+    return None if at_s is None else at_s - stop.sent_s
+
+
+def _times(stop: StopState) -> dict[str, object]:
+    """Return for the record how long after a stop nothing moved any more, and when that was proven."""
+    return {"still_after_s": _after(stop, stop.still_s), "proven_after_s": _after(stop, stop.rest_s)}
 
 
 def _same_drives(before: Snapshot, after: Snapshot) -> bool:

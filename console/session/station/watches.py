@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections import deque
 
-from console.session.cut.alignment import handed_over
+from console.session.cut.alignment import HANDED_OVER, NOT_KEPT, handed_over
 from console.session.station.alarms import (
     COLLISION_CODES,
     HOME_LOST,
+    NOBODYS,
     OPENED,
     OUSTED,
     Priority,
@@ -102,14 +103,29 @@ def _watch_stop_way(context: StationContext) -> None:
 def watch_axes(context: StationContext, snapshot: Snapshot) -> None:
     """Report who controls the machine, and axis faults not reported elsewhere."""
     if context.state.standing is Standing.OUSTED:  # the alignment made here is no longer known
-        context.tell(alignment=handed_over(context.state.alignment, context.local_time()))
-        if not context.alarmed(OUSTED):
-            context.tell(armed=None)
-            context.alarm(Problem(code=OUSTED, value=str(snapshot.owner)))
+        why = HANDED_OVER if snapshot.owner else NOT_KEPT
+        context.tell(alignment=handed_over(context.state.alignment, context.local_time(), why))
+        _tell_ousted(context, snapshot)
     if snapshot.homed:
         context.end_alarms(*HOME_LOST)
     now_s = context.clock.now_s()
     context.change_alarms(lambda alarms: with_faults(alarms, snapshot.axis_faults, now_s))
+
+
+def _tell_ousted(context: StationContext, snapshot: Snapshot) -> None:
+    """Raise one alarm of who controls the machine in place of this console: another one, or nobody any more.
+
+    A controller that was restarted has forgotten its owner and every home, and holds no axis.
+    """
+    code = OUSTED
+    if not snapshot.owner:
+        code = NOBODYS[0] if not snapshot.homed_axes and snapshot.loops_open else NOBODYS[1]
+        if any(context.alarmed(each) for each in NOBODYS):
+            return
+    if not context.alarmed(code):
+        context.end_alarms(OUSTED, *NOBODYS)
+        context.tell(armed=None)
+        context.alarm(Problem(code=code, value=str(snapshot.owner) if snapshot.owner else ""))
 
 
 def watch_loss(context: StationContext, snapshot: Snapshot) -> None:

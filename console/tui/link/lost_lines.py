@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from console.session.station.link.lost_link import LostLink, Validity  # not for the first paint
 
 NONE = "–"
+SILENCES = ("link.silent", "link.not_in_step")  # reasons of a stop for which nobody answered
 SHORT_S = 10.0  # losses shorter than this are shown in tenths
 
 
@@ -35,6 +36,23 @@ def lost_step(text: Catalogue, state: StationState) -> str:
         return text("lost_link.returned", name=lost.returned, valid=valid, void=void)
     key = "lost_link.back" if state.controls else "lost_link.observing"
     return text(key, age=_age(lost), valid=valid, void=void)
+
+
+def unanswered_step(text: Catalogue, state: StationState, now_s: float) -> str:
+    """Return what to do about a motion of which nothing was heard for a moment; empty where it is heard of."""
+    age_s = state.age_s(now_s)
+    if age_s is None or not state.is_unanswered(now_s):
+        return ""
+    if state.stop is not None:
+        return text("lost_link.silent")
+    return text("frame.no_answer", age=f"{age_s:.1f}")
+
+
+def stopping_key(state: StationState) -> str:
+    """Return the words for a stop that is not proven yet: of a machine that was silent, that it answers again."""
+    stop = state.stop
+    answers = stop is not None and stop.reason in SILENCES and stop.taken_s is not None
+    return "frame.stopping_again" if answers else "frame.stopping"
 
 
 def is_watched(state: StationState) -> bool:

@@ -15,6 +15,7 @@ from console.tui.align.align_entry import AlignEntry
 from console.tui.align.answers import asked_lines, asked_title
 from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
 from console.tui.align.chuck_picture import PICTURE_ROWS, JawSeen, jaw_seen, picture_lines
+from console.tui.align.left_part import drives_are_on, homes_first, left_word
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, dim, line
@@ -216,10 +217,8 @@ class AlignPage(Page):
         machine = self.ui.machine.machine
         if step is AlignStep.CLAMP and align_lines.must_come_out(state, machine):
             return align_lines.in_part_word(state)
-        if step is AlignStep.CLAMP and align_lines.drives_are_on(state):
-            return "clamp_left_on" if align_lines.ended_early(state) else "clamp_drives_on"
-        if step is AlignStep.CLAMP and align_lines.may_be_in_part(state):
-            return "clamp_left"
+        if step is AlignStep.CLAMP and (left := left_word(state, machine)):
+            return left
         if step is AlignStep.CLAMP and job is not None and force_problems(job):
             return "clamp_refused"
         if step is AlignStep.JAW and state.alignment.flanks:
@@ -247,7 +246,9 @@ class AlignPage(Page):
             case AlignStep.CLAMP if align_lines.must_come_out(state, self.ui.machine.machine):
                 # The tool must be retracted before the chuck is opened; that needs its drive.
                 self._enable_drives(key)
-            case AlignStep.CLAMP if align_lines.drives_are_on(state):
+            case AlignStep.CLAMP if homes_first(state):
+                self.ui.control.post(commands.Home())
+            case AlignStep.CLAMP if drives_are_on(state):
                 self.ui.control.post(commands.DisableDrives())
             case AlignStep.CLAMP | AlignStep.DRIVES:
                 self._enable_drives(key)

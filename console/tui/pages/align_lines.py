@@ -9,7 +9,6 @@ from rich.cells import cell_len
 from textual.geometry import Size
 
 from console.session.cut.alignment import (
-    ENDED_EARLY,
     Alignment,
     AlignStep,
     current_step,
@@ -23,6 +22,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.text.units import Units
 from console.tui.align.jaw_lines import flank_lines
+from console.tui.align.left_part import left_word
 from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
     BLANK,
@@ -235,10 +235,8 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
     step = current_step(state.alignment, job)
     if step is AlignStep.CLAMP and must_come_out(state, machine):
         return text(f"align_page.next.{in_part_word(state)}")
-    if step is AlignStep.CLAMP and drives_are_on(state):
-        return text("align_page.hint.clamp_left_on" if ended_early(state) else "align_page.hint.clamp_drives_on")
-    if step is AlignStep.CLAMP and may_be_in_part(state):
-        return text("align_page.hint.clamp_left")
+    if step is AlignStep.CLAMP and (left := left_word(state, machine)):
+        return text(f"align_page.hint.{left}")
     if step is AlignStep.CLAMP and force_problems(job):
         return text("align_page.hint.clamp_refused")
     place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
@@ -285,16 +283,6 @@ def must_come_out(state: StationState, machine: MachineProfile) -> bool:
     return bool(state.alignment.tables) or is_in_part(state, machine)
 
 
-def may_be_in_part(state: StationState) -> bool:
-    """Whether the drives are off after a last cut that ended early: to take the tool out they have to be on."""
-    return ended_early(state) and not drives_are_on(state)
-
-
-def ended_early(state: StationState) -> bool:
-    """Whether the last cut ended early, and no clamping was confirmed since."""
-    return state.alignment.clamping is None and any(each.code == ENDED_EARLY for each in state.alignment.lost)
-
-
 def in_part_word(state: StationState) -> str:
     """Return the words for how to retract the tool: a disabled drive cannot do it."""
     if clears_tables(state.snapshot, state.alignment):
@@ -316,11 +304,6 @@ def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
         return None
     off_deg = angle_deg(snapshot, machine) - seen.jaw_1_past_mark_deg - jaw.angle_deg
     return abs((off_deg + 180.0) % 360.0 - 180.0)
-
-
-def drives_are_on(state: StationState) -> bool:
-    """Whether a loop is closed, or may be: while nothing is known, hands stay out."""
-    return state.snapshot is None or not state.snapshot.loops_open
 
 
 def _stamps(

@@ -10,6 +10,7 @@ from console.session.station.commands import ClearTables, Command, Retract
 from console.session.station.jogging import clears_tables, tool_in_part
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Activity, StationState
+from console.tui.align.left_part import ended_early, stands_at_home
 from console.tui.pages.run_lines import checks, is_over
 from console.tui.theme import Token
 from console.tui.ui_context import View
@@ -73,6 +74,10 @@ def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
             return "table_kill", Token.ACTION
         return ("table_off" if closed else "switch_on"), Token.ACTION
     left = state.cut is not None and state.cut.stage in LEFT_STAGES and state.alignment.clamping is not None
+    left = (left or ended_early(state)) and not stands_at_home(state.snapshot, machine)
+    if left and not state.alignment.homed:
+        closed = state.snapshot is not None and state.snapshot.loops_closed
+        return "home_out" if closed else "home_out_off", Token.ACTION
     if left and (inside := in_part(state, machine)) is not False:
         closed = state.snapshot is not None and state.snapshot.loops_closed
         held = "retract" if inside else "retract_unknown"

@@ -28,6 +28,8 @@ def stop_lines(text: Catalogue, state: StationState, width: int, height: int | N
     if stop.rest_s is None:
         rows.append(row("rest", text("run_page.rest_unproven"), Token.WARNING))
     else:
+        if stop.still_s is not None:
+            rows.append(row("still", f"{stop.still_s - stop.sent_s:.1f} s", Token.TEXT))
         rows.append(row("rest", _times(text, stop, stop.rest_s), Token.TEXT))
     if speed_rpm is not None and abs(speed_rpm) >= TURNING_RPM:
         rows.append(spindle_line(text, speed_rpm, width))

@@ -5,6 +5,7 @@ from __future__ import annotations
 from console.session.cut.alignment import AlignStep, force_problems, step_problems, table_problems
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.station.state import StationState
+from console.tui.align.left_part import drives_are_on, may_be_in_part
 from console.tui.pages import align_lines
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -34,7 +35,7 @@ def align_reasons(
             return _against_skim(state, job, machine)
         case "align.force" if job is None:
             return _because("screen.nothing_to_align")
-        case "align.off" if not align_lines.drives_are_on(state):
+        case "align.off" if not drives_are_on(state):
             return _because("screen.drives_are_off")
     return ()
 
@@ -44,7 +45,7 @@ def _against_step(state: StationState, job: Job | None, machine: MachineProfile)
         case AlignStep.CLAMP if align_lines.must_come_out(state, machine):
             closed = state.snapshot is not None and state.snapshot.loops_closed
             return (table_problems(state.alignment) or _because("machine.tool_in_part")) if closed else ()
-        case AlignStep.CLAMP if align_lines.drives_are_on(state) or align_lines.may_be_in_part(state):
+        case AlignStep.CLAMP if drives_are_on(state) or may_be_in_part(state):
             return ()
         case AlignStep.TOUCH_OFF if job is None:
             return _because("screen.nothing_to_align")
@@ -61,7 +62,7 @@ def _against_take(state: StationState, job: Job | None, machine: MachineProfile)
     match align_lines.step_now(state.alignment, job):
         case AlignStep.CLAMP:
             return _against_clamping(state, job, machine)
-        case AlignStep.DRIVES if not align_lines.drives_are_on(state):
+        case AlignStep.DRIVES if not drives_are_on(state):
             # Another blank: the chuck may have been opened since the drives were disabled after a cut.
             return _against_clamping(state, job, machine)
         case AlignStep.JAW if state.alignment.flanks:
@@ -77,7 +78,7 @@ def _against_take(state: StationState, job: Job | None, machine: MachineProfile)
 
 
 def _against_clamping(state: StationState, job: Job, machine: MachineProfile) -> tuple[Problem, ...]:
-    if align_lines.drives_are_on(state):
+    if drives_are_on(state):
         return table_problems(state.alignment) or _because("screen.drives_not_off")
     if state.alignment.tables:
         return table_problems(state.alignment)
@@ -123,7 +124,7 @@ def _against_skim(state: StationState, job: Job | None, machine: MachineProfile)
 def _against_target(state: StationState) -> tuple[Problem, ...]:
     """Return why no target can be typed: without drives or zeros it would mean nothing."""
     alignment = state.alignment
-    if align_lines.drives_are_on(state) and alignment.drives_on and alignment.homed:
+    if drives_are_on(state) and alignment.drives_on and alignment.homed:
         return ()
     return _because("alignment.drives_off" if not alignment.drives_on else "alignment.not_homed")
 

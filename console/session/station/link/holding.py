@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from console.session.station.alarms import OUSTED, restated
+from console.session.station.alarms import OUSTED, Priority, restated
 from console.session.station.context import StationContext
 from drivers.lathe.standing import NOBODY
 from profiles.problem import Problem
 
+BESIDE = ("owner.held", "owner.beside")  # another console had control when this one was opened
 READ_EVERY_S = 1.0
 READINGS = 5  # of one console: it signs directly after its claim, or not at all
 
@@ -28,9 +29,12 @@ class HolderWatch:
         if state.controls or state.holder == NOBODY:
             if state.held_by is not None:
                 context.tell(held_by=None)
+            if self._holder != NOBODY and not state.controls:
+                self._gone()
             self._holder = NOBODY
             return
         if state.holder != self._holder:
+            context.end_alarms("owner.free")
             self._holder, self._readings, self._next_s = state.holder, 0, float("-inf")
             context.tell(held_by=None)
         now_s = context.clock.now_s()
@@ -41,3 +45,11 @@ class HolderWatch:
             if by is not None:  # an alarm names whoever took control as the first row does
                 taken = Problem(code=OUSTED, value=f"{state.holder} ({by.name}@{by.shown_host})")
                 context.change_alarms(lambda alarms: restated(alarms, taken))
+
+    def _gone(self) -> None:
+        """Tell that the console has gone for which this one only looks on: what it asked for is over."""
+        context = self._context
+        if not any(context.alarmed(code) for code in BESIDE):
+            return
+        context.change_alarms(lambda alarms: tuple(each for each in alarms if each.problem.code not in BESIDE))
+        context.alarm(Problem(code="owner.free"), Priority.MEDIUM)
