@@ -70,16 +70,9 @@ class Lathe:
         self.friction: Callable[[], str] = str  # dry friction identified in the tool, as text; "" if none was
         self._client, self._clock, self._heartbeat = client, clock, heartbeat
         self._dialect = DIALECTS[machine.controller.family]
-        items = SnapshotItems(machine, self._dialect)
+        items, held = SnapshotItems(machine, self._dialect), HeldPositions(machine)
         self._poller = Poller(
-            client,
-            clock,
-            stop,
-            items,
-            HeldPositions(machine),
-            seen=seen,
-            heartbeat=heartbeat,
-            ownership=ownership,
+            client, clock, stop, items, held, seen=seen, heartbeat=heartbeat, ownership=ownership
         )
         self._sending = Sending(client, stop, self._poller, heartbeat, ownership)
         wiring = Wiring(
