@@ -344,6 +344,16 @@ def test_a_motion_of_which_nothing_is_heard_is_not_said_to_go_on(language: str) 
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
+def test_a_link_that_was_lost_before_does_not_end_the_hope_for_one_that_is_silent_now(language: str) -> None:
+    words, stop = load(language), StopState(reason="link.silent", killed=True, sent_s=9.0)
+    lost = raised((), Problem(code="link.lost", value="closed"), Priority.HIGH, 1.0)
+    silent = replace(READY, activity=Activity.LOST, stop=stop, alarms=(replace(lost[0], active=False),))
+    assert words("lost_link.silent") in plain(next_row(frame(silent, language), 200))
+    gone = replace(silent, alarms=lost)
+    assert words("frame.lost") in plain(next_row(frame(gone, language), 200))
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
 def test_once_it_answers_a_stop_of_a_silent_machine_is_said_to_be_proven_and_a_coasting_spindle_to_coast(
     language: str,
 ) -> None:

@@ -84,7 +84,8 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
 
 def _is_asked_again(state: StationState) -> bool:
     """Whether a stop is sent again until the machine answers: on a link that is there, once it was connected."""
-    return state.stop is not None and not any(alarm.problem.code in GONE for alarm in state.alarms)
+    gone = any(alarm.active and alarm.problem.code in GONE for alarm in state.alarms)
+    return state.stop is not None and not gone
 
 
 def _lost(text: Catalogue, lost: LostLink) -> str:
