@@ -31,6 +31,13 @@ def test_the_first_alarm_stays_in_front_of_its_flood() -> None:
     assert front is not None and front.problem == FAULT
 
 
+def test_what_is_so_comes_before_what_is_over() -> None:
+    link_is_back = cleared(raised((), LINK, Priority.HIGH, 1.0), LINK.code)
+    assert foremost(link_is_back) is not None
+    front = foremost(raised(link_is_back, FAULT, Priority.HIGH, 2.0))
+    assert front is not None and front.problem == FAULT
+
+
 def test_one_that_comes_again_is_counted_and_wants_attention_again() -> None:
     (again,) = raised(acknowledged(raised((), FAULT, Priority.HIGH, 1.0)), FAULT, Priority.HIGH, 5.0)
     assert (again.count, again.acknowledged, again.at_s) == (2, False, 1.0)

@@ -162,8 +162,8 @@ def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float, during: str 
 
 
 def foremost(alarms: Alarms) -> Alarm | None:
-    """Return the one to show: unseen before seen, then by priority, then the oldest."""
-    return min(alarms, key=lambda a: (a.acknowledged, a.priority, a.at_s), default=None)
+    """Return the one to show: unseen before seen, then by priority, what is so before what is over, the oldest."""
+    return min(alarms, key=lambda a: (a.acknowledged, a.priority, not a.active, a.at_s), default=None)
 
 
 def unseen(alarms: Alarms) -> Alarms:
