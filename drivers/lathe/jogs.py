@@ -76,7 +76,7 @@ class Jogs:
         With `settle` it gets time to come in position, see `Settling`; without, it suffices that it is
         commanded to rest there and lags by less than the warning limit: the integrator of a slow loop may need
         many seconds for the remainder. `held_counts` is what a compensation table adds to its reported position. A
-        tool that goes `outward` goes whatever the controller holds of its speed.
+        tool that goes `outward` goes wherever its zero is, whatever the controller holds of its speed.
 
         Raises:
             DriverError: `controller.setting`, `controller.zero_shifted`, nothing was sent; `machine.timeout`,
@@ -85,7 +85,7 @@ class Jogs:
         """
         if not outward:
             self._refuse_changed(axis)
-        guard = self._jog_guard(axis, counts + held_counts)
+        guard = self._jog_guard(axis, counts + held_counts, outward=outward)
         self._send(f"#{motor_of(self._machine, axis)}J={format_number(counts)}")
         done = Settling((axis,), band_counts(self._machine, AxisName.TOOL)).is_over
         if not settle:
@@ -99,10 +99,11 @@ class Jogs:
             self._stop.stop(f"jog {axis}")
             raise DriverError(Problem(code="machine.not_arrived", key=axis, value=value, limit=limit))
 
-    def _jog_guard(self, axis: AxisName, end: float) -> JogGuard:
+    def _jog_guard(self, axis: AxisName, end: float, *, outward: bool) -> JogGuard:
         """Return the guard of a jog to `end`; the reported position leads by the travel during one poll."""
         now = self._poller.look()
-        self._refuse_shifted(now, now.driven)
+        if not outward:
+            self._refuse_shifted(now, now.driven)
         settings = settings_of(self._machine, axis)
         return JogGuard(
             axis=axis,

@@ -119,7 +119,8 @@ def test_a_jog_is_seen_with_its_length_and_its_speed(floor: Floor) -> None:
     moved_mm = 1000.0 * (record.values[CARRIAGE][-1] - record.values[CARRIAGE][0])
     assert abs(moved_mm) == pytest.approx(2.0, abs=0.02)
     times, speed = record.times_s, record.values[SPEED]
-    assert np.trapezoid(speed, times) == pytest.approx(moved_mm / 1000.0, abs=2e-5)
+    # Each sample is the whole counts of one servo cycle in ten, 2.26 mm/s apart: 3 sd of some fifty are 0.09 mm.
+    assert np.trapezoid(speed, times) == pytest.approx(moved_mm / 1000.0, abs=9e-5)
     assert floor.state.alarms == ()
 
 

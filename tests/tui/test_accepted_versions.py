@@ -24,6 +24,7 @@ from console.tui.pages.run import RunPage
 from console.tui.previewing import ChosenPath, Previewer
 from drivers.cutting.planning import Strategy
 from profiles.compensations.learned import LearnedCompensation, as_table, expected_part, from_table
+from profiles.forecast import LEAST_FORECAST_UM
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on
 from tests.tui.scenes import fixed_world, previewed, signed, taught_part
@@ -181,14 +182,15 @@ def test_what_is_expected_of_a_learned_part_is_what_the_part_before_says() -> No
     work = replace(work, preview=replace(work.preview, strategy=Strategy.CAM, taught=told))
     page = shown_on(PreviewPage, READY, work=work)
     (row,) = [row for row in page.text.splitlines() if "▸ cam" in row]
-    assert f" {told.ront_um:.1f} um" in row and "from the measured part" in page.text
+    assert told.ront_um < LEAST_FORECAST_UM and f" {LEAST_FORECAST_UM:.1f} um" in row
+    assert "from the measured part" in page.text
     assert "from the measured part" in page.next_step
     # Two clampings at 5 % of the force, of which the lobe keeps (1314 - 230) / 1314: 1.96 sd of 55 um p-p.
     assert version.part is not None
     clamping_um_pp = 55.0 * 0.05 * 1314.0 / (1314.0 - 230.3)
     trace_um_pp = 2.45 * 2.0 * version.part.lobe_sd_um
     half_um = math.hypot(trace_um_pp, 1.96 * clamping_um_pp, 1.96 * clamping_um_pp)
-    assert f"(0.0–{told.ront_um + half_um:.1f})" in page.text
+    assert f"({LEAST_FORECAST_UM:.1f}–{told.ront_um + half_um:.1f})" in page.text
 
 
 def test_the_preview_is_asked_for_with_what_the_part_says_turned_to_where_jaw_1_is() -> None:
