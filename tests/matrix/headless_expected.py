@@ -38,7 +38,7 @@ DISTURBED = "stopped, ^A: cut.disturbed"
 OVERRIDE, OUTSIDE = "stopped, ^A: cut.override", "stopped, ^A: cut.outside_plan"
 RESET = f"stopped, ^K: controller.was_reset {TOOL_UNKNOWN}"
 INTERRUPTED = "stopped, ^A: machine.stopped"
-MOVING = "stopped, ^A: machine.moving"
+MOVING = "stopped, ^A: machine.moving machine.tool_unknown"
 
 WITHOUT: Mapping[Moment, str] = {
     moment: "cut, nothing" if moment is Moment.ENDED else "cut, lines" for moment in Moment
