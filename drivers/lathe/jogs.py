@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from functools import partial
 
 from drivers.errors import DriverError, RefusedError
@@ -27,13 +27,10 @@ def band_counts(machine: MachineProfile, axis: AxisName) -> float:
 class Jogs:
     """The jogs of one machine."""
 
-    def __init__(
-        self, wiring: Wiring, motion: Motion, changed: Callable[[AxisName], tuple[Problem, ...]] = lambda _: ()
-    ) -> None:
-        """`changed` returns what the controller holds of an axis that differs from the profile."""
+    def __init__(self, wiring: Wiring, motion: Motion) -> None:
         self._machine, self._poller, self._stop = wiring.machine, wiring.poller, wiring.stop
         self._motion, self._tables, self._send = motion, wiring.tables, wiring.sending.jog
-        self._lengths, self._changed = Lengths(wiring.machine), changed
+        self._lengths = Lengths(wiring.machine)
 
     def home(self, timeout_s: float = 60.0) -> None:
         """Home each axis: tool first, then the carriage, then the spindle's index.
@@ -48,7 +45,6 @@ class Jogs:
                 continue
             now = self._poller.look()
             self._refuse_shifted(now, homed)
-            self._refuse_changed(axis)
             others = self._others(axis, now)
             self._send(f"#{motor_of(self._machine, axis)}HM")
             self._poller.positions.trust(axis)  # its flag is down until the zero is found
@@ -76,15 +72,13 @@ class Jogs:
         With `settle` it gets time to come in position, see `Settling`; without, it suffices that it is
         commanded to rest there and lags by less than the warning limit: the integrator of a slow loop may need
         many seconds for the remainder. `held_counts` is what a compensation table adds to its reported position. A
-        tool that goes `outward` goes wherever its zero is, whatever the controller holds of its speed.
+        tool that goes `outward` goes wherever its zero is.
 
         Raises:
-            DriverError: `controller.setting`, `controller.zero_shifted`, nothing was sent; `machine.timeout`,
+            DriverError: `controller.zero_shifted`, nothing was sent; `machine.timeout`,
                 `machine.fault`, `machine.not_arrived`, or, while it moves, `machine.jog_astray`,
                 `machine.unexpected_motion` and those of `Motion.until`.
         """
-        if not outward:
-            self._refuse_changed(axis)
         guard = self._jog_guard(axis, counts + held_counts, outward=outward)
         self._send(f"#{motor_of(self._machine, axis)}J={format_number(counts)}")
         done = Settling((axis,), band_counts(self._machine, AxisName.TOOL)).is_over
@@ -120,12 +114,6 @@ class Jogs:
         if shifted:
             values = ", ".join(now.shifted[axis] for axis in shifted)
             raise RefusedError(Problem(code="controller.zero_shifted", key=", ".join(shifted), value=values))
-
-    def _refuse_changed(self, axis: AxisName) -> None:
-        """Refuse a jog that would be another than it is shown: faster, with other ramps or other limits."""
-        problems = self._changed(axis)
-        if problems:
-            raise RefusedError(*problems)
 
     def _others(self, axis: AxisName, begun: Snapshot) -> OthersStill:
         """Return the guard of the axes that do not jog; with a table on, the tool follows another axis."""

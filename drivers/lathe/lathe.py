@@ -87,7 +87,7 @@ class Lathe:
             tables=Tables(client, machine),
         )
         motion = Motion(wiring, lambda: self.program.end_after_turn())
-        jogs = Jogs(wiring, motion, self._changed_settings)
+        jogs = Jogs(wiring, motion)
         self.home, self.jog_to, self.jog_by, self.retract = jogs.home, jogs.to, jogs.by, jogs.retract
         self.program = CutProgram(wiring, motion)
 
@@ -200,11 +200,17 @@ class Lathe:
         self._poller.verified = not problems
         return problems
 
-    def _changed_settings(self, axis: AxisName) -> tuple[Problem, ...]:
-        """Compare with the profile what a jog of one axis depends on: its travel, speeds and ramps."""
-        numbers = {self._dialect.motor_index(motor_of(self.machine, axis), number) for number in JOG_SETTINGS}
+    def refuse_other_jog(self, *axes: AxisName) -> None:
+        """Make sure that jogs of these axes are those of the profile: their travel, speeds and ramps are read.
+
+        Raises RefusedError: `controller.setting`.
+        """
+        motors = [motor_of(self.machine, axis) for axis in axes]
+        numbers = {self._dialect.motor_index(motor, number) for motor in motors for number in JOG_SETTINGS}
         stated = stated_settings_of(self.machine, self._dialect)
-        return setting_problems(self._client, {index: stated[index] for index in stated if index in numbers})
+        problems = setting_problems(self._client, {n: stated[n] for n in stated if n in numbers})
+        if problems:
+            raise RefusedError(*problems)
 
     def snapshot(self) -> Snapshot:
         """Read the state of the machine in one request; retry once without a reply."""

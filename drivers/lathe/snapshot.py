@@ -63,7 +63,7 @@ class Snapshot:
     lost: int = 0
     override_percent: float = REAL_TIME_PERCENT
     inputs: Mapping[str, bool] = field(default_factory=lambda: MappingProxyType({}))
-    shifted: Mapping[AxisName, str] = field(default_factory=lambda: MappingProxyType({}))
+    shifted: Mapping[AxisName, str] = field(default_factory=dict)
 
     def age_s(self, now_s: float) -> float:
         """Return the maximum age of the data: each value was sampled at some moment after the request."""

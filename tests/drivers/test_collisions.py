@@ -227,7 +227,7 @@ def test_the_last_line_of_the_printed_program_is_a_crash(bench: Bench, experimen
 
 def test_a_carriage_that_is_let_past_the_jaw_faces_is_seen(bench: Bench) -> None:
     """Without its limits, I313 and the plan; the tool is 30 mm from the axis, the jaws reach to 70 mm."""
-    homed(bench).agree("I313", 0)
+    homed(bench).client.request("I313=0")
     bench.lathe.jog_to(AxisName.TOOL, (76.0 - 30.0) * 5000.0)
     bench.carriage_to(198_000.0)
     bench.lathe.jog_to(AxisName.CARRIAGE, 201_000.0)

@@ -40,9 +40,9 @@ def tool_at(bench: Bench, radius_mm: float, z_mm: float, home_radius_mm: float =
     """Jog the tool tip, carriage first, four times as fast as an operator would, and look."""
     bench.carriage_to(z_mm * CARRIAGE_COUNTS_PER_MM)
     usual = bench.lathe.machine.controller.variables["I122"]
-    bench.agree("I122", 4 * usual)
+    bench.client.request(f"I122={4 * usual}")
     bench.lathe.jog_to(AxisName.TOOL, (home_radius_mm - radius_mm) * TOOL_COUNTS_PER_MM)
-    bench.agree("I122", usual)
+    bench.client.request(f"I122={usual}")
     return bench.sim.look()
 
 
@@ -110,7 +110,7 @@ def test_a_tool_that_was_clamped_elsewhere_is_seen_there(
 def test_a_gap_is_seen_only_in_front_of_the_part(bench: Bench, experiment: JobMaker) -> None:
     """30 mm in front of the jaw faces at 200 mm; the carriage is let go further than its limit of 199 mm."""
     homed(bench).sim.mount(experiment(1))
-    bench.agree("I313", 0)
+    bench.client.request("I313=0")
     seen = {z_mm: tool_at(bench, 30.0, z_mm).tool_gap_mm is not None for z_mm in (169.9, 170.1, 199.0, 200.1)}
     assert seen == {169.9: False, 170.1: True, 199.0: True, 200.1: False}
 

@@ -138,6 +138,7 @@ def home(context: StationContext, _: commands.Home) -> None:
     ends_s = home_s(context.machine, context.lathe.snapshot())
     latest_s = None if ends_s is None else context.clock.now_s() + ends_s
     context.tell(ends_s=latest_s, ends_at_most=not context.lathe.snapshot().homed)
+    context.lathe.refuse_other_jog(*context.lathe.driven)
     context.lathe.home()
 
 
@@ -153,6 +154,7 @@ def approach(context: StationContext, command: commands.Approach) -> None:
     context.tell(ends_s=context.clock.now_s() + within_s)
     if lathe.snapshot().tool.position > setup.retracted:
         lathe.retract(setup.retracted)
+    lathe.refuse_other_jog(AxisName.CARRIAGE, AxisName.TOOL)
     lathe.jog_to(AxisName.CARRIAGE, over)
     lathe.jog_to(AxisName.TOOL, setup.retracted, settle=False)
 
@@ -181,6 +183,7 @@ def go_to(context: StationContext, command: commands.GoTo) -> None:
 def _jog_by(context: StationContext, axis: AxisName, distance: float) -> None:
     """Jog, and count it once it is in position."""
     context.tell(ends_s=context.clock.now_s() + jog_s(context.machine, axis, distance))
+    context.lathe.refuse_other_jog(axis)
     context.lathe.jog_by(axis, distance * jogging.counts_per_unit(context.machine, axis))
     context.tell(jogs=context.state.jogs + 1)
 
