@@ -6,6 +6,17 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
+OLD_S = 0.9
+"""Age beyond which what an operator has typed starts nothing."""
+
+FROZEN_S = 2.0
+"""Pause of a program that was not just busy: what was typed before its end starts nothing, nothing stays armed."""
+
+
+def boot_s() -> float:
+    """Return the time since the computer was started, also while it was suspended, in which no program runs."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME)
+
 
 class Clock(Protocol):
     """Seconds of machine time."""

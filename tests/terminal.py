@@ -87,6 +87,7 @@ class Terminal:
         self._emulation = Emulation(columns, rows)
         self._stalled = self._hung_up = self._exited = self._ended = False
         self._exit_code: int | None = None
+        self._line_holds: bytes | None = None
         self._relatives: set[_Process] = set()
         self._master, slave = os.openpty()
         self._wake_out, self._wake_in = os.pipe()
@@ -143,7 +144,24 @@ class Terminal:
         """Send text as it is."""
         with self._changed:
             assert self._master >= 0, self._report("the terminal is closed")
-            os.write(self._master, text.encode())
+            self._send(text.encode())
+
+    def hold(self) -> None:
+        """Deliver nothing any more of what is typed and answered, like a line that stands still."""
+        with self._changed:
+            self._line_holds = b""
+
+    def let_go(self) -> None:
+        """Deliver everything that was held, in its order, at once."""
+        with self._changed:
+            held, self._line_holds = self._line_holds, None
+            os.write(self._master, held or b"")
+
+    def _send(self, data: bytes) -> None:
+        if self._line_holds is None:
+            os.write(self._master, data)
+        else:
+            self._line_holds += data
 
     def wait_until_read(self, timeout_s: float) -> bool:
         """Wait until the program has read all that was typed; return whether there was anything to wait for."""
@@ -303,9 +321,10 @@ class Terminal:
             self._read_s = time.perf_counter()
             self.bytes_seen += len(data)
             if self._emulation.feed(data):
-                os.write(self._master, FRAME_ANSWER)
-            if answer := self._answer(data):
-                os.write(self._master, answer)
+                self._send(FRAME_ANSWER)
+            reports, self._emulation.reports = self._emulation.reports, b""
+            if answer := reports + self._answer(data):
+                self._send(answer)
             self._changed.notify_all()
         return True
 

@@ -44,6 +44,9 @@ class Cell:
     reverse: bool = False
 
 
+CURSOR_QUERY = re.compile(r"\x1b\[(\d+);(\d+)H\x1b\[6n")
+
+
 class Emulation:
     """What a modern terminal makes of the bytes: two screens, frames shown whole, wide characters in two cells."""
 
@@ -53,12 +56,16 @@ class Emulation:
         self._stream = pyte.Stream(self._shown)
         self._decoder = codecs.getincrementaldecoder("utf-8")("replace")
         self._held = ""
+        self.reports = b""
+        """What a terminal answers to the questions for its cursor so far; whoever sends it takes it away."""
 
     def feed(self, data: bytes, *, last: bool = False) -> int:
         """Draw what is complete and hold the rest; return how often the program asked for frame support."""
         text = self._held + self._decoder.decode(data, last)
         ready = len(text) if last else _end_of_the_complete(text)
         self._held = text[ready:]
+        for asked in CURSOR_QUERY.finditer(text, 0, ready):
+            self.reports += f"\x1b[{asked[1]};{asked[2]}R".encode()
         pieces = ALTERNATE.split(text[:ready])
         self._draw(pieces[0])
         for letter, piece in zip(pieces[1::2], pieces[2::2], strict=True):

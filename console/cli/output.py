@@ -11,6 +11,7 @@ from typing import Any, TextIO
 
 from console.text.catalogue import Catalogue
 from console.text.escaping import can_write, encodable, escaped, spelled
+from drivers.clock import OLD_S
 from profiles.own_values import renamed
 from profiles.problem import Problem
 
@@ -120,12 +121,11 @@ def agreed(
     if not sys.stdin.isatty():
         print(f"console {command}: {text('agreement.nobody_to_ask')}", file=sys.stderr)
         return False
-    print(text(f"agreement.ask.{about or command}", machine=machine_name), end="", file=sys.stderr, flush=True)
-    try:
-        typed = sys.stdin.readline().strip()
-    except UnicodeDecodeError:  # not decodable in the terminal's declared encoding
-        typed = ""
-    if typed == machine_name:
+    from console.session.dated_input import read_line  # not for the screens
+
+    typed = read_line(text(f"agreement.ask.{about or command}", machine=machine_name))
+    if typed.text.strip() == machine_name and not typed.late:
         return True
-    print(f"console {command}: {text('agreement.not_typed')}", file=sys.stderr)
+    why = text("agreement.late", limit=f"{OLD_S:g} s") if typed.late else text("agreement.not_typed")
+    print(f"console {command}: {why}", file=sys.stderr)
     return False

@@ -37,7 +37,7 @@ from console.tui.gate import (
     known_at_rest,
     stop_reason,
 )
-from console.tui.keymap import READING, TAKE, Action, PageName
+from console.tui.keymap import MOTION_PAGES, READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.link.far_terminal import FarTerminal
@@ -161,6 +161,8 @@ class ConsoleApp(ListeningApp):
         if self._list.is_palette and ui.answers(self._orders.why_not("palette")):
             self._list.open(PAGE)
         ui.forget_stale_answer(state)
+        if self._page in MOTION_PAGES:
+            self.say_slow_line(getattr(self._driver, "age", None))
         ui.log = self.log_of(state)
         if ui.attempt is not None:
             from console.tui.further.followed_lesson import follow_lesson  # not for the first page
@@ -233,13 +235,10 @@ class ConsoleApp(ListeningApp):
         state, now_s = self.ui.control.state, self.ui.control.now_s()
         return known_at_rest(state, now_s, self._acted_s, queued=self.ui.queued)
 
-    def stop_now(self, reason: str) -> None:
-        """Stop the machine. Also called from the thread that reads the terminal."""
-        self.ui.stop(reason)
-
-    def kill_now(self, reason: str) -> None:
-        """Open every loop of the machine. Also called from the thread that reads the terminal."""
-        self.ui.kill(reason)
+    def put_down(self) -> None:
+        """Take back what the page in front was enabled or armed for."""
+        self._pages[self._page].leave()
+        self.ui.queued = False
 
     def action_quit(self) -> None:  # type: ignore[override]
         """Leave, unless something moves."""

@@ -12,6 +12,8 @@ import select
 import signal
 import time
 from codecs import getincrementaldecoder
+from contextlib import suppress
+from queue import Full
 from typing import Any, Protocol, cast
 
 from textual import constants, events
@@ -19,12 +21,14 @@ from textual.app import App
 from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
+from console.session.dated_input import InputAge
 from console.tui import gate
-from console.tui.keymap import KILL_KEYS, STOP_KEYS, Action, PageName
+from console.tui.keymap import KILL_KEYS, MOTION_PAGES, STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
 from console.tui.scanning.collector import Collector, Scan
 from console.tui.terminal.key_releases import KeyReleases, ReportedKey, Stroke
 from console.tui.terminal.kitty_parser import RELEASE, REPEAT, KittyParser
+from drivers.clock import boot_s
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
 CHUNK = 4096
@@ -48,6 +52,14 @@ class TooFast(Message):
     def __init__(self, *, written: bool, stopped: bool) -> None:
         super().__init__()
         self.written, self.stopped = written, stopped
+
+
+class Late(Message):
+    """Input that may be older than it may be was dropped, all but stops; `age_s` is its greatest age."""
+
+    def __init__(self, age_s: float) -> None:
+        super().__init__()
+        self.age_s = age_s
 
 
 class Scanned(Message):
@@ -90,8 +102,8 @@ class StopDriver(LinuxDriver):
         self._pace: Pace[events.Key] = Pace()
         self._codes = Collector()
         self._stopped_s = float("-inf")
-        self._reports_mouse = False
-        self.releases = KeyReleases()
+        self._reports_mouse = self._drops = self._keyed = False
+        self.releases, self.age = KeyReleases(), InputAge()
         # A suspended console cannot stop anything. And Textual answers each SIGCONT, which comes with a hang-up,
         # with one more thread that reads the same terminal.
         for number in (signal.SIGTSTP, signal.SIGCONT):
@@ -101,7 +113,9 @@ class StopDriver(LinuxDriver):
         """Act on a stop key in the thread that read it; hold an action back, and pass everything else on."""
         if isinstance(message, events.Key) and not gate.is_modifier(message.key):
             self._hear(message, time.monotonic())
-        else:
+        elif isinstance(message, events.CursorPosition):
+            self.age.answered(message.y + 1, message.x + 1, boot_s())
+        elif not isinstance(message, events.MouseEvent) or self._late_s(self._situation()) is None:
             super().process_message(message)
 
     def run_input_thread(self) -> None:
@@ -109,22 +123,50 @@ class StopDriver(LinuxDriver):
         reader = Reader(self.releases)
         decode = getincrementaldecoder("utf-8")("replace").decode
         while not self.exit_event.is_set():
-            said: list[Message] = []
-            wait_s = self._pace.wait_s(time.monotonic(), WAIT_S)
+            self._ask()
+            wait_s, began_s = self._pace.wait_s(time.monotonic(), WAIT_S), boot_s()
+            full = False
             if select.select([self.fileno], [], [], wait_s)[0]:
                 data = _read(self.fileno)
+                full = len(data) == CHUNK
                 if not data:
                     # Without a controlling terminal the kernel sends no notification.
                     os.kill(os.getpid(), signal.SIGHUP)
                     return
                 for character in decode(data):
-                    said += reader.read(character, time.monotonic())
-            for message in (*said, *reader.idle(time.monotonic())):
+                    for message in reader.read(character, time.monotonic()):
+                        self.process_message(message)
+            for message in reader.idle(time.monotonic()):
                 self.process_message(message)
+            if not full:
+                self.age.emptied(began_s)
             # After all pending input: a delayed thread must not take a key of a burst for a single one.
             for key in self._pace.due(time.monotonic()):
                 super().process_message(key)
             self._tell(self._codes.due(time.monotonic()))
+
+    def _ask(self) -> None:
+        """Ask the terminal how late its keys are, where keys move something, and after a key that may lead there.
+
+        It is not waited for: a stalled one takes no question.
+        """
+        after_key, self._keyed = self._keyed, False
+        if self._writer_thread is None or not (after_key or self._situation().page in MOTION_PAGES):
+            return
+        if asks := self.age.question(boot_s()):
+            with suppress(Full):
+                self._writer_thread._queue.put_nowait(asks[1])  # noqa: SLF001 - `write` would wait, and hold up a stop
+                self.age.asked(asks[0], boot_s())
+
+    def _late_s(self, now: gate.Situation) -> float | None:
+        return self.age.late_s(moves=now.page in MOTION_PAGES)
+
+    def _situation(self) -> gate.Situation:
+        """Return what a key is judged by; in doubt, motion: this thread continues, and every key stops."""
+        try:
+            return cast(StopTarget, self._app).situation()
+        except Exception:
+            return gate.Situation(page=PageName.JOBS, moving=True)
 
     def report_mouse(self, on: bool) -> None:
         """Ask the terminal for clicks and the wheel (1000), in decimals (1006); or for nothing any more.
@@ -150,25 +192,21 @@ class StopDriver(LinuxDriver):
         super().disable_input()
 
     def _hear(self, key: events.Key, now_s: float) -> None:
-        target = cast(StopTarget, self._app)
+        now, self._keyed = self._situation(), True
         try:
-            now = target.situation()
             verdict, action = gate.judge(key.key, key.character, now)
-        except Exception:  # in doubt assume motion: this thread continues, and every key stops, whatever it means
-            now, kills = gate.Situation(page=PageName.JOBS, moving=True), key.key in KILL_KEYS
-            verdict, action = (gate.Verdict.KILL if kills else gate.Verdict.STOP), None
-        written = now.field is not gate.FieldKind.NONE
+        except Exception:
+            verdict, action = gate.Verdict.KILL if key.key in KILL_KEYS else gate.Verdict.STOP, None
+        written, late_s = now.field is not gate.FieldKind.NONE, self._late_s(now)
+        # Of what waited, a field takes what comes before the first dropped key: the rest may be of another.
+        writes = verdict is gate.Verdict.FIELD or gate.is_stray(key.key, key.character, now)
+        self._drops = late_s is not None and (self._drops or not writes)
         if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):
-            send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now
-            send(gate.stop_reason(key.key, key.character, action))
-            self._stopped_s = now_s
-            burst = self._pace.hear(key.key, now_s)
-            super().process_message(StopSent(action))
-            if gate.is_stray(key.key, key.character, now):
-                super().process_message(Written(key.key, key.character, stopped=True))
-            if action is not None and gate.is_page(action) and not burst:
-                self._pace.hold(key.key, key, now_s)  # after the stop, the action is harmless
-        elif verdict is gate.Verdict.FIELD or gate.is_stray(key.key, key.character, now):
+            burst = self._stop(key, now_s, now, (verdict, action))
+        elif self._drops and late_s is not None:
+            super().process_message(Late(late_s))
+            return
+        elif writes:
             # A scanner may write, but its input must be read before it is accepted.
             character = key.character is not None and key.character.isprintable()
             burst = self._pace.write(key.key, now_s, character=character)
@@ -182,6 +220,22 @@ class StopDriver(LinuxDriver):
             key.key, key.character, now_s, burst=burst, written=written, stopped=stopped and burst
         )
         self._tell(code)
+
+    def _stop(
+        self, key: events.Key, now_s: float, now: gate.Situation, judged: tuple[gate.Verdict, Action | None]
+    ) -> bool:
+        """Send a stop; return whether its key belongs to a burst."""
+        target, (verdict, action) = cast(StopTarget, self._app), judged
+        send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now
+        send(gate.stop_reason(key.key, key.character, action))
+        self._stopped_s = now_s
+        burst = self._pace.hear(key.key, now_s)
+        super().process_message(StopSent(action))
+        if gate.is_stray(key.key, key.character, now):
+            super().process_message(Written(key.key, key.character, stopped=True))
+        if action is not None and gate.is_page(action) and not burst and not self._drops:
+            self._pace.hold(key.key, key, now_s)  # after the stop, the action is harmless
+        return burst
 
     def _tell(self, code: Scan | None) -> None:
         if code is not None:

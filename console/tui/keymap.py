@@ -348,6 +348,7 @@ TAKE = Action(id="list.take", keys=("enter",), shown="Enter", once=True)
 """What Enter does in the palette: it shows the page of an action, or performs one that moves nothing."""
 
 NO_KEYS: OwnKeys = {}
+MOTION_PAGES = frozenset(action.page for action in ACTIONS if action.moves)
 _BY_ID: Mapping[str, Action] = {action.id: action for action in ACTIONS}
 _JAMO = dict(
     zip("qwertyuiopasdfghjklzxcvbnm", "ㅂㅈㄷㄱㅅㅛㅕㅑㅐㅔㅁㄴㅇㄹㅎㅗㅓㅏㅣㅋㅌㅊㅍㅠㅜㅡ", strict=True)

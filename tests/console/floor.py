@@ -46,6 +46,7 @@ from tests.compact import compact_machine
 LOCAL_TIME = "21 Nov 10:00"
 LOGGED = {"command", "refused", "telemetry", "alarm_raised", "alarm_acknowledged", "alarm_ended"}
 """Events that a thread of its own writes, some moments later than the others."""
+LOOK_S = 0.5
 
 
 @dataclass(kw_only=True)
@@ -71,9 +72,10 @@ class Floor:
         return self.state
 
     def idle(self, seconds: float = 0.3) -> StationState:
-        """Let time pass, and look."""
-        self.sim.wait(seconds)
-        self.station.step()
+        """Let time pass, and look as often as a console does that is not frozen."""
+        for _ in range(looks := max(round(seconds / LOOK_S), 1)):
+            self.sim.wait(seconds / looks)
+            self.station.step()
         return self.state
 
     def set_up(self, job: Job) -> None:

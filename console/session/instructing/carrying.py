@@ -6,7 +6,7 @@ nothing times out. A stop goes its own way to the controller, which takes it in 
 
 from __future__ import annotations
 
-from console.session.errors import SessionError, fault_problem
+from console.session.errors import SessionError, fault_problem, refuse
 from console.session.instructing.answer import Answer
 from console.session.instructing.order import Do, Order
 from console.session.instructing.remembering import knowledge_of
@@ -39,6 +39,7 @@ def _carry_out_all(context: StationContext) -> None:
     while context.orders:
         intent = context.orders.popleft()
         try:
+            refuse(() if (paused := context.pause_problem()) is None else (paused,))
             answer = _done(context, intent.order)
         except ProblemError as error:
             answer = Answer(problem=error.problems[0])

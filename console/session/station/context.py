@@ -97,7 +97,8 @@ class StationContext:
     `hold_asked` is the last command about a feed hold not yet passed on, `adjust_asked` those about override and
     trim, `faults_asked` faults for the simulated lathe, `orders` those of its instructor, for which it
     is in `training`. `parts` counts the cuts of this session that were made to their end. `side` sends what worker
-    threads ask, between two polls. `begins` is how a simulated lathe is taken over, None at power-up.
+    threads ask, between two polls. `pause_problem` says why an order without a date is not obeyed just now.
+    `begins` is how a simulated lathe is taken over, None at power-up.
     """
 
     lathe: Lathe
@@ -125,6 +126,7 @@ class StationContext:
     orders: deque[Instruct] = field(default_factory=deque)
     training: Training | None = None
     parts: int = 0
+    pause_problem: Callable[[], Problem | None] = lambda: None
     _incomplete_told: bool = field(default=False, init=False)
     _lock: threading.Lock = field(default_factory=threading.Lock, init=False)
     _state: StationState = field(init=False)

@@ -18,7 +18,7 @@ from console.session.errors import SessionError, fault_problem
 from console.session.instructing.carrying import carry_out
 from console.session.station.adjusting.at_once import taken_at_once
 from console.session.station.alarms import OF_A_CUT, Priority
-from console.session.station.armed_watch import watch_armed
+from console.session.station.armed_watch import PollPause, age_problem, watch_armed
 from console.session.station.commands import (
     Arm,
     Command,
@@ -71,6 +71,8 @@ class Station:
         self._stops, self._sight = Stops(context, self._spindle.forget), ChuckSight(context)
         self._holder, self._left = HolderWatch(context), LeftRuns(context)
         self._reconnecting = Reconnecting(context, self._stops)
+        self._pause = PollPause(context)
+        context.pause_problem = self._pause.problem
 
     @property
     def state(self) -> StationState:
@@ -222,10 +224,15 @@ class Station:
         if context.lathe.stop.reason is not None and not isinstance(command, Recover):
             self._stops.settle()
             self._reconnecting.settled()
+            self._pause.end()
         else:
             self._stops.commanded = command is not None
+            if command is not None and (old := age_problem(command)) is not None:
+                command = None
+                self._refuse(old)
             if command is not None:
                 self._carry_out(command)
+                self._pause.end()
             else:
                 self._guarded(self._poll)
         armed = context.state.armed
@@ -277,6 +284,7 @@ class Station:
     def _poll(self) -> None:
         context = self._context
         snapshot = context.lathe.snapshot()
+        self._pause.see()
         watch_loss(context, snapshot)
         on = not snapshot.loops_open
         if self.state.controls and context.lathe.stop.inside_guard and on:

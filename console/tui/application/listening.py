@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from textual import events
 
+from console.session.dated_input import SLOW_S, InputAge
 from console.tui.application.leaving import LeavingApp
-from console.tui.driver import Scanned, StopSent, TooFast
-from console.tui.gate import FieldKind, Situation, is_page
+from console.tui.driver import Late, Scanned, StopSent, TooFast, Written
+from console.tui.gate import FieldKind, Situation, Verdict, is_page, judge
 from console.tui.keymap import Action
 from console.tui.layout import is_small
 from console.tui.scanning.scans import Scans
 from console.tui.ui_context import UiContext
+from drivers.clock import OLD_S
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -44,6 +48,10 @@ class ListeningApp(LeavingApp):
         """Perform the action of a key; False when the key belongs to the focused field."""
         raise NotImplementedError
 
+    def put_down(self) -> None:
+        """Take back what the page in front was enabled or armed for."""
+        raise NotImplementedError
+
     def pointed(self, event: events.MouseEvent) -> None:
         """Do what a click or the wheel asks for."""
         raise NotImplementedError
@@ -53,6 +61,10 @@ class ListeningApp(LeavingApp):
         if isinstance(event, events.Key) and not event.is_forwarded:
             written = self._takes_text and event.is_printable
             self.heard("…" if written else event.key)  # what is written in free text is nobody's business
+            age_s = time.monotonic() - event.time
+            if age_s > OLD_S and self._obeys(event):  # it waited for a screen that was held up
+                self.on_late(Late(age_s))
+                return
             if self.took(event):
                 return
         elif isinstance(event, events.Paste) and not (event.is_forwarded or self._takes_text):
@@ -65,9 +77,41 @@ class ListeningApp(LeavingApp):
             return
         await super().on_event(event)
 
+    def _obeys(self, event: events.Key) -> bool:
+        """Whether a key is an order that is no stop."""
+        verdict = judge(event.key, event.character, self.situation())[0]
+        return verdict is Verdict.ACTION and not isinstance(event, Written)
+
     @property
     def _takes_text(self) -> bool:
         return self.situation().field is FieldKind.TEXT
+
+    def stop_now(self, reason: str) -> None:
+        """Stop the machine. Also called from the thread that reads the terminal."""
+        self.ui.stop(reason)
+
+    def kill_now(self, reason: str) -> None:
+        """Open every loop of the machine. Also called from the thread that reads the terminal."""
+        self.ui.kill(reason)
+
+    def on_late(self, late: Late) -> None:
+        """Say that input waited too long; what was armed is disarmed, for it was read before."""
+        from console.session.station.commands import Disarm  # not for the first paint
+
+        self.put_down()
+        if self.ui.control.state.armed is not None:
+            self.ui.control.post(Disarm())
+        code, value = "screen.keys_undated", ""
+        if math.isfinite(late.age_s):
+            code, value = "screen.keys_late", f"{late.age_s:.1f} s"
+        self.ui.say_until_key(Problem(code=code, value=value, limit=f"{OLD_S:g} s"))
+        self.tick()
+
+    def say_slow_line(self, age: InputAge | None) -> None:
+        """Say that the terminal answers slowly, while there is nothing else to say."""
+        if age is not None and age.is_slow and not self.ui.said:
+            value, limit = f"{age.round_trip_s:.1f} s", f"{SLOW_S:g} s"
+            self.ui.say_until_key(Problem(code="screen.line_slow", value=value, limit=limit))
 
     def on_stop_sent(self, sent: StopSent) -> None:
         """Show a stop at once after it was sent."""
