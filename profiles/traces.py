@@ -4,9 +4,10 @@ The plain file is UTF-8 text: lines `# key: value` in any number, the header `an
 point a line, with angles in [0, 360) and each angle once. A last point at 360 that repeats the one at 0 closes the
 turn and is left out. Blank lines, lines that start with `#` (after the first point they are remarks and no more),
 spaces, quoted cells, a byte order mark, UTF-16 with one and any kind of line end are accepted. Columns may have
-common names, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or blanks, and
-numbers then have a decimal comma. Deviations may be in mm or nm, angles may be left out where the header says that
-they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
+common names, "Angle [deg]" and "Deviation [µm]". Cells may also be separated by semicolons, tabs or blanks;
+numbers may then have a decimal comma, and separated thousands, if the file leaves no doubt about them
+(`profiles.trace_files.number_marks`). Deviations may be in mm or nm, angles may be left out where the header says
+that they are equal, run from -180 to 180 or over several turns where it says so, and points may be x and y in the
 plane, each once. Files of one profile at equal steps (`OF_BYTES`, `OF_TEXT`) are taken as a closed turn. Anything
 else is refused with its line, all problems (up to a cap) at once. A fault on every line is reported once.
 """
@@ -71,7 +72,7 @@ def parse_trace(content: bytes, *, where: str = "") -> Trace:
     for textual in OF_TEXT:
         if textual.begins(text):
             return _from_profile(textual.read(text, where))
-    reader = TableReader(where)
+    reader = TableReader(where, text)
     for number, line_text in enumerate(lines_of(text, where), start=1):
         stripped = line_text.strip(" \t")
         if stripped:

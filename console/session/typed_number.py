@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 
 from profiles.problem import Problem, ProfileError
+from profiles.trace_files.number_marks import number_readings
 
 _NUMBER = re.compile(r"[+-]?([0-9]+\.?[0-9]*|\.[0-9]+)")
 
@@ -14,10 +15,8 @@ def plain_number(text: str, key: str, limit: str) -> str | None:
 
     Raises ProfileError: `value.ambiguous`, for "1,234" and "1.234.5" alike.
     """
-    before, comma, after = text.partition(",")
-    # A separator could mean thousands: more than one of them, or a comma before exactly three digits.
-    thousands = bool(comma) and len(after) == 3 and before.lstrip("+-")[:1] not in ("0", "")
-    if thousands or text.count(".") + text.count(",") > 1:
+    # The point is the decimal sign of the screens. A comma, or a second mark, could separate thousands.
+    if text.count(".") + text.count(",") > 1 or ("," in text and len(number_readings(text)) > 1):
         raise ProfileError(Problem(code="value.ambiguous", key=key, value=text, limit=limit))
     plain = text.replace(",", ".")
     return plain if _NUMBER.fullmatch(plain) else None

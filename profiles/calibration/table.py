@@ -1,9 +1,10 @@
 """Read a table of measurements as exported by a spreadsheet.
 
-Cells are separated by semicolons, tabs or commas; with the first two, numbers may have a decimal comma. The
-header names the columns with their units ("Torque (N m)" is `torque_n_m`); lines `# key: value` before it apply
-to all rows. A byte order mark, quotes, empty lines and trailing empty cells are accepted. Unknown columns are
-skipped and reported. Anything else is refused with its line, all problems (up to a cap) at once.
+Cells are separated by semicolons, tabs or commas; with the first two, numbers may have a decimal comma
+(`profiles.trace_files.number_marks`). The header names the columns with their units ("Torque (N m)" is the key
+`torque_n_m`); lines `# key: value` before it apply to all rows. A byte order mark, quotes, empty lines and
+trailing empty cells are accepted. Unknown columns are skipped and reported. Anything else is refused with its
+line, all problems (up to a cap) at once.
 """
 
 from __future__ import annotations
@@ -23,13 +24,12 @@ from profiles.fields import Field, fault
 from profiles.files import printable, read_regular_file
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.limits import text_of
+from profiles.trace_files.number_marks import DECIMAL_SIGNS, SPOILING, NumberMarks, describe_readings
 
 CAP_BYTES = 10_000_000
 MOST_ROWS = 10_000  # a year of clampings, one every hour
 _PROBLEM_CAP = 20
 _SEPARATORS = (";", "\t", ",")
-_POINT = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_COMMA = re.compile(r"[+-]?\d+,\d+([eE][+-]?\d+)?", re.ASCII)
 
 
 class CalibrationKind(StrEnum):
@@ -60,7 +60,8 @@ COLUMNS: Mapping[CalibrationKind, tuple[Field, ...]] = {
 class MeasuredTable:
     """M rows of measurements. `columns` have shape (M,) each; `lines` are their line numbers in the file.
 
-    `meta` are the values of the `# key: value` lines, `ignored` the columns that were not used.
+    `meta` are the values of the `# key: value` lines, `ignored` the columns that were not used,
+    `numbers_read` the example of its `NumberMarks`.
     """
 
     kind: CalibrationKind
@@ -69,6 +70,7 @@ class MeasuredTable:
     meta: Mapping[str, str]
     ignored: tuple[str, ...]
     sha256: str
+    numbers_read: str = ""
 
 
 def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable:
@@ -82,8 +84,9 @@ def read_table(path: Path, kind: CalibrationKind | None = None) -> MeasuredTable
 
 def parse_table(content: bytes, kind: CalibrationKind | None = None, *, where: str = "") -> MeasuredTable:
     """Parse the measurements in the bytes of a file; `where` names it in the problems."""
-    reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,))
-    for number, line in enumerate(text_of(content, where, "calibration.not_text").split("\n"), start=1):
+    text = text_of(content, where, "calibration.not_text")
+    reader = _Reader(where, tuple(CalibrationKind) if kind is None else (kind,), text)
+    for number, line in enumerate(text.split("\n"), start=1):
         stripped = line.strip(" \r")
         if stripped.strip(";,\t"):
             reader.take(number, stripped)
@@ -99,11 +102,12 @@ def column_name(header: str) -> str:
 
 
 class _Reader:
-    def __init__(self, where: str, kinds: tuple[CalibrationKind, ...]) -> None:
+    def __init__(self, where: str, kinds: tuple[CalibrationKind, ...], text: str) -> None:
         self.problems: list[Problem] = []
         self.full = False
         self._where = where
         self._kinds = kinds
+        self._text = text
         self._kind: CalibrationKind | None = None
         self._separator = ""
         self._names: list[str] = []
@@ -111,7 +115,7 @@ class _Reader:
         self._meta: dict[str, str] = {}
         self._rows: list[list[float]] = []
         self._lines: list[int] = []
-        self._decimals: dict[str, int] = {}
+        self._marks = NumberMarks("", None, str)
 
     def take(self, number: int, line: str) -> None:
         if line.startswith("#"):
@@ -125,9 +129,6 @@ class _Reader:
     def finished(self, sha256: str) -> MeasuredTable:
         if not self._names and not self.problems:
             self.problems.append(Problem(code="calibration.empty", where=self._where, limit=self._target()))
-        if len(self._decimals) > 1:
-            seen = ", ".join(f"{mark} {self._where}:{line}" for mark, line in self._decimals.items())
-            self.problems.append(Problem(code="calibration.mixed_decimals", where=self._where, value=seen))
         if self.problems or self._kind is None:
             raise ProfileError(*self.problems)
         fields = COLUMNS[self._kind]
@@ -139,6 +140,7 @@ class _Reader:
             meta=self._meta,
             ignored=self._ignored,
             sha256=sha256,
+            numbers_read=self._marks.example,
         )
 
     def _take_meta(self, number: int, line: str) -> None:
@@ -146,8 +148,10 @@ class _Reader:
         if not colon:
             return  # a remark
         name = column_name(key)
-        if not name or name in self._meta or not value.isprintable():
-            self._refuse("calibration.meta", number, value=line, limit="# key: value")
+        unusable_sign = name == "decimal" and value not in DECIMAL_SIGNS
+        if not name or name in self._meta or not value.isprintable() or unusable_sign:
+            limit = f"# decimal: {' | '.join(DECIMAL_SIGNS)}" if unusable_sign else "# key: value"
+            self._refuse("calibration.meta", number, value=line, limit=limit)
             return
         self._meta[name] = value
 
@@ -159,6 +163,8 @@ class _Reader:
                 if all(names.count(key) == 1 for key in target):
                     self._kind, self._separator, self._names = kind, separator, names
                     self._ignored = tuple(name for name in names if name and name not in target)
+                    decimal = self._meta.get("decimal")
+                    self._marks = NumberMarks(separator, decimal, lambda: self._text.partition(line)[2])
                     return
         self._names = ["-"]  # the header was found, but is unusable: the rows are not judged
         self._refuse("calibration.columns", number, value=line, limit=self._target())
@@ -179,8 +185,14 @@ class _Reader:
         row = []
         for field in COLUMNS[kind]:
             cell = cells[self._names.index(field.key)]
-            value = self._number(number, cell)
-            if value is None:
+            value, code = self._marks.read(cell)
+            if code in SPOILING and code != "trace.decimal_comma":
+                self.full = True
+                two = code == "value.two_readings"
+                limit, mixed = describe_readings(cell) if two else field.limit, "calibration.mixed_decimals"
+                self._refuse(code if two else mixed, number, key=field.key, value=cell, limit=limit)
+                return
+            if code:
                 self._refuse("calibration.not_number", number, key=field.key, value=cell, limit=field.limit)
             elif fault(field, value):
                 self._refuse("calibration.out_of_range", number, key=field.key, value=cell, limit=field.limit)
@@ -189,18 +201,6 @@ class _Reader:
         if len(row) == len(COLUMNS[kind]):
             self._rows.append(row)
             self._lines.append(number)
-
-    def _number(self, number: int, cell: str) -> float | None:
-        if len(cell) > 60:
-            return None
-        if self._separator != "," and _COMMA.fullmatch(cell):
-            self._decimals.setdefault(",", number)
-            return float(cell.replace(",", "."))
-        if not _POINT.fullmatch(cell):
-            return None
-        if "." in cell:
-            self._decimals.setdefault(".", number)
-        return float(cell)
 
     def _target(self) -> str:
         return " | ".join(",".join(field.key for field in COLUMNS[kind]) for kind in self._kinds)

@@ -14,8 +14,8 @@ from typing import Generic, TypeVar
 
 from profiles.files import printable
 from profiles.problem import ProfileError, refused
-from profiles.trace_files.columns import Dialect
 from profiles.trace_files.limits import MOST_POINTS, too_large
+from profiles.trace_files.number_marks import point_number
 from profiles.trace_files.table import FEWEST_POINTS, LARGEST_DEVIATION_UM
 
 Content = TypeVar("Content", bytes, str)
@@ -58,7 +58,7 @@ def closed(kind: str, deviation_um: list[float], points: float, step_m: float, w
 
 def point_count(stated: str, key: str, where: str) -> float:
     """Return a number of points that a trace may have."""
-    value, code = Dialect(",").number(stated)
+    value, code = point_number(stated)
     if not code and value > MOST_POINTS:
         raise too_large(f"{where}: {key}", f"{value:.0f} points", f"{MOST_POINTS} points")
     return number(stated, key, where, FEWEST_POINTS, MOST_POINTS)
@@ -66,7 +66,7 @@ def point_count(stated: str, key: str, where: str) -> float:
 
 def number(stated: str, key: str, where: str, least: float, most: float) -> float:
     """Return a number from a file's header that is within bounds."""
-    value, code = Dialect(",").number(stated)
+    value, code = point_number(stated)
     if code or not least <= value <= most:
         raise unusable(where, key, stated, f"{least:g} - {most:g}")
     return value
@@ -77,9 +77,9 @@ def heights_um(cells: Iterable[tuple[str, str]], um_per_unit: float, points: flo
 
     Raises `ProfileError`: `trace.not_number`, `trace.not_finite` (a value marked BAD, too), `trace.out_of_range`.
     """
-    dialect, found = Dialect(","), []
+    found = []
     for place, cell in cells:
-        value, code = dialect.number(cell)
+        value, code = point_number(cell)
         value_um = value * um_per_unit
         if code or abs(value_um) > LARGEST_DEVIATION_UM:
             limit, shown = f"<= {LARGEST_DEVIATION_UM:g} um", printable(cell, 60) or '""'

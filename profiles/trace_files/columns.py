@@ -1,18 +1,18 @@
-"""The tables that a trace file may hold, by their column names, and the separator and numbers of their lines.
+"""The tables that a trace file may hold, by their column names, and the separator of their lines.
 
-Both are detected from the header line and required on every line. Separators are a semicolon, a comma, a tab or
-blanks; where the comma is no separator it may be the decimal sign, consistently in the whole file. Column names
-are those of instruments and spreadsheets: "Angle [deg]", "θ (°)", "Deviation / µm", "편차 [um]".
+The separator is detected from the header line and required on every line: a semicolon, a comma, a tab or blanks.
+Column names are those of instruments and spreadsheets: "Angle [deg]", "θ (°)", "Deviation / µm", "편차 [um]".
 """
 
 from __future__ import annotations
 
 import csv
-import math
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+
+from profiles.trace_files.number_marks import number_readings
 
 UM_PER_UNIT: Mapping[str, float] = {"um": 1.0, "mm": 1000.0, "nm": 0.001}
 ANGLE = "angle_deg"
@@ -53,11 +53,7 @@ _UNITS: Mapping[str, str] = {
     **dict.fromkeys(("nm", "nanometer", "nanometers", "nanometre", "nanometres"), "nm"),
 }
 
-_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)([eE][+-]?\d+)?", re.ASCII)
-_COMMA_NUMBER = re.compile(r"[+-]?\d+,\d+", re.ASCII)
 _WHOLE_NUMBER = re.compile(r"[+-]?\d+", re.ASCII)
-_WORDS_FOR_NO_NUMBER = frozenset({"nan", "inf", "infinity", "bad"})
-_LONGEST_CELL = 60
 
 
 def columns_named(headings: tuple[str, ...]) -> Columns | None:
@@ -85,7 +81,7 @@ def _plain(text: str) -> str:
 
 
 class Dialect:
-    """The separator of one file and, once found, its decimal sign."""
+    """The separator of one file."""
 
     def __init__(self, header: str) -> None:
         """Detect the separator in the header line; the names of columns contain none of its characters.
@@ -94,7 +90,6 @@ class Dialect:
         """
         self.separator = next((mark for mark in ";,\t" if mark in header), " ")
         self.header = re.sub(r"\s+(?=[\[(])", "", header) if self.separator == " " else header
-        self._decimal = "." if self.separator == "," else ""
 
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line without surrounding blanks and quotes."""
@@ -114,28 +109,10 @@ class Dialect:
         if any(mark in cell for mark in others for cell in cells):
             return "trace.separator"
         if self.separator == ",":
-            if any(_COMMA_NUMBER.fullmatch(cell) for cell in cells):
-                return "trace.decimal_comma"
             split = target < len(cells) <= 2 * target and all(_WHOLE_NUMBER.fullmatch(cell) for cell in cells)
             return "trace.decimal_comma" if split and target > 1 else ""
-        if len(cells) == 1 < target and "," in cells[0]:
-            return "trace.separator"
-        signs = {mark for cell in cells for mark in ",." if mark in cell}
-        if len(signs | {self._decimal} - {""}) > 1:
-            return "trace.mixed_decimals"
-        self._decimal = self._decimal or "".join(signs)
-        return ""
-
-    def number(self, cell: str) -> tuple[float, str]:
-        """Return a number and the problem code if it is none; Python's own parser would accept 1_000 too."""
-        if cell.lstrip("+-").lower() in _WORDS_FOR_NO_NUMBER:
-            return math.nan, "trace.not_finite"
-        plain = cell.replace(",", ".") if self._decimal == "," else cell
-        if len(cell) > _LONGEST_CELL or not _NUMBER.fullmatch(plain):
-            return math.nan, "trace.not_number"
-        value = float(plain)
-        return value, "" if math.isfinite(value) else "trace.not_finite"
+        return "trace.separator" if len(cells) == 1 < target and "," in cells[0] else ""
 
     def is_point(self, cells: Sequence[str]) -> bool:
         """Whether these are numbers and not names."""
-        return all(_NUMBER.fullmatch(cell.replace(",", ".")) for cell in cells)
+        return all(map(number_readings, cells))

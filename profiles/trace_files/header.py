@@ -1,7 +1,7 @@
 """The meaning of the `# key: value` lines of a trace: how it was measured.
 
-Some keys change the numbers and are applied while the file is read (`units`, `angles`, `angle_range`); the rest
-is kept here. What a trace does not state is unknown, never assumed.
+Some keys change the numbers and are applied while the file is read (`units`, `angles`, `angle_range`, `decimal`);
+the rest is kept here. What a trace does not state is unknown, never assumed.
 """
 
 from __future__ import annotations
@@ -22,7 +22,9 @@ same."""
 START_MARKS = ("spindle index", "jaw 1", "unknown")  # the mark at angle 0
 METHODS = ("radial", "v_block", "two_point")
 SIZES = ("absolute", "relative")
-APPLIED = ("units", "angles", "angle_range")  # keys that are applied while the file is read and then dropped
+NUMBERS_READ = "numbers_read"  # added by the reader: a number of the file with its reading
+# Keys that are applied while the file is read and then dropped:
+APPLIED = ("units", "angles", "angle_range", "decimal")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +75,13 @@ class TraceHeader:
 
 
 def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]]:
-    """Return the header of these lines, with a warning for each unusable value, then treated as not stated."""
-    unusable: list[Problem] = []
+    """Return the header of these lines, with a warning for each unusable value, then treated as not stated.
+
+    Another warning says how numbers were read that are not written with a decimal point.
+    """
+    warnings: list[Problem] = []
+    if NUMBERS_READ in meta:
+        warnings.append(Problem(code="value.numbers_read", value=printable(meta[NUMBERS_READ], 60)))
 
     def number(key: str, above: float, limit: str) -> float | None:
         if (stated := meta.get(key)) is None:
@@ -82,14 +89,14 @@ def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]
         with suppress(ValueError):
             if above < float(stated) < math.inf:
                 return float(stated)
-        unusable.append(_unusable(key, stated, limit))
+        warnings.append(_unusable(key, stated, limit))
         return None
 
     def choice(key: str, choices: tuple[str, ...]) -> str | None:
         stated = meta.get(key)
         if stated is None or stated in choices:
             return stated
-        unusable.append(_unusable(key, stated, ", ".join(choices)))
+        warnings.append(_unusable(key, stated, ", ".join(choices)))
         return None
 
     start_mark = choice("start_mark", START_MARKS)
@@ -105,7 +112,7 @@ def header_of(meta: Mapping[str, str]) -> tuple[TraceHeader, tuple[Problem, ...]
         method=choice("method", METHODS),
         turns=int(meta.get("turns", "1")),
     )
-    return header, tuple(unusable)
+    return header, tuple(warnings)
 
 
 def _unusable(key: str, stated: str, limit: str) -> Problem:

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.columns import ANGLE, TABLES, UM_PER_UNIT, Columns, Dialect, columns_named, unit_named
-from profiles.trace_files.header import APPLIED
+from profiles.trace_files.header import APPLIED, NUMBERS_READ
 from profiles.trace_files.limits import MOST_HEADER_LINES, MOST_POINTS
+from profiles.trace_files.number_marks import DECIMAL_SIGNS, SPOILING, NumberMarks, describe_readings
 
 FEWEST_POINTS = 16
 LARGEST_DEVIATION_UM = 1e6
@@ -20,13 +21,20 @@ CLOSING_TOLERANCE_UM = 1e-9
 PROBLEM_CAP = 20
 _TURN_DEG = 360.0
 _RANGES = {"0..360": 0.0, "-180..180": -180.0}
+_CHOICES = {
+    "units": (*UM_PER_UNIT,),
+    "angles": ("equal",),
+    "angle_range": (*_RANGES,),
+    "decimal": (*DECIMAL_SIGNS,),
+}
 
 
 class TableReader:
     """Reads the lines of one file in turn; collects problems and points: first column, second column in um."""
 
-    def __init__(self, where: str) -> None:
+    def __init__(self, where: str, text: str) -> None:
         self.where = where
+        self._text = text
         self.problems: list[Problem] = []
         self.spoilt = False
         self.meta: dict[str, str] = {}
@@ -35,6 +43,7 @@ class TableReader:
         self.second: list[float] = []
         self._header_seen = False
         self._dialect = Dialect("")
+        self._marks = NumberMarks("", None, str)
         self._line_of_angle: dict[float, int] = {}
         self._line_of_place: dict[tuple[float, float], int] = {}
         self._closed_by: tuple[int, str] | None = None
@@ -75,6 +84,7 @@ class TableReader:
         if self.problems:
             raise ProfileError(*self.problems)
         self.meta = {key: value for key, value in self.meta.items() if key not in APPLIED}
+        self.meta |= {NUMBERS_READ: self._marks.example} if self._marks.example else {}
 
     def _take_meta(self, number: int, line: str) -> None:
         key, colon, value = (part.strip() for part in line[1:].partition(":"))
@@ -89,7 +99,7 @@ class TableReader:
             self._spoil("trace.too_large", number, value=value, limit=limit)
             return
         self.meta[key] = value
-        allowed = {"units": tuple(UM_PER_UNIT), "angles": ("equal",), "angle_range": tuple(_RANGES)}.get(key)
+        allowed = _CHOICES.get(key)
         if self._header_seen and allowed:
             self._refuse("trace.meta_late", number, key=key, value=line, limit=PLAIN_HEADER)
         elif allowed and value not in allowed:
@@ -124,12 +134,18 @@ class TableReader:
             self._spoil("trace.units", number, value=line, limit=" | ".join(f"# units: {u}" for u in UM_PER_UNIT))
         elif (len(cells) == 1) != (self.meta.get("angles") == "equal"):
             self._spoil("trace.angles", number, value=line, limit="# angles: equal")
+        decimal = self.meta.get("decimal")
+        self._marks = NumberMarks(self._dialect.separator, decimal, lambda: self._text.partition(line)[2])
 
     def _take_point(self, number: int, cells: Sequence[str]) -> None:
         assert self.columns is not None
         values = []
         for key, cell in zip(self.columns.names, cells, strict=True):
-            value, code = self._dialect.number(cell)
+            value, code = self._marks.read(cell)
+            if code in SPOILING:
+                limit = describe_readings(cell) if code == "value.two_readings" else PLAIN_HEADER
+                self._spoil(code, number, key=key, value=cell, limit=limit)
+                return
             if key != ANGLE:
                 value *= self._um_per_unit
             elif not code and value < self._from_deg == 0.0:

@@ -14,9 +14,11 @@ import pytest
 from console.session.cut.interlocks import of_lobe
 from console.session.cut.run import plan_run
 from console.session.errors import SessionError
+from console.session.learning.chuck_calibrating import stated_number
 from console.session.work import edited, opened
 from console.text.catalogue import load
 from drivers.cutting.planning import Strategy
+from profiles.problem import ProfileError
 from profiles.store import BUNDLED_JOBS, load_job, load_machine, save_job
 
 Console = Callable[..., Any]
@@ -238,3 +240,32 @@ def test_what_a_file_does_not_state_is_still_missing_when_a_value_was_tried(tmp_
     back = edited(edited(tried, "spindle_speed_rpm", "1000"), "chucking_force_n", "1314")
     (missing,) = of_lobe(back.job, machine.machine, Strategy.PVT, simulated=False).problems
     assert (missing.code, missing.limit) == ("rule.lobe_unstated", "lobe_force_n, lobe_spindle_speed_rpm")
+
+
+def test_thousands_of_a_wrench_are_refused_with_both_readings_or_shown(console: Console, tmp_path: Path) -> None:
+    path = tmp_path / "thousands.csv"
+    rows = [f"{torque};{torque * 377 // 1000},{torque * 377 % 1000:03}" for torque in (4, 6, 8, 10)]
+    path.write_text("\n".join(["torque_n_m;force_n", *rows]))
+    refused = console("calibrate", "chuck", str(path), "--keep")
+    assert refused.code == 1
+    for word in ("thousands.csv:2", "1,508", "1.508 (# decimal: comma)", "1508 (# decimal: point)"):
+        assert word in refused.err
+    path.write_text("\n".join(["torque_n_m;force_n", *rows, "12;4,524.0"]))
+    shown = console("calibrate", "chuck", str(path), "--json")
+    assert shown.json["found"]["slope_n_per_n_m"] == pytest.approx(377.0)
+    assert "1,508 = 1508" in shown.err
+    path.write_text("\n".join(["# decimal: point", "torque_n_m;force_n", *rows]))
+    stated = console("calibrate", "chuck", str(path), "--json")
+    assert stated.json["found"]["slope_n_per_n_m"] == pytest.approx(377.0) and "1508" not in stated.err
+
+
+@pytest.mark.parametrize(
+    ("stated", "meant"), [("206,000", None), ("206,5", 206.5), ("2.06e2", 206.0), ("-1", None)]
+)
+def test_a_modulus_in_a_header_line_is_read_as_typed_numbers_are(stated: str, meant: float | None) -> None:
+    if meant is not None:
+        assert stated_number({"youngs_modulus_gpa": stated}, "youngs_modulus_gpa") == meant
+        return
+    with pytest.raises(ProfileError) as caught:
+        stated_number({"youngs_modulus_gpa": stated}, "youngs_modulus_gpa")
+    assert caught.value.problems[0].code == ("value.ambiguous" if "," in stated else "calibration.not_positive")

@@ -228,3 +228,22 @@ def test_a_band_and_a_robust_fit(console: Console, tmp_path: Path) -> None:
     assert "excluded: 1" in console("roundness", str(path), "--robust").out
     assert console("roundness", str(path), "--band", "15:2").code == 2
     assert console("roundness", str(path), "--band", "2:15", "--filter", "15").code == 2
+
+
+def test_a_comma_before_three_digits_is_no_small_part(console: Console, tmp_path: Path) -> None:
+    """A lobe of 12.3 um p-p in nm, with thousands separated: 6,150 nm, not 6.15."""
+    path = tmp_path / "thousands.csv"
+    nm = [round(6150.0 * np.cos(3 * np.radians(angle))) for angle in range(360)]
+    grouped = [f"{angle};{value:,}" for angle, value in enumerate(nm)]
+    path.write_text("\n".join(["# state: free", "angle_deg;deviation_nm", *grouped]))
+    refused = console("roundness", str(path))
+    assert refused.code == 1 and not refused.out
+    for word in ("thousands.csv:3", "6,150", "6.15 (# decimal: comma)", "6150 (# decimal: point)"):
+        assert word in refused.err
+    path.write_text("\n".join(["# state: free", "# decimal: point", "angle_deg;deviation_nm", *grouped]))
+    assert console("roundness", str(path), "--json").json["RONt_um"] == pytest.approx(12.3, rel=0.01)
+    grouped[0] = "0;6,150.0"
+    path.write_text("\n".join(["# state: free", "angle_deg;deviation_nm", *grouped]))
+    settled = console("roundness", str(path), "--json")
+    assert settled.json["RONt_um"] == pytest.approx(12.3, rel=0.01)
+    assert settled.json["meta"]["numbers_read"] == "6,150.0 = 6150.0" and "6,150.0 = 6150.0" in settled.err

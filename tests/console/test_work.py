@@ -57,6 +57,16 @@ def test_what_cannot_be_meant_is_refused_with_the_limits(typed: str, code: str) 
     assert (problem.code, problem.key, problem.limit) == (code, "chucking_force_n", ">= 0.1, <= 100000 N")
 
 
+@pytest.mark.parametrize(
+    "typed", ["1,234.5", "1.234,5", "1 234,5", "1\u00a0234", "1\u202f234", "1'234.5", "1\u2019234"]
+)
+@pytest.mark.parametrize("sign", ["", "-", "\u2212"])
+def test_separated_thousands_are_never_taken_for_another_number(typed: str, sign: str) -> None:
+    with pytest.raises(ProfileError) as raised:
+        parsed(sign + typed, "chucking_force_n")
+    assert raised.value.problems[0].code in ("value.ambiguous", "value.not_number")
+
+
 @pytest.mark.parametrize("typed", ["3.5", "3,0", "three", ""])
 def test_jaws_are_counted(typed: str) -> None:
     with pytest.raises(ProfileError) as raised:

@@ -64,7 +64,7 @@ def test_every_wrong_row_is_named_with_its_line() -> None:
 
 
 def test_what_spoils_the_whole_file_is_told_once() -> None:
-    assert refused("torque_n_m;force_n\n10,5;3700\n20.5;1\n") == [("mixed_decimals", "t.csv", "")]
+    assert refused("torque_n_m;force_n\n10,5;3700\n20.5;1\n") == [("mixed_decimals", "t.csv:3", "torque_n_m")]
     assert refused("torque,force\n1,2\n") == [("columns", "t.csv:1", "")]
     assert refused("torque_n_m,force_n,force_n\n1,2,3\n") == [("columns", "t.csv:1", "")]
     assert refused("") == [("empty", "t.csv", "")]

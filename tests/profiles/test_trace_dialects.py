@@ -51,7 +51,7 @@ def test_a_closing_point_that_differs_stands_against_the_one_at_0() -> None:
         ([HEADER, "0;0,5", "22,5;1,5"], "trace.separator", 2),
         (["angle_deg;deviation_um", *(p.replace(".", ",") for p in POINTS)], "trace.separator", 2),
         (["angle_deg;deviation_um", "0;0", "22,5;1,5", "45.5;1"], "trace.mixed_decimals", 4),
-        (["angle_deg;deviation_um", "1.234,5;0"], "trace.mixed_decimals", 2),
+        (["angle_deg;deviation_um", "0,5;0", "1.5;0"], "trace.mixed_decimals", 3),
         (["angle_deg,deviation", *POINTS], "trace.units", 1),
         (["# units: mm", HEADER, *POINTS], "trace.units", 2),
         (["deviation_um", *(str(i) for i in range(16))], "trace.angles", 1),

@@ -15,10 +15,12 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.text.units import METRIC, Units
 from console.tui.calibrating.chuck_facts import ChuckFacts, kept_facts
+from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.kept_list import Standing, kept_list
 from console.tui.further.calibrate import CalibratePage
 from console.tui.gate import FieldKind
 from console.tui.records import beside
+from profiles.calibration.table import CalibrationKind
 from profiles.store import load_machine
 from tests.tui import calibrate_stage
 from tests.tui.calibrate_stage import TABLE, WRENCH, keep_wrench
@@ -332,3 +334,10 @@ def test_in_inches_a_point_keeps_what_was_not_typed_again(tmp_path: Path) -> Non
         play_on(CalibrateScene, scene, tmp_path)
     finally:
         load("en")._measure_in(METRIC)  # one catalogue for all tests of a process
+
+
+def test_entered_points_are_read_back_whatever_their_decimals() -> None:
+    rows = ((1.234, 5.678), (2.345, 7.891), (3.456, 9.012))
+    measured = Draft(kind=CalibrationKind.WRENCH, rows=rows).measured()
+    assert list(zip(*measured.columns.values(), strict=True)) == list(rows)
+    assert measured.numbers_read == ""

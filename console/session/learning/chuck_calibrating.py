@@ -10,6 +10,7 @@ from pathlib import Path
 from console.session.data.calibrated_chuck import refuse_unusable
 from console.session.data.calibrations import Calibration, store
 from console.session.data.kept_files import utc_now
+from console.session.typed_number import plain_number
 from profiles.calibration.deflection import DeflectionFit, fit_deflection
 from profiles.calibration.table import CalibrationKind, MeasuredTable
 from profiles.calibration.wrench import WrenchFit, fit_wrench
@@ -39,19 +40,23 @@ def fitted(measured: MeasuredTable, machine: MachineProfile, *, affine: bool = F
     stated = meta.get("jaws", str(jaws))
     if stated != str(jaws):
         raise ProfileError(Problem(code="calibration.jaws_differ", value=printable(stated, 20), limit=str(jaws)))
-    youngs_gpa = _stated(meta, "youngs_modulus_gpa")
+    youngs_gpa = stated_number(meta, "youngs_modulus_gpa")
     if youngs_gpa is None:
         if "material" not in meta:
             raise ProfileError(Problem(code="calibration.no_modulus", limit="# youngs_modulus_gpa: 206"))
         youngs_gpa = material_named(meta["material"]).youngs_modulus_gpa
-    return fit_deflection(columns, jaws=jaws, youngs_gpa=youngs_gpa, jaw_length_mm=_stated(meta, "jaw_length_mm"))
+    jaw_length_mm = stated_number(meta, "jaw_length_mm")
+    return fit_deflection(columns, jaws=jaws, youngs_gpa=youngs_gpa, jaw_length_mm=jaw_length_mm)
 
 
-def _stated(meta: Mapping[str, str], key: str) -> float | None:
-    """Return the number in a header line, None where there is none."""
+def stated_number(meta: Mapping[str, str], key: str) -> float | None:
+    """Return the number in a header line, None without one.
+
+    Raises ProfileError: `value.ambiguous`, as for a typed number; `calibration.not_positive`.
+    """
     if key not in meta:
         return None
-    value = _number(meta[key].replace(",", "."))
+    value = _number(plain_number(meta[key], key, "> 0") or meta[key])
     if not (math.isfinite(value) and value > 0):
         shown = printable(meta[key], 60) or '""'
         raise ProfileError(Problem(code="calibration.not_positive", key=key, value=shown, limit="> 0"))
@@ -108,6 +113,9 @@ def fit_warnings(fit: ChuckFit, measured: MeasuredTable, where: str) -> list[Pro
             found.append(
                 Problem(code="calibration.wide_slope", where=where, key="slope", value=value, limit=limit)
             )
+    if measured.numbers_read:
+        value = printable(measured.numbers_read, 60)
+        found.append(Problem(code="value.numbers_read", where=where, value=value))
     if measured.ignored:
         value = printable(", ".join(measured.ignored), 60)
         found.append(Problem(code="calibration.ignored", where=where, value=value))

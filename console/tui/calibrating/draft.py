@@ -8,6 +8,7 @@ from pathlib import Path
 
 from console.session.data.calibrations import FOLDER
 from console.session.data.kept_files import folder_name, make_folder, utc_now
+from console.session.learning.chuck_calibrating import stated_number
 from console.session.typed_length import stored_length
 from console.session.work import entered_number
 from console.text.units import METRIC, Units
@@ -63,6 +64,7 @@ class Draft:
         return parse_table(self.text, self.kind, where=printable(self.file))
 
     def _lines(self) -> Iterator[str]:
+        yield "# decimal: point"
         if self.modulus_gpa is not None:
             yield f"# {MODULUS.key}: {self.modulus_gpa:.17g}"
         yield ";".join(field.key for field in self.fields)
@@ -77,8 +79,7 @@ def imported(path: Path) -> Draft:
     measured = parse_table(content, where=printable(str(path)))
     columns = [measured.columns[field.key] for field in COLUMNS[measured.kind]]
     rows = tuple(tuple(float(value) for value in row) for row in zip(*columns, strict=True))
-    stated = measured.meta.get(MODULUS.key, "").replace(",", ".")
-    modulus_gpa = float(stated) if stated.replace(".", "", 1).isdigit() else None
+    modulus_gpa = stated_number(measured.meta, MODULUS.key)
     return Draft(kind=measured.kind, rows=rows, modulus_gpa=modulus_gpa, file=str(path), content=content)
 
 
