@@ -26,6 +26,7 @@ TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+NOT_REGULAR = "not a regular file"
 _NUL_PART = 4  # a text of numbers and English in UTF-16 is half NUL bytes
 TOML_LINE_SHOWN = 40  # characters of a line that cannot be read
 _TOML_PLACE = re.compile(r"at line (\d+), column (\d+)")
@@ -42,6 +43,27 @@ def printable(text: str, most_characters: int = 200) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in cut)
 
 
+def open_regular(path: str | Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int:
+    """Return a descriptor of a regular file; also an `opener` of `open`. Never waits for a pipe.
+
+    Raises `OSError`: it cannot be opened, or is no regular file.
+    """
+    require_regular(path, follow=not flags & os.O_NOFOLLOW)
+    # Non-blocking: between the check and the opening the name may have become a pipe.
+    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return descriptor
+    os.close(descriptor)
+    raise OSError(errno.EINVAL, NOT_REGULAR)
+
+
+def require_regular(path: str | Path, *, follow: bool = True) -> None:
+    """Raise `OSError` where something else than a regular file is: opening some devices already has an effect."""
+    with suppress(FileNotFoundError):
+        if not stat.S_ISREG(os.stat(path, follow_symlinks=follow).st_mode):
+            raise OSError(errno.EINVAL, NOT_REGULAR)
+
+
 def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> bytes:
     """Return the bytes of a regular file.
 
@@ -50,14 +72,7 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
     """
     where = printable(str(path))
     try:
-        # Checked before opening, because opening some devices already has an effect.
-        if not stat.S_ISREG(os.stat(path).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file")
-        # Non-blocking: between the check and the opening the name may have become a pipe.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise OSError(errno.EINVAL, "not a regular file")
+        with open(path, "rb", opener=open_regular) as file:
             content = file.read(cap_bytes + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
@@ -281,7 +296,7 @@ def _mode_of_existing(target: Path) -> int | None:
     except FileNotFoundError:
         return None
     if not stat.S_ISREG(status.st_mode):
-        raise OSError(errno.EINVAL, "not a regular file")
+        raise OSError(errno.EINVAL, NOT_REGULAR)
     return stat.S_IMODE(status.st_mode)
 
 
