@@ -26,6 +26,9 @@ TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+MOST_DEPTH = 40
+"""Folders above a file; Python itself lists and removes deeper ones by calling itself as often."""
+
 NOT_REGULAR = "not a regular file"
 _NUL_PART = 4  # a text of numbers and English in UTF-16 is half NUL bytes
 TOML_LINE_SHOWN = 40  # characters of a line that cannot be read
@@ -234,8 +237,16 @@ def remove_left(folder: Path, name: str = "") -> None:
 
 def remove_all_left(folder: Path) -> None:
     """Remove the temporary files that killed writers have left in one of our folders and all below it."""
-    for inner, _, _ in os.walk(folder):
+    for inner, _, _ in walk(folder):
         remove_left(Path(inner))
+
+
+def walk(top: Path) -> Iterator[tuple[str, list[str], list[str]]]:
+    """Yield the folders of one of ours, as `os.walk`, but none deeper than `MOST_DEPTH`."""
+    for folder, folders, files in os.walk(top):
+        if folder.count(os.sep) >= str(top).count(os.sep) + MOST_DEPTH:
+            folders.clear()
+        yield folder, folders, files
 
 
 def made_locked(path: Path, mode: int) -> int:

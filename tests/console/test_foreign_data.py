@@ -8,19 +8,20 @@ import io
 import os
 import signal
 import sqlite3
+import subprocess
 import tarfile
 import zlib
-from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from collections.abc import Callable
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.cli.machine.data_folder_checks import data_folder_checks
 from console.cli.machine.doctor_checks import library_checks, loses_wal_reset
 from console.session.data import restore
 from console.session.data.backup import back_up
-from console.session.data.backup_format import MOST_DEPTH
 from console.session.data.backup_reading import MOST_HEADER_BYTES, checked
 from console.session.data.record_file import BESIDE_RECORDS, FILE_NAME
 from console.session.data.records import add_to_run
@@ -33,9 +34,11 @@ from console.session.station.owning import LOG_NAME
 from console.session.study.journal import NAME, journal
 from console.text.escaping import csv_table
 from drivers.simulator.machine import SimulatedLathe
+from profiles.files import MOST_DEPTH, remove_all_left
 from profiles.findings import Severity
 from profiles.problem import ProblemError
 from profiles.store import load_machine
+from tests.branching import in_a_copy
 from tests.console.consoles import MACHINE, console_of
 from tests.console.test_backup import code_of, entries, entry, packed
 from tests.console.test_run_reader import part, record
@@ -43,20 +46,15 @@ from tests.console.test_run_reader import part, record
 Console = Callable[..., Any]
 
 
-@contextmanager
-def within(seconds: int) -> Iterator[None]:
-    """Fail what waits longer, such as for the other end of a pipe."""
+def within(seconds: int, act: Callable[[], None]) -> None:
+    """Do something in a copy of this process, which is killed if it waits, such as for the other end of a pipe."""
 
-    def late(*_: object) -> None:
-        raise AssertionError(f"still waiting after {seconds} s")
+    def limited() -> None:
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)
+        signal.alarm(seconds)
+        act()
 
-    before = signal.signal(signal.SIGALRM, late)
-    signal.alarm(seconds)
-    try:
-        yield
-    finally:
-        signal.alarm(0)
-        signal.signal(signal.SIGALRM, before)
+    in_a_copy(limited)
 
 
 def code(act: Callable[[], object]) -> str:
@@ -103,6 +101,21 @@ def test_an_archive_of_thousands_of_nested_folders_is_refused(tmp_path: Path) ->
     _, left_out = back_up(data, tmp_path / "b.tar.gz")
     assert [problem.code for problem in left_out] == ["backup.left_out"]
     assert len(checked(tmp_path / "b.tar.gz").folders) == MOST_DEPTH
+
+
+def test_thousands_of_nested_folders_in_a_shared_folder_end_no_command(tmp_path: Path) -> None:
+    def acts() -> None:
+        os.chdir(tmp_path)
+        for _ in range(1500):
+            os.mkdir("d")
+            os.chdir("d")
+        remove_all_left(tmp_path)
+        assert [check.code for check in data_folder_checks(tmp_path)] == ["data_folder_private"]
+
+    try:
+        in_a_copy(acts)
+    finally:  # Python itself cannot remove them
+        subprocess.run(["rm", "-rf", str(tmp_path / "d")], check=True)
 
 
 @pytest.mark.parametrize("kind", [tarfile.XHDTYPE, tarfile.XGLTYPE, tarfile.GNUTYPE_LONGNAME])
@@ -213,12 +226,15 @@ def test_a_pipe_a_link_or_a_device_in_place_of_the_program_log_delays_nothing(
     secret = tmp_path / "secret"
     secret.write_text("mine\n")
     secret.chmod(0o600)
+
+    def acts() -> None:
+        note(tmp_path / "data", "hello")
+        assert console("run", "no-such-job", "--sim", "--data", str(tmp_path / "data")).code == 1
+
     for put in (os.mkfifo, lambda path: os.symlink(secret, path), lambda path: os.symlink("/dev/zero", path)):
         place.unlink()
         put(place)
-        with within(10):
-            note(tmp_path / "data", "hello")
-            assert console("run", "no-such-job", "--sim", "--data", str(tmp_path / "data")).code == 1
+        within(10, acts)
     assert (secret.read_text(), secret.stat().st_mode & 0o777) == ("mine\n", 0o600)
 
 
@@ -227,7 +243,8 @@ def test_a_pipe_in_place_of_the_records_is_named(console: Console, tmp_path: Pat
     record(tmp_path, 2.0)
     run_id = runs(tmp_path)[0].run_id
     pipe_at(tmp_path / name)
-    with within(10):
+
+    def acts() -> None:
         assert code(lambda: record(tmp_path, 3.0)) == "record.unwritable"
         assert code(lambda: runs(tmp_path)) == "record.not_readable"
         said = console("records", "list", "--data", str(tmp_path))
@@ -235,9 +252,11 @@ def test_a_pipe_in_place_of_the_records_is_named(console: Console, tmp_path: Pat
         with pytest.raises(SessionError):
             add_to_run(tmp_path, run_id, "measured", {}, part(1.0))
 
+    within(10, acts)
+
 
 def test_a_pipe_in_place_of_other_shared_files_delays_nothing(tmp_path: Path) -> None:
-    with within(10):
+    def acts() -> None:
         machine = load_machine(MACHINE).machine
         pipe_at(tmp_path / LOG_NAME)
         console_of(SimulatedLathe(machine), machine, tmp_path).owning.take_control()  # which is logged

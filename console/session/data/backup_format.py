@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 from console.session.data.record_file import BESIDE_RECORDS
-from profiles.files import is_temporary
+from profiles.files import MOST_DEPTH, is_temporary
 from profiles.own_values import from_json
 
 SCHEMA = 1
@@ -24,8 +24,6 @@ MANIFEST_CAP_BYTES = 64_000_000
 OF_RUNNING_CONSOLES = ("locks", "running", "feed", "program-log")
 RINGS = "flight/running"  # of the flight recorder
 CLONE = ".git"
-MOST_DEPTH = 40
-"""Folders above a file; Python itself removes and lists deeper ones by calling itself as often."""
 
 
 @dataclass(frozen=True, slots=True)
