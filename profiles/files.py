@@ -26,6 +26,10 @@ TOML_CAP_BYTES = 1_000_000
 # Far above any honest line. The time of `tomllib` grows with the square of a dotted key's length.
 TOML_LINE_CAP_CHARACTERS = 4096
 TOML_LINE_CAP_DOTS = 100
+MOST_DEPTH = 40
+"""Folders above a file; Python itself lists and removes deeper ones by calling itself as often."""
+
+NOT_REGULAR = "not a regular file"
 _NUL_PART = 4  # a text of numbers and English in UTF-16 is half NUL bytes
 TOML_LINE_SHOWN = 40  # characters of a line that cannot be read
 _TOML_PLACE = re.compile(r"at line (\d+), column (\d+)")
@@ -42,6 +46,27 @@ def printable(text: str, most_characters: int = 200) -> str:
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode("ascii") for c in cut)
 
 
+def open_regular(path: str | Path, flags: int = os.O_RDONLY, mode: int = 0o666) -> int:
+    """Return a descriptor of a regular file; also an `opener` of `open`. Never waits for a pipe.
+
+    Raises `OSError`: it cannot be opened, or is no regular file.
+    """
+    require_regular(path, follow=not flags & os.O_NOFOLLOW)
+    # Non-blocking: between the check and the opening the name may have become a pipe.
+    descriptor = os.open(path, flags | os.O_NONBLOCK | os.O_CLOEXEC, mode)
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        return descriptor
+    os.close(descriptor)
+    raise OSError(errno.EINVAL, NOT_REGULAR)
+
+
+def require_regular(path: str | Path, *, follow: bool = True) -> None:
+    """Raise `OSError` where something else than a regular file is: opening some devices already has an effect."""
+    with suppress(FileNotFoundError):
+        if not stat.S_ISREG(os.stat(path, follow_symlinks=follow).st_mode):
+            raise OSError(errno.EINVAL, NOT_REGULAR)
+
+
 def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> bytes:
     """Return the bytes of a regular file.
 
@@ -50,14 +75,7 @@ def read_regular_file(path: Path, *, cap_bytes: int, area: str = "file") -> byte
     """
     where = printable(str(path))
     try:
-        # Checked before opening, because opening some devices already has an effect.
-        if not stat.S_ISREG(os.stat(path).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file")
-        # Non-blocking: between the check and the opening the name may have become a pipe.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
-        with os.fdopen(descriptor, "rb") as file:
-            if not stat.S_ISREG(os.fstat(descriptor).st_mode):
-                raise OSError(errno.EINVAL, "not a regular file")
+        with open(path, "rb", opener=open_regular) as file:
             content = file.read(cap_bytes + 1)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
@@ -219,8 +237,16 @@ def remove_left(folder: Path, name: str = "") -> None:
 
 def remove_all_left(folder: Path) -> None:
     """Remove the temporary files that killed writers have left in one of our folders and all below it."""
-    for inner, _, _ in os.walk(folder):
+    for inner, _, _ in walk(folder):
         remove_left(Path(inner))
+
+
+def walk(top: Path) -> Iterator[tuple[str, list[str], list[str]]]:
+    """Yield the folders of one of ours, as `os.walk`, but none deeper than `MOST_DEPTH`."""
+    for folder, folders, files in os.walk(top):
+        if folder.count(os.sep) >= str(top).count(os.sep) + MOST_DEPTH:
+            folders.clear()
+        yield folder, folders, files
 
 
 def made_locked(path: Path, mode: int) -> int:
@@ -281,7 +307,7 @@ def _mode_of_existing(target: Path) -> int | None:
     except FileNotFoundError:
         return None
     if not stat.S_ISREG(status.st_mode):
-        raise OSError(errno.EINVAL, "not a regular file")
+        raise OSError(errno.EINVAL, NOT_REGULAR)
     return stat.S_IMODE(status.st_mode)
 
 

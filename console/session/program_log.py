@@ -12,13 +12,14 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
+from io import TextIOWrapper
 from logging.handlers import RotatingFileHandler
 from pathlib import Path
 from types import TracebackType
 from typing import NoReturn
 
 from console.text.escaping import escaped
-from profiles.files import make_private_folder
+from profiles.files import make_private_folder, open_regular
 from profiles.folder_rights import rights_in
 
 FOLDER, FILE, LOCK = "program-log", "trilobe.log", "lock"
@@ -38,10 +39,6 @@ def note(data: Path, text: str, *, level: int = logging.INFO, error: BaseExcepti
         record = logging.LogRecord("trilobe", level, "", 0, "%s", (text,), _info(error))
         with _locked(folder):
             with closing(_Handler(folder / FILE)) as handler:
-                with suppress(OSError):
-                    os.chmod(
-                        folder / FILE, rights_in(folder).file
-                    )  # whatever the umask; of another account otherwise
                 handler.emit(record)
 
 
@@ -56,6 +53,10 @@ class _Handler(RotatingFileHandler):
         )
         self.setFormatter(_Formatter(_FORM, "%Y-%m-%dT%H:%M:%S"))
 
+    def _open(self) -> TextIOWrapper:
+        """Open the log, with the rights of its folder; a link, a pipe or a device in its place is not used."""
+        return open(self.baseFilename, "a", encoding=self.encoding, errors=self.errors, opener=_opened)
+
     def handleError(self, record: logging.LogRecord) -> NoReturn:  # noqa: N802 - the name is that of logging
         """Raise what logging would write to the terminal of the operator."""
         raise
@@ -69,14 +70,19 @@ class _Formatter(logging.Formatter):
         return escaped(super().format(record).replace("\n", "\n    "))
 
 
+def _opened(path: str | Path, flags: int) -> int:
+    rights = rights_in(Path(path).parent).file
+    descriptor = open_regular(path, flags | os.O_NOFOLLOW, rights)
+    with suppress(OSError):
+        os.fchmod(descriptor, rights)  # whatever the umask; of another account otherwise
+    return descriptor
+
+
 @contextmanager
 def _locked(folder: Path) -> Iterator[None]:
     """Hold the lock of the log, but do not wait long for a process that has been halted with it."""
-    rights = rights_in(folder).file
-    descriptor = os.open(folder / LOCK, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, rights)
+    descriptor = _opened(folder / LOCK, os.O_RDWR | os.O_CREAT)
     try:
-        with suppress(OSError):
-            os.fchmod(descriptor, rights)  # of another account otherwise
         until_s = time.monotonic() + WAIT_S
         while True:
             try:

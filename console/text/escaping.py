@@ -7,8 +7,11 @@ in the streams of the command line, and in the panels of the screens.
 from __future__ import annotations
 
 import codecs
+import csv
+import io
 import re
 import unicodedata
+from collections.abc import Iterable
 
 CELLS = "console.cells"
 """Name of the error handler that keeps the width of what it replaces, for a stream of another encoding."""
@@ -64,6 +67,26 @@ def can_write(text: str, encoding: str | None) -> bool:
     except LookupError:
         return True
     return True
+
+
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "＝", "＋", "－", "＠")
+"""How a cell begins that a spreadsheet may take for a formula."""
+
+
+def csv_table(columns: Iterable[str], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows as CSV below a header; an apostrophe before a text that a spreadsheet would calculate."""
+    written = io.StringIO()
+    table = csv.writer(written, lineterminator="\n")
+    table.writerow(columns)
+    table.writerows([_cell(value) for value in row] for row in rows)
+    return written.getvalue()
+
+
+def _cell(value: object) -> object:
+    if not isinstance(value, str):
+        return value
+    # What follows a line break would begin a row.
+    return ("'" if value.startswith(FORMULA) else "") + escaped_line(value)
 
 
 def escaped(text: str) -> str:

@@ -12,7 +12,7 @@ from drivers.cutting.plan import CutPlan
 from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
-from drivers.pmac.axes import read_definitions
+from drivers.pmac.axes import DEFINITIONS_KEY, read_definitions
 from drivers.pmac.check import CheckedProgram, run_through
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.language.errors import PmacError
@@ -26,7 +26,7 @@ from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, LobedPath, invert, path_problems, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem
+from profiles.problem import Problem, refused
 
 __all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
 
@@ -62,6 +62,7 @@ def plan_cut(
             be inverted (`response.amplified`, `response.outside_band`, `response.too_sparse`), or the controller
             would refuse it (`program.refused`).
     """
+    _refuse_other_axes(machine)
     if trimmed:
         _refuse_untrimmed(machine, strategy)
     if path is not None:
@@ -86,6 +87,17 @@ def plan_cut(
     else:
         checked = _checked(made, program, planning)
     return _judged(planning, strategy, made, program, checked, in_air=air_mm > 0.0)
+
+
+def _refuse_other_axes(machine: MachineProfile) -> None:
+    """Refuse axes that are not as the programs have them: tool X, spindle Y or none, carriage Z; in counts."""
+    tool, spindle, carriage = machine.tool.motor, machine.spindle.motor, machine.carriage.motor
+    found = {each.motor: str(each) for each in read_definitions(machine.controller.axis_definitions)}
+    wanted = {tool: "X", **({spindle: "Y"} if spindle in found else {}), carriage: "Z"}
+    for motor in sorted({*wanted, *found}):
+        there, target = (f"#{motor}->{each.get(motor, '0')}" for each in (found, wanted))
+        if there != target:
+            raise refused("value.out_of_range", key=DEFINITIONS_KEY, value=there, limit=target)
 
 
 def _judged(

@@ -12,7 +12,10 @@ from typing import Protocol
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.text import format_number
+from profiles.fields import spelled
+from profiles.problem import refused
 
+DEFINITIONS_KEY = "controller.axis_definitions"  # of a machine profile
 Row = Mapping[str, float]  # The coefficients of the axes in one equation
 
 NEGLIGIBLE = 1e-12
@@ -128,20 +131,26 @@ def scan_definition(scanner: Scanner, motor: int) -> AxisDefinition | None:
 
 
 def read_definitions(texts: Iterable[str]) -> tuple[AxisDefinition, ...]:
-    """Parse whole definitions such as `#1->X`; cleared motors are left out.
+    """Parse the definitions of a machine profile, such as `#1->X`; cleared motors are left out.
 
-    Raises PmacError: 003, a text is not a definition.
+    Raises ProfileError `value.out_of_range`: a text is not a definition, or its motor has one already.
     """
-    definitions = []
+    definitions: dict[int, AxisDefinition | None] = {}
     for text in texts:
-        scanner = Scanner(text)
-        scanner.expect("#")
-        motor = scanner.take_integer()
-        scanner.expect("->")
-        definition = scan_definition(scanner, motor or 0)
-        if definition is not None:
-            definitions.append(definition)
-    return tuple(definitions)
+        try:
+            scanner = Scanner(text)
+            scanner.expect("#")
+            motor = scanner.take_integer() or 0
+            scanner.expect("->")
+            definition, sound = scan_definition(scanner, motor), scanner.at_end
+        except PmacError:
+            definition, sound = None, False
+        if not sound or not motor or motor in definitions:
+            raise refused(
+                "value.out_of_range", key=DEFINITIONS_KEY, value=spelled(text), limit="#1->X, #2->Y, #3->Z"
+            )
+        definitions[motor] = definition
+    return tuple(each for each in definitions.values() if each is not None)
 
 
 def axis_positions(definitions: Mapping[int, AxisDefinition], counts: Mapping[int, float]) -> dict[str, float]:

@@ -24,7 +24,13 @@ CODE = re.compile(
     r"\.[a-z0-9_]+"
 )
 QUOTED = re.compile(r"`([a-z]+\.[a-z0-9_]+)`")
-NO_CODES = {"controller.variables", "simulator.ready", "key.help", *(action.id for action in ACTIONS)}
+NO_CODES = {
+    "controller.variables",
+    "controller.axis_definitions",
+    "simulator.ready",
+    "key.help",
+    *(action.id for action in ACTIONS),
+}
 """Looks like a code and is a table of the machine profile, a sentence of its own, or the action of a key."""
 
 PROBLEM_FIELDS = {"where", "key", "value", "limit"}

@@ -57,8 +57,9 @@ def test_what_has_no_records_yet_or_those_of_another_console(tmp_path: Path) -> 
     with outbox(tmp_path) as box:
         assert box is None
     (tmp_path / FILE_NAME).touch()
-    with outbox(tmp_path) as box:
-        assert box is None
+    with pytest.raises(SessionError) as refused, outbox(tmp_path):
+        pass
+    assert refused.value.problems[0].code == "record.empty"
     (tmp_path / FILE_NAME).unlink()
     write_schema_1(tmp_path)
     with pytest.raises(SessionError) as refused, outbox(tmp_path):

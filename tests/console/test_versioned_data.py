@@ -14,6 +14,7 @@ import pytest
 
 import console.session.versioning.git as git
 from console.session.data.run_reader import runs, story
+from console.session.errors import SessionError
 from console.session.station.commands import Disarm
 from console.session.versioning.cut_from import VERSIONED, cut_from
 from console.session.versioning.status import Change, How, clone_status
@@ -111,14 +112,119 @@ def test_behind_is_known_after_a_fetch_and_without_a_network(clone: Path, tmp_pa
     assert clone_status(clone).behind == 1
 
 
-def test_no_hook_or_monitor_of_a_clone_is_run(clone: Path, tmp_path: Path) -> None:
-    trap = tmp_path / "trap"
-    trap.write_text(f"#!/bin/sh\ntouch {tmp_path / 'sprung'}\n")
+PROGRAMS = (
+    *(
+        "core.fsmonitor",
+        "core.pager",
+        "core.editor",
+        "core.sshCommand",
+        "core.gitProxy",
+        "core.alternateRefsCommand",
+    ),
+    *(
+        "filter.x.clean",
+        "filter.x.smudge",
+        "filter.x.process",
+        "diff.external",
+        "diff.x.command",
+        "diff.x.textconv",
+    ),
+    *("merge.x.driver", "gpg.program", "gpg.ssh.program", "credential.helper", "pager.ls-files", "pager.rev-list"),
+    *("remote.origin.uploadpack", "uploadpack.packObjectsHook", "interactive.diffFilter", "trace2.eventTarget"),
+)
+"""Keys of a configuration by which git starts a program."""
+
+OTHERS = {
+    "core.hooksPath": "{trap}s",
+    "core.attributesFile": "{trap}.attributes",
+    "alias.ls-files": "!{trap}",
+    "alias.rev-parse": "!{trap}",
+    "log.showSignature": "true",
+    "filter.x.required": "true",
+    "protocol.allow": "always",
+    "protocol.ext.allow": "always",
+    "remote.origin.url": "ext::{trap}",
+    "remote.origin.promisor": "true",
+    "remote.origin.partialclonefilter": "blob:none",
+    "extensions.partialClone": "origin",
+}
+
+
+def trapped(clone: Path, trap: Path) -> Path:
+    """Let everything in the folder that git may obey start `trap`; return the file that it would leave."""
+    sprung = trap.with_name("sprung")
+    trap.write_text(f"#!/bin/sh\necho $0 $* >> {sprung}\ncat\n")
     trap.chmod(0o755)
-    by_git(clone, "config", "core.fsmonitor", str(trap))
-    clone_status(clone)
-    cut_from(clone, {"job": (clone / "jobs" / "ring.toml", "")})
-    assert not (tmp_path / "sprung").exists()
+    hooks = trap.with_name(f"{trap.name}s")
+    hooks.mkdir()
+    samples = ("post-index-change", "reference-transaction", "post-checkout", "fsmonitor-watchman", "pre-auto-gc")
+    for folder in (hooks, clone / ".git" / "hooks"):
+        for name in samples:
+            shutil.copy(trap, folder / name)
+    attributes = "* filter=x diff=x merge=x\n"
+    for path in (clone / ".gitattributes", clone / ".git" / "info" / "attributes", Path(f"{trap}.attributes")):
+        path.write_text(attributes)
+    included = clone / ".git" / "included"
+    for key, value in {**dict.fromkeys(PROGRAMS, "{trap}"), **OTHERS}.items():
+        said = value.format(trap=trap)
+        subprocess.run(["git", "config", "--file", str(included), key, said], check=True)
+        subprocess.run(["git", "config", "--file", str(clone / ".git" / "config"), key, said], check=True)
+    with (clone / ".git" / "config").open("a") as file:
+        file.write(f'[include]\n\tpath = {included}\n[includeIf "gitdir:**"]\n\tpath = {included}\n')
+    return sprung
+
+
+def test_no_program_that_a_clone_names_is_run(console: Console, clone: Path, tmp_path: Path) -> None:
+    commit = by_git(clone, "rev-parse", "HEAD")
+    sprung = trapped(clone, tmp_path / "trap")
+    ring = clone / "jobs" / "ring.toml"
+    with ring.open("a") as file:
+        file.write("# of another size\n")
+    texts: dict[str, tuple[Path | None, str]] = {"job": (ring, "")}
+    said = console("jobs", "status", "--data", str(clone), "--json")
+    assert not sprung.exists(), sprung.read_text()
+    assert (said.code, said.json["commit"], cut_from(clone, texts)) == (
+        0,
+        commit,
+        {"commit": commit, "job_differs": True},
+    )
+    assert [each["path"] for each in said.json["changes"]] == ["jobs/ring.toml"]
+    # A partial clone fetches what it lacks, from where its configuration says.
+    for kept in (clone / ".git" / "objects").rglob("*"):
+        if kept.is_file():
+            kept.unlink()
+    console("jobs", "status", "--data", str(clone))
+    cut_from(clone, texts)
+    assert not sprung.exists(), sprung.read_text()
+
+
+def test_a_change_of_the_same_length_and_date_is_one(clone: Path) -> None:
+    ring = clone / "jobs" / "ring.toml"
+    before, dates = ring.read_bytes(), ring.stat()
+    ring.write_bytes(before.replace(b"8", b"9"))
+    os.utime(ring, ns=(dates.st_atime_ns, dates.st_mtime_ns))
+    assert clone_status(clone).changes == (Change(path="jobs/ring.toml", how=How.MODIFIED),)
+    ring.unlink()
+    os.mkfifo(ring)
+    assert clone_status(clone).changes == (Change(path="jobs/ring.toml", how=How.MODIFIED),)
+
+
+def test_a_damaged_clone_is_not_taken_for_part_of_the_one_above(clone: Path, tmp_path: Path) -> None:
+    by_git(tmp_path, "init", "-q", "-b", "above")
+    (clone / ".git" / "HEAD").unlink()
+    with pytest.raises(SessionError, match=r"git\.refused"):
+        clone_status(clone)
+
+
+def test_files_in_conflict_are_called_so(clone: Path) -> None:
+    ring = clone / "jobs" / "ring.toml"
+    for branch, line in (("other", "# other\n"), ("main", "# main\n")):
+        by_git(clone, "checkout", "-q", "-B", branch, "origin/main")
+        ring.write_text(ring.read_text() + line)
+        by_git(clone, "commit", "-q", "-a", "-m", branch)
+    with pytest.raises(subprocess.CalledProcessError):
+        by_git(clone, "merge", "-q", "other")
+    assert clone_status(clone).changes == (Change(path="jobs/ring.toml", how=How.CONFLICT),)
 
 
 def test_without_a_clone_or_without_git_it_says_what_to_do(

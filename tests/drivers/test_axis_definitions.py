@@ -12,8 +12,11 @@ from drivers.pmac.axes import (
     preset_origins,
     read_definitions,
     refuse_singular,
+    scan_definition,
 )
 from drivers.pmac.language.errors import ErrorCode, PmacError
+from drivers.pmac.language.lexer import Scanner
+from profiles.problem import ProfileError
 
 
 def one(text: str) -> AxisDefinition:
@@ -57,13 +60,23 @@ def test_a_definition_is_reported_in_one_spelling(typed: str, reported: str) -> 
 
 @pytest.mark.parametrize(
     "text",
-    ["#1->0X", "#1->X+0Y", "#1->5", "#1->X+", "#1->X-", "#1->", "#1->X+A"],
+    ["0X", "X+0Y", "5", "X+", "X-", "", "X+A"],
     ids=["no scale", "no second scale", "no axis", "no offset", "no number", "nothing", "another three"],
 )
 def test_what_is_no_definition_is_err003(text: str) -> None:
     with pytest.raises(PmacError) as refusal:
-        one(text)
+        scan_definition(Scanner(text), 1)
     assert refusal.value.code == ErrorCode.DATA_ERROR
+    with pytest.raises(ProfileError):
+        one(f"#1->{text}")
+
+
+@pytest.mark.parametrize("texts", [["X"], ["#1->X hello"], ["#->X"], ["#0->X"], ["#1->X", "#1->Y"], ["#4->é"]])
+def test_a_wrong_entry_of_a_machine_profile_is_named(texts: list[str]) -> None:
+    with pytest.raises(ProfileError) as refusal:
+        read_definitions(texts)
+    (problem,) = refusal.value.problems
+    assert (problem.key, problem.value) == ("controller.axis_definitions", f'"{texts[-1]}"')
 
 
 AXES = st.sampled_from(["X", "Y", "Z", "XY", "YX", "XYZ", "ZX", "U", "VW", "A", "C"])

@@ -44,7 +44,8 @@ def main(options: Namespace, text: Catalogue) -> int:
             proofs = [*doctor_checks.proven_checks(options, card, verification, text)]
         stops = doctor_checks.stop_checks(options, card, date.today())
     arrival = doctor_checks.arrival_check(card.client.line_check)
-    of_computer = [*doctor_checks.command_checks(), *data_folder_checks(data_of(options))]
+    libraries, commands = doctor_checks.library_checks(), doctor_checks.command_checks()
+    of_computer = [*libraries, *commands, *data_folder_checks(data_of(options))]
     checks = in_order([*verification.checks, arrival, *unsigned, *trial, *stops, *proofs, *of_computer])
     head = [card_line(card, text), text("configuration.marks")]
     show(

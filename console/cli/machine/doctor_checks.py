@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import sqlite3
 from argparse import Namespace
 from contextlib import suppress
 from datetime import date, timedelta
-from importlib.metadata import entry_points
+from importlib.metadata import entry_points, version
+from platform import python_version
 
 from console.cli.library import data_of
 from console.cli.machine.card_access import Card
@@ -32,6 +34,10 @@ STOPS = ("proof_heartbeat", "proof_stop_")
 
 DISTRIBUTION = "trilobe"
 """Name of this distribution, and of the command that no other one claims."""
+
+
+WAL_FROM, WAL_RESET_FIXED = (3, 7, 0), ((3, 51, 3), (3, 50, 7), (3, 44, 6))
+"""Versions of SQLite: with a write-ahead log, and without the race in it; the later ones are of older branches."""
 
 
 def signature_checks(card: Card) -> list[Check]:
@@ -65,6 +71,24 @@ def command_checks() -> list[Check]:
         )
         for other in others
     ]
+
+
+def library_checks() -> list[Check]:
+    """Return the versions of what the records and the numbers rest on, and a known fault of this SQLite."""
+    libraries = (f"{name} {version(name)}" for name in ("numpy", "textual", "pyserial"))
+    sqlite = sqlite3.sqlite_version
+    names = ", ".join((f"Python {python_version()}", f"SQLite {sqlite}", *libraries))
+    checks = [Check(Group.COMPUTER, "libraries", Severity.OK, found=names)]
+    if loses_wal_reset(sqlite3.sqlite_version_info):
+        fixed = " | ".join(".".join(map(str, each)) for each in WAL_RESET_FIXED)
+        checks.append(Check(Group.COMPUTER, "wal_reset", Severity.NOTICE, found=sqlite, wanted=fixed))
+    return checks
+
+
+def loses_wal_reset(found: tuple[int, ...]) -> bool:
+    """Whether a SQLite has its WAL-reset bug: a commit beside a checkpoint may damage the file."""
+    fixed = next((each for each in WAL_RESET_FIXED if each[:2] == found[:2]), WAL_RESET_FIXED[0])
+    return WAL_FROM <= found < fixed
 
 
 def proven_checks(

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import math
 import re
@@ -19,6 +17,7 @@ from console.session.data.kept_files import make_folder, there
 from console.session.data.run_reader import RunFilters, RunRow, RunStory, Telemetry, runs, story
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
+from console.text.escaping import csv_table
 from profiles.files import printable, write_atomically
 from profiles.problem import Problem
 
@@ -67,12 +66,7 @@ def _selected(data: Path, filters: RunFilters) -> Iterator[RunRow]:
 def _table(rows: Sequence[Mapping[str, object]]) -> str:
     """Return the rows of the list as CSV, with a header; dates are UTC."""
     flat = [_flat(row) for row in rows]
-    written = io.StringIO()
-    if flat:
-        table = csv.DictWriter(written, fieldnames=list(flat[0]), lineterminator="\n")
-        table.writeheader()
-        table.writerows(flat)
-    return written.getvalue()
+    return csv_table(flat[0], (each.values() for each in flat)) if flat else ""
 
 
 def _flat(row: Mapping[str, object]) -> dict[str, object]:
@@ -102,9 +96,9 @@ def _write_telemetry(folder: Path, found: RunStory) -> int:
 
 def _telemetry_table(row: RunRow, telemetry: Telemetry) -> str:
     head = [
-        f"# run: {row.run_id}",
+        f"# run: {printable(row.run_id)}",
         f"# simulated: {'yes' if row.simulated else 'no'}",
-        f"# part: {telemetry.part}",
+        f"# part: {printable(telemetry.part)}",
     ]
     # What is not known is an empty cell; nine digits give a float32 back.
     rows = [

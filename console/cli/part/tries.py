@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +12,7 @@ from console.cli.parser import Parser
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from console.text.columns import table
+from console.text.escaping import csv_table
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
@@ -104,11 +103,7 @@ def _fields(one: Try) -> dict[str, object]:
 
 
 def _table(found: tuple[Try, ...]) -> str:
-    written = io.StringIO()
-    rows = csv.DictWriter(written, COLUMNS, lineterminator="\n")
-    rows.writeheader()
-    rows.writerows(_fields(each) for each in found)
-    return written.getvalue()
+    return csv_table(COLUMNS, (_fields(each).values() for each in found))
 
 
 def _lines(found: tuple[Try, ...], text: Catalogue) -> list[str]:

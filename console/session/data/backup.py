@@ -28,7 +28,7 @@ from console.session.data.backup_format import (
 from console.session.data.kept_files import file_error, utc_now
 from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, record_error, retrying
 from console.session.errors import SessionError
-from profiles.files import made_locked, printable, written_atomically
+from profiles.files import made_locked, open_regular, printable, written_atomically
 from profiles.problem import Problem
 
 WAIT_S = 5.0
@@ -38,7 +38,7 @@ WAIT_S = 5.0
 def back_up(data: Path, archive: Path) -> tuple[Manifest, tuple[Problem, ...]]:
     """Write a backup of the data folder to a new file; return what is in it, and what was left out.
 
-    Links, pipes, sockets and devices are left out (`backup.left_out`): a backup holds folders and files.
+    Links, pipes, sockets, devices and clones of git are left out (`backup.left_out`): a backup holds data.
 
     Raises:
         SessionError: `backup.nothing`, `backup.inside`; `record.damaged`, `backup.records`.
@@ -64,11 +64,11 @@ def _written(tar: tarfile.TarFile, data: Path, archive: Path, left_out: list[Pro
     files: dict[str, Stored] = {}
     folders: list[str] = []
     for entry in _entries(data):
-        if entry.is_folder:
+        if not entry.is_kept:
+            left_out.append(Problem(code="backup.left_out", where=printable(str(data / entry.path))))
+        elif entry.is_folder:
             folders.append(entry.path)
             tar.addfile(_information(entry, data, tarfile.DIRTYPE))
-        elif not entry.is_file:
-            left_out.append(Problem(code="backup.left_out", where=printable(str(data / entry.path))))
         else:
             with _opened(data, entry, archive) as source:
                 if source is not None:
@@ -137,7 +137,7 @@ def _opened(data: Path, entry: Found, archive: Path) -> Iterator[BinaryIO | None
         return
     try:
         # Neither follows a link nor waits for a pipe that was put there meanwhile.
-        descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+        descriptor = open_regular(path, os.O_RDONLY | os.O_NOFOLLOW)
     except FileNotFoundError:
         yield None
         return

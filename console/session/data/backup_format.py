@@ -12,8 +12,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
-from console.session.data.record_file import FILE_NAME
-from profiles.files import is_temporary
+from console.session.data.record_file import BESIDE_RECORDS
+from profiles.files import MOST_DEPTH, is_temporary
 from profiles.own_values import from_json
 
 SCHEMA = 1
@@ -23,7 +23,7 @@ MANIFEST_CAP_BYTES = 64_000_000
 
 OF_RUNNING_CONSOLES = ("locks", "running", "feed", "program-log")
 RINGS = "flight/running"  # of the flight recorder
-BESIDE_RECORDS = tuple(f"{FILE_NAME}-{each}" for each in ("wal", "shm", "journal"))
+CLONE = ".git"
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,7 +88,12 @@ def is_safe(path: str) -> bool:
     """Whether a path of an archive stays below the data folder, and is none of what is never restored."""
     parts = PurePosixPath(path).parts
     plain = bool(parts) and "/".join(parts) == path and ".." not in parts and not path.startswith("/")
-    return plain and "\0" not in path and not belongs_to_running(path)
+    return plain and "\0" not in path and len(parts) <= MOST_DEPTH and not belongs_to_running(path)
+
+
+def is_of_clone(path: str) -> bool:
+    """Whether something belongs to a clone of git, whose configuration and hooks name programs."""
+    return CLONE in path.lower().split("/")
 
 
 def belongs_to_running(path: str) -> bool:
@@ -115,6 +120,12 @@ class Found:
         """Whether it is a regular file, not a link to one."""
         return stat.S_ISREG(self.mode)
 
+    @property
+    def is_kept(self) -> bool:
+        """Whether a backup has it."""
+        plain = self.is_folder or self.is_file
+        return plain and self.path.count("/") < MOST_DEPTH and not is_of_clone(self.path)
+
 
 def entries_of(data: Path, below: str = "") -> Iterator[Found]:
     """Yield all entries of the data folder but those of running consoles, sorted. Raises OSError."""
@@ -129,5 +140,5 @@ def entries_of(data: Path, below: str = "") -> Iterator[Found]:
         except FileNotFoundError:  # removed meanwhile
             continue
         yield found
-        if found.is_folder:
+        if found.is_folder and found.is_kept:
             yield from entries_of(data, f"{path}/")

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-import errno
 import gzip
 import hashlib
-import os
-import stat
 import tarfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from pathlib import Path, PurePosixPath
-from typing import BinaryIO
+from typing import BinaryIO, Self
 
 from console.session.data.backup_format import (
     CONTENT,
@@ -30,15 +28,27 @@ from console.session.data.record_file import FILE_NAME
 from console.session.data.record_schema import SCHEMA as RECORD_SCHEMA
 from console.session.errors import SessionError
 from profiles.fields import spelled
-from profiles.files import printable
+from profiles.files import open_regular, printable
 from profiles.problem import Problem
 
 CHUNK_BYTES = 1 << 20
+MOST_ENTRIES = 600_000  # more than a manifest has room for
+MOST_HEADER_BYTES = 100_000  # of an extended header: a path with its dates
 PLAIN_FILES = (tarfile.REGTYPE, tarfile.AREGTYPE)
 DAMAGE = (tarfile.TarError, zlib.error, EOFError, OSError, ValueError, MemoryError, RecursionError)
 """What reading raises of an archive that is none, or damaged."""
 
 SQLITE_HEADER_BYTES, USER_VERSION = 100, slice(60, 64)  # of the SQLite file format
+
+
+class _BoundedEntry(tarfile.TarInfo):
+    @classmethod
+    def frombuf(cls, buf: bytes | bytearray, encoding: str, errors: str) -> Self:
+        """Return an entry; refuse one that says more about the next entry than `tarfile` should hold in memory."""
+        entry = super().frombuf(buf, encoding, errors)
+        if entry.type not in PLAIN_FILES and entry.size > MOST_HEADER_BYTES:
+            raise tarfile.ReadError(f"a header of {entry.size} bytes")
+        return entry
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,8 +108,11 @@ def members(archive: Path) -> Iterator[Member]:
         # Not tarfile's own reading of gzip, which does not compare the checksum at the end.
         with gzip.GzipFile(fileobj=file, mode="rb") as unzipped:
             with _naming_damage("restore.not_backup", archive):
-                tar = tarfile.open(fileobj=unzipped, mode="r|")
-            while True:
+                tar = tarfile.open(fileobj=unzipped, mode="r|", tarinfo=_BoundedEntry)
+            for number in count():
+                if number > MOST_ENTRIES:
+                    raise refusal("restore.not_backup", archive, value=f"> {MOST_ENTRIES}")
+                tar.members = []  # type: ignore[attr-defined]  # it would keep each of them
                 with _naming_damage("restore.damaged", archive):
                     entry = tar.next()
                 if entry is None:
@@ -168,10 +181,7 @@ def _manifest_in(archive: Path, member: Member) -> Manifest:
 @contextmanager
 def _opened(archive: Path) -> Iterator[BinaryIO]:
     try:
-        # Checked before opening, because opening a pipe would wait.
-        if not stat.S_ISREG(os.stat(archive).st_mode):
-            raise OSError(errno.EINVAL, "not a regular file")
-        file = open(archive, "rb")
+        file = open(archive, "rb", opener=open_regular)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
         raise refusal("file.unreadable", archive, value=reason) from error

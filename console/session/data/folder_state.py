@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from profiles.files import walk
 from profiles.folder_rights import SHARED, is_shared
 
 LITTLE_BYTES = 200_000_000
@@ -71,7 +72,7 @@ def state_of(data: Path) -> FolderState | None:
 
 
 def _closed(data: Path, group: int | None) -> Iterator[Path]:
-    for folder, folders, files in os.walk(data):
+    for folder, folders, files in walk(data):
         folders[:] = sorted(name for name in folders if name != SKIPPED)
         for name in (*folders, *sorted(files)):
             path = Path(folder, name)

@@ -11,12 +11,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from console.session.data.kept_files import there
-from console.session.data.record_schema import SCHEMA, create, migrate
+from console.session.data.record_schema import OWN_TRIGGERS, SCHEMA, create, migrate
 from console.session.errors import SessionError
-from profiles.files import make_private_file, make_private_folder, printable
-from profiles.problem import Problem
+from profiles.files import make_private_folder, printable, require_regular, write_atomically
+from profiles.problem import Problem, ProfileError
 
 FILE_NAME = "records.sqlite3"
+BESIDE_RECORDS = tuple(f"{FILE_NAME}-{each}" for each in ("wal", "shm", "journal"))
+MOST_VALUE_BYTES = 100_000_000  # above any value that is recorded; one that SQLite makes up itself ends here
 CHECKED_TABLES = ("runs", "events", "measurements")
 """Tables whose integrity is checked when the file is opened; telemetry and traces are where it would take long."""
 
@@ -37,14 +39,14 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
     takes longer the more runs there are; without it, damage is found where it is touched.
 
     Raises:
-        SessionError: `record.other_schema`, of a newer console, or not ours; `record.damaged`; nothing was
-            written. `record.unwritable`.
+        SessionError: `record.other_schema`, of a newer console, or not ours; `record.damaged`; `record.empty`;
+            nothing was written. `record.unwritable`.
     """
     path = folder / FILE_NAME
     try:
         make_private_folder(folder)
-        make_private_file(path)  # SQLite gives the files beside it the same mode
-        database = sqlite3.connect(path, timeout=WAIT_S, isolation_level=None)
+        _make_file(path)
+        database = connected(path, "rw", WAIT_S)
     except (OSError, sqlite3.Error) as error:
         raise record_error("record.unwritable", path, error) from error
     try:
@@ -60,6 +62,43 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
         database.close()
         raise
     return database
+
+
+def connected(path: Path, mode: str, timeout_s: float) -> sqlite3.Connection:
+    """Connect to an existing file of records, which may be somebody else's, for reading (`ro`) or writing (`rw`).
+
+    Raises sqlite3.Error; SessionError `record.empty`: opened, it would count as new, and its journal be removed.
+    """
+    try:
+        for each in (path, *map(path.with_name, BESIDE_RECORDS)):
+            require_regular(each)
+        is_empty = path.exists() and not path.stat().st_size
+    except OSError as error:
+        unusable = sqlite3.OperationalError(error.strerror or str(error))
+        unusable.sqlite_errorcode = sqlite3.SQLITE_CANTOPEN
+        raise unusable from error
+    if is_empty:
+        raise SessionError(Problem(code="record.empty", where=printable(str(path))))
+    uri = f"{path.resolve().as_uri()}?mode={mode}"
+    database = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
+    database.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, MOST_VALUE_BYTES)
+    database.execute("PRAGMA trusted_schema=OFF")
+    return database
+
+
+def _make_file(path: Path) -> None:
+    """Put a file with its tables in place, in one step: so one of 0 bytes is not new, it has lost what it had."""
+    if path.exists():
+        return
+    with closing(sqlite3.connect(":memory:", isolation_level=None)) as new:
+        create(new)
+        content = new.serialize()
+    try:
+        write_atomically(path, content, overwrite=False, private=True)  # files beside it get the same mode
+    except ProfileError as error:
+        (problem,) = error.problems
+        if problem.code != "file.exists":  # otherwise another console was quicker
+            raise record_error("record.unwritable", path, problem.value) from error
 
 
 def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -> list[Any]:
@@ -81,8 +120,7 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
 
     In a folder that cannot be written, SQLite cannot coordinate with writers; without a journal there are none.
     """
-    uri = f"{path.resolve().as_uri()}?mode=ro"
-    database = sqlite3.connect(uri, uri=True, timeout=timeout_s, isolation_level=None)
+    database = connected(path, "ro", timeout_s)
     try:
         with damage_as_error():
             database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
@@ -95,7 +133,7 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
             or not os.access(path, os.R_OK)
         ):
             raise
-        return sqlite3.connect(f"{uri}&immutable=1", uri=True, timeout=timeout_s, isolation_level=None)
+        return connected(path, "ro&immutable=1", timeout_s)
     except BaseException:
         database.close()
         raise
@@ -113,10 +151,7 @@ def present(database: sqlite3.Connection, path: Path) -> sqlite3.Connection:
     copy = sqlite3.connect(":memory:", isolation_level=None)
     with closing(database):
         database.backup(copy)
-    if found:
-        migrate(copy, found)
-    else:
-        create(copy)
+    migrate(copy, found)
     return copy
 
 
@@ -166,14 +201,12 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
 
 
 def _made_ready(database: sqlite3.Connection, path: Path, *, checked: bool) -> None:
-    """Check an existing file, bring it to the present schema, and create the tables in an empty one."""
+    """Check a file, and bring it to the present schema."""
     if _schema_of(database, path) != SCHEMA:
         database.execute("BEGIN IMMEDIATE")
         try:
-            found = _schema_of(database, path)  # another console may have created or migrated them meanwhile
-            if found == 0:
-                create(database)
-            elif found != SCHEMA:
+            found = _schema_of(database, path)  # another console may have migrated them meanwhile
+            if found != SCHEMA:
                 _refuse_damaged(database, path, CHECKED_TABLES[:2])
                 migrate(database, found)
             database.execute("COMMIT")
@@ -193,11 +226,13 @@ def _refuse_damaged(database: sqlite3.Connection, path: Path, tables: tuple[str,
 
 
 def _schema_of(database: sqlite3.Connection, path: Path) -> int:
-    """Return the schema of a file, 0 of an empty one; refuse a newer one, or one that is not ours."""
-    # In this order: another console may create the tables, with their version, between the two.
-    (things,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+    """Return the schema of a file; refuse a newer one, or one that is not ours."""
     (found,) = database.execute("PRAGMA user_version").fetchone()
-    if 0 < found <= SCHEMA or (found == 0 and things == 0):
+    if 0 < found <= SCHEMA:
+        for name, made in database.execute("SELECT type || ' ' || name, sql FROM sqlite_schema"):
+            # A view or a trigger of others could do anything when a table is touched.
+            if made not in OWN_TRIGGERS and not made.startswith(("CREATE TABLE ", "CREATE INDEX ")):
+                raise record_error("record.damaged", path, name)
         return int(found)
     where = printable(str(path))
     raise SessionError(Problem(code="record.other_schema", where=where, value=str(found), limit=str(SCHEMA)))

@@ -123,6 +123,9 @@ def _to_2(database: sqlite3.Connection) -> None:
     )
 
 
+OWN_TRIGGERS = frozenset((None, *(line for line in (*SCHEMA_1, *_TO_2) if line.startswith("CREATE TRIGGER"))))
+"""All that a schema of ours has besides tables and indexes; None is what SQLite itself adds."""
+
 _STEPS: dict[int, Callable[[sqlite3.Connection], None]] = {1: _to_2}
 
 

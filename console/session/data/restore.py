@@ -16,18 +16,22 @@ import shutil
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
-from console.session.data.backup_format import Manifest
+from console.session.data.backup_format import Manifest, is_of_clone
 from console.session.data.backup_reading import Member, checked, members, refusal
 from profiles.files import make_private_folder, printable, synchronise_folder
 from profiles.folder_rights import may_be_ours, rights_in
+from profiles.problem import Problem
 
 SPARE_BYTES = 1_000_000
 
 
-def restore(archive: Path, data: Path) -> Manifest:
-    """Restore a backup into the data folder, which must be missing or empty; return what it held.
+def restore(archive: Path, data: Path) -> tuple[Manifest, tuple[Problem, ...]]:
+    """Restore a backup into the data folder, which must be missing or empty; return what it held, without clones.
+
+    Clones of git, which older consoles packed, are left out (`restore.left_out`): git runs what is in them.
 
     Raises:
         SessionError: as `checked`; `restore.not_empty`, `restore.no_space`, `restore.not_writable`. Nothing is in
@@ -42,7 +46,7 @@ def restore(archive: Path, data: Path) -> Manifest:
         _refuse_full(data.parent, manifest)
         with _stage(data) as stage:
             for member in members(archive):
-                if not member.is_manifest:
+                if not member.is_manifest and not is_of_clone(member.path):
                     _unpack(archive, member, stage, manifest)
             _settle(stage, data)
     except OSError as error:
@@ -50,7 +54,11 @@ def restore(archive: Path, data: Path) -> Manifest:
             raise refusal("restore.not_empty", data) from error
         value = error.strerror or str(error)
         raise refusal("restore.not_writable", data.parent, key=printable(str(data)), value=value) from error
-    return manifest
+    files = {path: stored for path, stored in manifest.files.items() if not is_of_clone(path)}
+    clones = sorted(path for path in {*manifest.files, *manifest.folders} if is_of_clone(path))
+    tops = (path for path in clones if not is_of_clone(os.path.dirname(path)))
+    left_out = tuple(Problem(code="restore.left_out", where=printable(str(data / path))) for path in tops)
+    return replace(manifest, files=files), left_out
 
 
 def _refuse_filled(data: Path) -> None:

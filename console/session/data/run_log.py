@@ -7,7 +7,6 @@ Each block is on disk within a second of its first row.
 from __future__ import annotations
 
 import json
-import sqlite3
 import threading
 import time
 from collections import deque
@@ -20,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.data.kept_files import utc_now
-from console.session.data.record_file import FILE_NAME, WAIT_S, retrying, transaction
+from console.session.data.record_file import FILE_NAME, WAIT_S, connected, retrying, transaction
 from console.session.data.run_story import GATHERED, POLLED, TELEMETRY_END
 from profiles.files import printable
 from profiles.problem import Problem
@@ -171,8 +170,7 @@ class RunLog:
     def _write(self, statements: Sequence[_Statement]) -> None:
         path = self._folder / FILE_NAME
         # For each write: what was removed or replaced meanwhile is found, and a full disk gets free again.
-        uri = f"{path.resolve().as_uri()}?mode=rw"
-        with closing(sqlite3.connect(uri, uri=True, timeout=WAIT_S, isolation_level=None)) as database:
+        with closing(connected(path, "rw", WAIT_S)) as database:
             database.execute("PRAGMA synchronous=NORMAL")  # others wait for the lock, not for the disk
             until_s = time.monotonic() + WRITE_TIMEOUT_S
             retrying(lambda: transaction(database, statements), until_s)

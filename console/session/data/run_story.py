@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
 from console.session.data.run_rows import RunRow, date_of, table_of
 from profiles.problem import Problem
+from profiles.traces import CAP_BYTES
 
 POLLED, GATHERED = "poll", "gather"
 """Kinds of telemetry: status polls of the whole cut, and windows sampled by the controller."""
@@ -25,6 +26,9 @@ TELEMETRY_END, ACCEPTED = "telemetry", "learned"
 """Kinds of events: how much telemetry was kept of a cut, and an accepted learning step."""
 
 COLUMNS: Mapping[str, tuple[str, ...]] = {POLLED: TELEMETRY_COLUMNS, GATHERED: GATHERED_COLUMNS}
+
+MOST_TRACE_BYTES = 5 * CAP_BYTES
+"""Of all traces of a run together: a small file may say that it unpacks to any size."""
 
 Kept = TypeVar("Kept")
 
@@ -206,10 +210,11 @@ def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
     software, python, controller, family, job_sha256, job, machine_sha256, machine, program, setup = run
     events = kept("events", lambda: _events(database.execute(_EVENTS, (run_id,))))
     parts = kept("measurements", lambda: tuple(map(_part, database.execute(_PARTS, (run_id,)))))
-    traced = [
-        replace(part, trace=kept(f"trace {part.number}", partial(_trace, database, run_id, part.number)))
-        for part in parts or ()
-    ]
+    traced, room = list[RecordedPart](), MOST_TRACE_BYTES
+    for part in parts or ():
+        trace = kept(f"trace {part.number}", partial(_trace, database, run_id, part.number, min(room, CAP_BYTES)))
+        traced.append(replace(part, trace=trace))
+        room -= len(trace or b"")
     telemetry = kept("telemetry", lambda: _telemetry(database.execute(_TELEMETRY, (run_id,))))
     return RunStory(
         row=row,
@@ -268,9 +273,18 @@ def _text(database: sqlite3.Connection, sha256: str | None) -> str | None:
     return None if found is None else str(found[0])
 
 
-def _trace(database: sqlite3.Connection, run_id: str, number: int) -> bytes | None:
+def _trace(database: sqlite3.Connection, run_id: str, number: int, most_bytes: int) -> bytes | None:
     found = database.execute(_TRACE, (run_id, number)).fetchone()
-    return None if found is None else zlib.decompress(found[0])
+    return None if found is None else _unpacked(found[0], most_bytes)
+
+
+def _unpacked(content: bytes, most_bytes: int) -> bytes:
+    """Return a trace as its file had it. Raises zlib.error; ValueError: it is cut short, or has more bytes."""
+    unpacker = zlib.decompressobj()
+    found = unpacker.decompress(content, most_bytes + 1)
+    if len(found) > most_bytes or not unpacker.eof:
+        raise ValueError(f"not a trace of at most {most_bytes} bytes")
+    return found
 
 
 def _telemetry(found: Iterable[Sequence[Any]]) -> tuple[Telemetry, ...]:

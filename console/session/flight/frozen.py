@@ -74,7 +74,7 @@ def _gathered(
     first_s: float | None = None
     last_s: float | None = None
     for line in lines:
-        with suppress(ValueError, TypeError, KeyError):
+        with suppress(ValueError, TypeError, KeyError, RecursionError):
             found = json.loads(line)
             if "flight" in found:
                 header = found

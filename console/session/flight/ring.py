@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.kept_files import folder_name
-from profiles.files import made_locked, make_private_folder, taken_if_left
+from profiles.files import made_locked, make_private_folder, open_regular, taken_if_left
 from profiles.folder_rights import rights_in
 
 FOLDER, RUNNING = "flight", "running"
@@ -112,8 +112,8 @@ def whole_lines(segments: list[Path]) -> Iterator[bytes]:
     One file is read at a time, and no more of it than it may have.
     """
     for path in segments:
-        with suppress(FileNotFoundError):
-            content = path.read_bytes()[: 2 * MOST_BYTES]
+        with suppress(OSError), open(path, "rb", opener=open_regular) as file:
+            content = file.read(2 * MOST_BYTES)
             yield from (line for line in content.splitlines(keepends=True) if line.endswith(b"\n"))
 
 

@@ -13,6 +13,7 @@ from console.session.data.kept_files import file_error, make_folder
 from drivers.link.address import TcpAddress
 from drivers.simulator.hosts.control_address import ControlAddress
 from profiles.files import read_regular_file
+from profiles.problem import ProfileError
 
 FOLDER = "instructor"
 LONGEST = 200
@@ -55,8 +56,8 @@ def kept_token(path: Path) -> str:
 
 def forget_token(path: Path, token: str) -> None:
     """Remove the file, unless another console has written its own there."""
-    with suppress(OSError):
-        if path.read_text(encoding="ascii").strip() == token:
+    with suppress(OSError, ProfileError):
+        if kept_token(path) == token:
             path.unlink()
 
 

@@ -20,7 +20,7 @@ from console.session.data.record_file import FILE_NAME, is_damage, opened_to_rea
 from console.session.data.record_schema import SCHEMA
 from console.session.errors import SessionError
 from console.session.shop.tables import SENT, SentTable, mark_of
-from profiles.files import printable
+from profiles.files import open_regular, printable
 from profiles.problem import Problem
 
 READ_TIMEOUT_S = 5.0
@@ -75,8 +75,7 @@ def outbox(data: Path) -> Iterator[Outbox | None]:
 
 
 def _as_now(database: sqlite3.Connection, path: Path) -> Outbox | None:
-    if not _has_tables(database, path):
-        return None
+    _refuse_other_schema(database, path)
     database.execute("BEGIN")  # the heads are of one moment: no event without its run
     try:
         heads = {table.name: _head(database, table) for table in SENT}
@@ -97,7 +96,7 @@ def _head(database: sqlite3.Connection, table: SentTable) -> int:
 def _on_disk(journal: Path) -> None:
     """Wait until the journal is on the disk: its writers do not, and a power cut may take its last rows."""
     try:
-        descriptor = os.open(journal, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = open_regular(journal)
     except FileNotFoundError:
         return
     try:
@@ -106,15 +105,9 @@ def _on_disk(journal: Path) -> None:
         os.close(descriptor)
 
 
-def _has_tables(database: sqlite3.Connection, path: Path) -> bool:
-    """Return whether the file has tables yet; those of another schema are refused."""
-    # In this order: another console may create the tables, with their version, between the two.
-    (things,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
+def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> None:
     (found,) = database.execute("PRAGMA user_version").fetchone()
-    if found == SCHEMA:
-        return True
-    if found == 0 and things == 0:
-        return False
-    code = "ship.old_records" if 0 < found < SCHEMA else "record.other_schema"
-    where = printable(str(path))
-    raise SessionError(Problem(code=code, where=where, value=str(found), limit=str(SCHEMA)))
+    if found != SCHEMA:
+        code = "ship.old_records" if 0 < found < SCHEMA else "record.other_schema"
+        where = printable(str(path))
+        raise SessionError(Problem(code=code, where=where, value=str(found), limit=str(SCHEMA)))

@@ -14,7 +14,6 @@ import fcntl
 import os
 import re
 import socket
-import stat
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -27,7 +26,7 @@ from console.session.terminal_place import signed_host
 from drivers.errors import RefusedError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.standing import NOBODY
-from profiles.files import make_private_file, make_private_folder
+from profiles.files import make_private_file, make_private_folder, open_regular
 from profiles.folder_rights import may_be_ours
 from profiles.problem import Problem
 
@@ -125,7 +124,7 @@ class Owning:
         with suppress(OSError):
             make_private_folder(self._data)
             make_private_file(path)
-            descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW | os.O_CLOEXEC)
+            descriptor = open_regular(path, os.O_WRONLY | os.O_APPEND | os.O_NOFOLLOW)
             with open(descriptor, "a", encoding="utf-8") as log:
                 log.write(f"{at} {self._address} {what}: console {before} -> console {self._number}\n")
 
@@ -184,10 +183,9 @@ def open_lock(path: Path) -> int:
     if path.parent.is_symlink() or path.is_symlink():
         raise OSError(errno.ELOOP, FOREIGN)
     make_private_file(path)
-    # Not blocking: opening a pipe put there by somebody would block.
-    descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK)
+    descriptor = open_regular(path, os.O_RDWR | os.O_NOFOLLOW)
     status = os.fstat(descriptor)
-    if not stat.S_ISREG(status.st_mode) or not may_be_ours(status, path.parent) or status.st_nlink > 1:
+    if not may_be_ours(status, path.parent) or status.st_nlink > 1:
         os.close(descriptor)
         raise OSError(errno.EPERM, FOREIGN)
     return descriptor

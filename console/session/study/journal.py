@@ -15,7 +15,8 @@ from pathlib import Path
 from console.session.data.kept_files import file_error
 from console.session.errors import SessionError
 from console.session.study.cells import COLUMNS, Row
-from profiles.files import printable
+from profiles.files import open_regular, printable
+from profiles.own_values import from_json
 from profiles.problem import Problem
 
 NAME = "journal.jsonl"
@@ -45,7 +46,7 @@ def journal(folder: Path, identity: str) -> Iterator[Journal]:
     path = folder / NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o666)
+        descriptor = open_regular(path, os.O_RDWR | os.O_CREAT)
     except OSError as error:
         raise file_error("file.not_writable", path, error) from error
     try:
@@ -74,7 +75,7 @@ def _read(descriptor: int, path: Path, identity: str) -> dict[int, tuple[Row, ..
         _append(descriptor, {"study": identity})
         return {}
     try:
-        if json.loads(head)["study"] != identity:
+        if from_json(head)["study"] != identity:
             raise SessionError(Problem(code="study.other", where=where))
         return dict(map(_cell, lines))
     except (ValueError, TypeError, KeyError, AttributeError) as error:
@@ -82,7 +83,7 @@ def _read(descriptor: int, path: Path, identity: str) -> dict[int, tuple[Row, ..
 
 
 def _cell(line: bytes) -> tuple[int, tuple[Row, ...]]:
-    found = json.loads(line)
+    found = from_json(line)
     rows = tuple({column: row[column] for column in COLUMNS} for row in found["rows"])
     return int(found["cell"]), rows
 

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import csv
 import io
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
 from console.session.study.cells import COLUMNS, Row, Value
+from console.text.escaping import csv_table
 from profiles.files import write_atomically
 
 TABLE, PARQUET = "results.csv", "results.parquet"
@@ -16,12 +16,9 @@ TABLE, PARQUET = "results.csv", "results.parquet"
 
 def write_table(folder: Path, rows: Sequence[Row]) -> Path:
     """Write the results as CSV; numbers are not rounded. ProfileError `file.not_writable`."""
-    written = io.StringIO()
-    table = csv.writer(written, lineterminator="\n")
-    table.writerow(COLUMNS)
-    table.writerows([_shown(row[column]) for column in COLUMNS] for row in rows)
     path = folder / TABLE
-    write_atomically(path, written.getvalue().encode("utf-8", "backslashreplace"), overwrite=True)
+    content = csv_table(COLUMNS, ([_shown(row[column]) for column in COLUMNS] for row in rows))
+    write_atomically(path, content.encode("utf-8", "backslashreplace"), overwrite=True)
     return path
 
 

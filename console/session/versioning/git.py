@@ -1,4 +1,8 @@
-"""Questions to git about a data folder: nothing is changed, no hook is run, nothing goes over a network."""
+"""Questions to git about a data folder, which may come from elsewhere: nothing is changed, nothing is fetched.
+
+Its configuration and attributes may name programs. So only commands that run none are used (`status` and `diff`
+would filter files), the monitor is off, and no transport is allowed: git would fetch what a partial clone lacks.
+"""
 
 from __future__ import annotations
 
@@ -15,15 +19,11 @@ TIMEOUT_S = 20.0
 SHOWN_CHARACTERS = 200
 CLONE = ".git"
 
-_QUIET = ("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "--no-optional-locks", "--no-pager")
-_NEVER = (
-    "GIT_DIR",
-    "GIT_WORK_TREE",
-    "GIT_INDEX_FILE",
-    "GIT_NAMESPACE",
-    "GIT_OBJECT_DIRECTORY",
-    "GIT_CEILING_DIRECTORIES",
+_QUIET = (
+    *("-c", "core.fsmonitor=false", "-c", "core.hooksPath=/dev/null", "-c", "safe.bareRepository=explicit"),
+    *("--no-optional-locks", "--no-pager", "--no-replace-objects"),
 )
+_NEVER = ("GIT_DIR", "GIT_INDEX_FILE", "GIT_NAMESPACE", "GIT_OBJECT_DIRECTORY")
 """Variables that would lead to another repository."""
 
 
@@ -41,7 +41,12 @@ def answer(data: Path, *words: str, timeout_s: float = TIMEOUT_S) -> bytes | Non
     if program is None:
         raise SessionError(Problem(code="git.not_installed"))
     environment = {key: value for key, value in os.environ.items() if key not in _NEVER}
-    environment |= {"LC_ALL": "C", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1"}
+    environment |= {"LC_ALL": "C", "GIT_TERMINAL_PROMPT": "0", "GIT_NO_LAZY_FETCH": "1", "GIT_ALLOW_PROTOCOL": ""}
+    # A clone that is damaged is not taken for part of one above it, nor its configuration for where its files are.
+    environment |= {
+        "GIT_CEILING_DIRECTORIES": os.path.realpath(data.parent),
+        "GIT_WORK_TREE": os.path.abspath(data),
+    }
     where = printable(str(data))
     try:
         done = subprocess.run(

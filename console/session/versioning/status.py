@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from console.session.errors import SessionError
-from console.session.versioning.git import answer, is_clone
-from profiles.files import printable
-from profiles.problem import Problem
+from console.session.versioning.git import answer, commit_of, is_clone
+from profiles.files import printable, read_regular_file
+from profiles.problem import Problem, ProfileError
 
 FOLDERS = ("jobs", "machines", "learned", "calibrations", "identified", "health", "trials", "stops")
 """Folders whose files say how parts are cut."""
+
+UPSTREAM = "@{upstream}"
+CONFLICT_TAG, SPARSE_TAG = "M", "S"  # of `git ls-files -t`
+LINK_MODE, SHA1_DIGITS = "120000", 40
+CAP_BYTES = 100_000_000  # far above what is read of any of these files
 
 
 class How(StrEnum):
@@ -57,46 +63,63 @@ def clone_status(data: Path) -> CloneStatus:
     where = printable(str(data))
     if not is_clone(data):
         raise SessionError(Problem(code="git.no_clone", where=where))
-    words = ("status", "--porcelain=v2", "--branch", "-z", "--untracked-files=all", "--ignore-submodules=all")
-    found = answer(data, *words, "--no-renames", "--", *FOLDERS)
-    if found is None:
-        raise SessionError(Problem(code="git.refused", where=where, value="git status"))
-    lines = [os.fsdecode(line) for line in found.split(b"\0") if line]
-    head = dict(line[2:].split(" ", 1) for line in lines if line.startswith("# ") and " " in line[2:])
-    ahead, behind = _counts(head.get("branch.ab"))
-    commit, branch = head.get("branch.oid"), head.get("branch.head")
+    commit = commit_of(data)
+    branch, upstream = (
+        _line(answer(data, *words))
+        for words in (
+            ("symbolic-ref", "--quiet", "--short", "HEAD"),
+            ("rev-parse", "--abbrev-ref", "--verify", "--quiet", UPSTREAM),
+        )
+    )
+    counts = (_line(answer(data, "rev-list", "--count", "--left-right", f"HEAD...{UPSTREAM}")) or "").split()
+    there = answer(data, "ls-files", "-t", "-z", "--cached", "--others", "--exclude-standard", "--", *FOLDERS)
+    committed = b"" if commit is None else answer(data, "ls-tree", "-r", "-z", "--full-tree", commit, *FOLDERS)
+    if there is None or committed is None:
+        raise SessionError(Problem(code="git.refused", where=where, value="git ls-files"))
     return CloneStatus(
-        commit=None if commit in (None, "(initial)") else commit,
-        branch=None if branch in (None, "(detached)") else branch,
-        upstream=head.get("branch.upstream"),
-        ahead=ahead,
-        behind=behind,
-        changes=tuple(sorted(_changes(lines), key=lambda change: change.path)),
+        commit=commit,
+        branch=branch,
+        upstream=upstream,
+        ahead=int(counts[0]) if counts else None,
+        behind=int(counts[1]) if counts else None,
+        changes=tuple(_changes(data, _entries(there, " "), _entries(committed, "\t"))),
     )
 
 
-def _counts(found: str | None) -> tuple[int | None, int | None]:
-    """Return commits ahead and behind, as in "+1 -2"."""
-    if found is None:
-        return None, None
-    ahead, behind = found.split(" ")
-    return int(ahead), -int(behind)
+def _line(found: bytes | None) -> str | None:
+    return None if found is None else os.fsdecode(found).strip()
 
 
-def _changes(lines: list[str]) -> Iterator[Change]:
-    for line in lines:
-        match line[:2]:
-            case "1 ":
-                _, both, *_, path = line.split(" ", 8)
-                yield Change(path=path, how=_how(both))
-            case "u ":
-                yield Change(path=line.split(" ", 10)[-1], how=How.CONFLICT)
-            case "? ":
-                yield Change(path=line[2:], how=How.NEW)
+def _entries(found: bytes, end: str) -> dict[str, str]:
+    """Return what git says of each path, by path."""
+    parts = (os.fsdecode(entry).partition(end) for entry in found.split(b"\0") if entry)
+    return {path: said for said, _, path in parts}
 
 
-def _how(both: str) -> How:
-    """Return how a file differs, by its letters in the index and in the folder."""
-    if both[1] == "D" or both == "D.":
-        return How.DELETED
-    return How.NEW if both[0] == "A" else How.MODIFIED
+def _changes(data: Path, there: Mapping[str, str], committed: Mapping[str, str]) -> Iterator[Change]:
+    """Yield what differs; `there` has the tags of `git ls-files -t`, `committed` mode, type and hash."""
+    for path in sorted({*there, *committed}):
+        mode, _, blob = committed.get(path, " ").partition(" ")
+        kind, _, digest = blob.partition(" ")
+        is_there = os.path.lexists(data / path)
+        if there.get(path) == CONFLICT_TAG:
+            yield Change(path=path, how=How.CONFLICT)
+        elif path not in committed:
+            if is_there:
+                yield Change(path=path, how=How.NEW)
+        elif not is_there:
+            if there.get(path) != SPARSE_TAG:
+                yield Change(path=path, how=How.DELETED)
+        elif kind == "blob" and not _is_blob(data / path, mode == LINK_MODE, digest):
+            yield Change(path=path, how=How.MODIFIED)
+
+
+def _is_blob(path: Path, is_link: bool, digest: str) -> bool:
+    """Whether a file has the bytes of a blob, unconverted: git itself would run the filters of the folder."""
+    try:
+        content = os.fsencode(os.readlink(path)) if is_link else read_regular_file(path, cap_bytes=CAP_BYTES)
+    except (OSError, ProfileError):  # closed, or not what was committed
+        return False
+    kind = hashlib.sha1 if len(digest) == SHA1_DIGITS else hashlib.sha256
+    found = kind(b"blob %d\0" % len(content) + content, usedforsecurity=False).hexdigest()
+    return path.is_symlink() == is_link and found == digest
