@@ -41,8 +41,8 @@ def main(options: Namespace, text: Catalogue) -> int:
             if not card.simulated:
                 # The answer may have taken time.
                 verification = verify(card.client, card.machine, card.client.dialect)
-            proofs = [*doctor_checks.proven_checks(options, card, verification, text)]
-        stops = doctor_checks.stop_checks(options, card, date.today())
+            proofs = [*doctor_checks.proven_checks(card, verification, text)]
+        stops = doctor_checks.stop_checks(card, date.today())
     arrival = doctor_checks.arrival_check(card.client.line_check)
     of_computer = [*doctor_checks.command_checks(), *data_folder_checks(data_of(options))]
     checks = in_order([*verification.checks, arrival, *unsigned, *trial, *stops, *proofs, *of_computer])
