@@ -188,7 +188,7 @@ def test_the_folder_may_have_any_path(tmp_path: Path, console: Console) -> None:
     server.launch()
     wait_for_feed(deep)
     (reader,) = readers(deep, 10.0)
-    assert reader.last["machine"] == MACHINE.name
+    assert reader.last.machine == MACHINE.name
     reader.close()
     server.close()
     assert os.listdir(deep / "feed") == []
@@ -241,7 +241,7 @@ def publishing_as(account: int, folder: Path) -> int:
 def test_the_feed_of_a_shared_folder_is_for_its_group() -> None:
     def reads() -> None:
         (reader,) = readers(folder, 10.0)
-        assert reader.last["machine"] == MACHINE.name
+        assert reader.last.machine == MACHINE.name
 
     def is_kept_out() -> None:
         with pytest.raises(PermissionError):

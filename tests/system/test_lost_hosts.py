@@ -12,12 +12,12 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
 
 import pytest
 
 from console.session.data.run_reader import runs, story
 from console.session.feed.client import Reader, readers
+from console.session.feed.feed_state import FeedState
 from console.session.feed.request import LEAST_HZ
 from console.session.station.owning import take_lock
 from drivers.lathe.ownership import OWNER_ITEM
@@ -99,7 +99,7 @@ def watching(site: Site) -> Iterator[tuple[PmacClient, Watch]]:
         yield client, Watch(client, site.card.server, client.dialect, (TOOL, SPINDLE, CARRIAGE))
 
 
-def last_state(reader: Reader) -> dict[str, Any]:
+def last_state(reader: Reader) -> FeedState:
     """Read a feed to the end of its console; return the last state."""
     with suppress(ConnectionError):
         while True:
@@ -185,7 +185,7 @@ def test_a_console_that_was_stopped_for_a_while_renews_nothing_and_tells(site: S
     after = b"".join(data for _, data in site.card.words.said[said:])
     assert code == 1
     assert "did not hear from this console in time" in err
-    assert [alarm["code"] for alarm in last_state(reader)["alarms"]] == ["heartbeat.lapsed"]
+    assert [alarm.code for alarm in last_state(reader).alarms] == ["heartbeat.lapsed"]
     newest = runs(site.order.data)[0]
     assert [alarm.problem.code for alarm in story(site.order.data, newest.run_id).alarms] == ["heartbeat.lapsed"]
     # A line may have been under way when it was stopped: a lease that comes late starts nothing.

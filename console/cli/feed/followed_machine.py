@@ -19,8 +19,9 @@ from console.session.feed.request import LEAST_HZ, MOST_HZ
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from console.session.exchange.data_items import Published, State
+    from console.session.exchange.data_items import Published
     from console.session.exchange.following import Follower
+    from console.session.feed.feed_state import FeedState
 
 DEFAULT_HZ = 5.0
 WAIT_S = 0.5  # for something new; a console that was killed is noticed at once
@@ -54,8 +55,7 @@ def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Foll
     follower = Follower(
         data_of(options),
         options.rate,
-        machine,
-        bool(options.sim),
+        (machine, bool(options.sim)),
         lambda problem: tell([problem], text),
     )
     try:
@@ -66,7 +66,7 @@ def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Foll
 
 def changes_of(
     follower: Follower, machine: str, options: Namespace, text: Catalogue
-) -> Iterator[tuple[Published, State | None]]:
+) -> Iterator[tuple[Published, FeedState | None]]:
     """Yield what is to be published, with its state, again and again; say when consoles come and are gone."""
     from console.session.data.kept_files import utc_now
     from console.session.exchange.data_items import published

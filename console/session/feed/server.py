@@ -12,12 +12,13 @@ import os
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
 from console.session.bounded_server import BoundedServer, Made
 from console.session.data.kept_files import utc_now
 from console.session.errors import fault_problem
+from console.session.feed.feed_state import FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed
 from console.session.feed.report import line_of, report
@@ -101,13 +102,13 @@ class FeedServer:
         made_s, line = self._line
         if now_s - made_s >= SHARED_S:
             try:
-                line = line_of(self._report())
+                line = line_of(asdict(self._report()))
             except Exception as fault:  # nothing of a feed may reach the terminal of the operator
                 line = line_of({"schema": SCHEMA, "refused": fault_problem(fault).value})
             self._line = now_s, line
         return line
 
-    def _report(self) -> dict[str, Any]:
+    def _report(self) -> FeedState:
         return report(self._observe(), process=os.getpid(), operator=operator_name(), at_utc=utc_now())
 
 
