@@ -12,7 +12,7 @@ import re
 import socket
 from argparse import Namespace
 from collections.abc import Iterator
-from contextlib import closing, contextmanager, redirect_stdout
+from contextlib import closing, contextmanager, redirect_stdout, suppress
 from dataclasses import asdict, replace
 from pathlib import Path
 from random import Random
@@ -24,8 +24,8 @@ from console.session.exchange.data_items import Published, published
 from console.session.exchange.following import Heard
 from console.session.exchange.shdr import shdr_lines
 from console.session.exchange.topics import is_news, messages
-from console.session.feed.client import Reader
-from console.session.feed.feed_state import FeedAlarm, FeedState
+from console.session.feed.client import Stream
+from console.session.feed.feed_state import FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.station.state import Activity
@@ -124,50 +124,49 @@ class Outputs:
     def read(self, sent: bytes) -> bool:
         """Return whether there was a state."""
         told: list[str] = []
+        states: list[FeedState] = []
         ours, theirs = socket.socketpair()
         with closing(ours), closing(theirs):
+            stream = Stream(Path("feed"), ours, 1.0, lambda problem: told.append(str(problem)))
             theirs.sendall(sent)
             theirs.shutdown(socket.SHUT_WR)
-            try:
-                reader = Reader(Path("feed"), ours, 1.0, lambda problem: told.append(str(problem)))
-            except ConnectionError:
-                return False
-            finally:
-                require(all(each.isprintable() for each in told) and len(told) <= 1, told)
-            self.render(reader)
-        return True
+            with suppress(ConnectionError):
+                while True:
+                    states += stream.take()
+            stream.close()
+        require(all(each.isprintable() for each in told) and len(told) <= 2, told)
+        for state in states:
+            self.render(state)
+        return bool(states)
 
-    def render(self, reader: Reader) -> None:
-        """Render what a reader has, in each format."""
+    def render(self, state: FeedState) -> None:
+        """Render a state in each format."""
+        before = self.before and self.before[1]
         for as_json, text in ((False, LANGUAGES[0]), (False, LANGUAGES[1]), (True, LANGUAGES[0])):
-            watch(reader, Namespace(json=as_json), text)
-        for state in reader.waiting:
-            now = published(state, "")
-            told = shdr_lines(now, None if self.before is None else self.before[0])
-            require(all("\n" not in each and each.isprintable() for each in told), told)
-            is_news(state, None if self.before is None else self.before[1])
-            for key, payload in messages(now, state).items():
-                require(key not in UTF_8_JSON or isinstance(strict(payload), dict), payload)
-            self.before = now, state
-        aged = [Heard(state=each, published=published(each, ""), came_s=0.0).aged(3.0) for each in reader.waiting]
-        scrape(response(REQUEST, (), [*aged, *reader.waiting], LANGUAGES[1]))
+            watch(before, state, Namespace(json=as_json), text)
+        now = published(state, "")
+        told = shdr_lines(now, self.before and self.before[0])
+        require(all("\n" not in each and each.isprintable() for each in told), told)
+        is_news(state, before)
+        for key, payload in messages(now, state).items():
+            require(key not in UTF_8_JSON or isinstance(strict(payload), dict), payload)
+        self.before = now, state
+        aged = Heard(state=state, published=now, came_s=0.0).aged(3.0)
+        scrape(response(REQUEST, (), [aged, state], LANGUAGES[1]))
 
 
-def watch(reader: Reader, options: Namespace, text: Any) -> None:
+def watch(before: FeedState | None, state: FeedState, options: Namespace, text: Any) -> None:
     """Print what `watch` does."""
     out = io.StringIO()
     with redirect_stdout(out):
-        _show(reader, reader.waiting, {}, options, text)
-        _show_end(reader.last, options, text)
+        _show(before, state, options, text)
+        _show_end(state, options, text)
     lines = out.getvalue().split("\n")[:-1]
+    known = () if before is None else before.alarms
+    alarms = 0 if options.json else sum(each not in known for each in state.alarms)
+    require(len(lines) == 2 + alarms and all(each.isprintable() for each in lines), lines)
     if options.json:
         require(all(isinstance(strict(each.encode()), dict) for each in lines), lines)
-    alarms, before = 0, tuple[FeedAlarm, ...]()
-    for state in reader.waiting:
-        alarms += sum(each not in before for each in state.alarms)
-        before = state.alarms
-    require(len(lines) == len(reader.waiting) + 1 + (0 if options.json else alarms), lines)
-    require(all(each.isprintable() for each in lines), lines)
 
 
 def scrape(answer: bytes) -> None:

@@ -8,7 +8,6 @@ from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import number, within
@@ -39,14 +38,6 @@ def machine_name(options: Namespace) -> str:
     return profile_of(options).machine.name
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this computer reaches an address."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
 @contextmanager
 def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Follower]:
     """Yield who follows the consoles of the machine; what is wrong with one is a warning."""
@@ -55,7 +46,7 @@ def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Foll
     follower = Follower(
         data_of(options),
         options.rate,
-        (machine, bool(options.sim)),
+        lambda state: (state.machine, state.simulated) == (machine, bool(options.sim)),
         lambda problem: tell([problem], text),
     )
     try:

@@ -13,16 +13,15 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from console.cli.arguments import problems_as_usage
-from console.cli.feed.followed_machine import WAIT_S, is_loopback
+from console.cli.feed.followed_machine import WAIT_S
 from console.cli.library import data_of
 from console.cli.output import tell
 from console.cli.parser import Parser
-from console.session.bounded_server import BoundedServer
+from console.session.bounded_server import BoundedServer, send
 from console.session.feed.request import LEAST_HZ
 from console.text.catalogue import Catalogue
-from drivers.errors import LinkError
+from drivers.simulator.hosts.control_address import is_loopback, parse_control_address
 from profiles.files import printable
-from profiles.problem import Problem
 
 if TYPE_CHECKING:
     from console.session.feed.feed_state import FeedState
@@ -52,18 +51,14 @@ def main(options: Namespace, text: Catalogue) -> int:
         return response(head, hosts, [each.aged(time.monotonic()) for each in heard], text)
 
     server = _server(options.listen, answer)
-    follower = Follower(data_of(options), LEAST_HZ, None, lambda problem: tell([problem], text))
+    follower = Follower(data_of(options), LEAST_HZ, lambda _: True, lambda problem: tell([problem], text))
     try:
-        follower.wait(WAIT_S)
-        heard = follower.heard()
-        bound = server.start().partition(":tcp:")[2]
+        heard = follower.settle()
+        bound = server.start(options.listen).partition(":tcp:")[2]
         print(text("metrics.listening", address=f"http://{bound}{PATH}"), flush=True)
         while True:
             follower.wait(WAIT_S)
             heard = follower.heard()
-    except OSError as error:
-        value = error.strerror or str(error)
-        raise LinkError(Problem(code="link.cannot_listen", where=str(options.listen), value=value)) from error
     except KeyboardInterrupt:  # the usual way to end it
         return 0
     finally:
@@ -105,8 +100,7 @@ def _server(address: TcpAddress, answer: Callable[[bytes], bytes]) -> BoundedSer
             while line not in ENDS and len(head) <= LONGEST_HEAD:
                 head += line
                 line = await reader.readline()
-            writer.write(answer(head))
-            await writer.drain()
+            await send(writer, answer(head), CLIENT_S)
             writer.close()
             await writer.wait_closed()
 
@@ -122,7 +116,6 @@ def _server(address: TcpAddress, answer: Callable[[bytes], bytes]) -> BoundedSer
 
 def _address(word: str) -> TcpAddress:
     from drivers.link.address import TcpAddress
-    from drivers.simulator.hosts.control_address import parse_control_address
 
     with problems_as_usage():
         address = parse_control_address(f"tcp:{word}")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import select
 import sys
 import time
 from argparse import Namespace
@@ -12,14 +11,18 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import number, within
+from console.cli.feed.followed_machine import WAIT_S
 from console.cli.library import data_of
 from console.cli.output import tell
 from console.cli.parser import Parser
+from console.session.errors import SessionError
 from console.session.feed.request import LEAST_HZ, MOST_HZ
 from console.text.catalogue import Catalogue
+from profiles.files import printable
+from profiles.problem import Problem
 
 if TYPE_CHECKING:
-    from console.session.feed.client import Reader
+    from console.session.exchange.following import Follower
     from console.session.feed.feed_state import FeedAlarm, FeedCut, FeedState
 
 SILENT_S = 5.0  # a console sends a line a second at the least
@@ -35,55 +38,55 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Follow every console of the data folder, or of one machine, until all have ended or the user ends it."""
-    from console.session.feed.client import readers
+    from console.session.exchange.following import Follower
 
-    following = readers(data_of(options), options.rate, options.watched, lambda problem: tell([problem], text))
+    machines: set[str] = set()
+
+    def is_wanted(state: FeedState) -> bool:
+        machines.add(state.machine)
+        return options.watched in (None, state.machine)
+
+    def show(before: FeedState | None, state: FeedState) -> None:
+        if before is None or not options.listing:
+            _show(before, state, options, text)
+
+    data = data_of(options)
+    follower = Follower(data, options.rate, is_wanted, lambda problem: tell([problem], text), show)
     try:
-        _follow(following, options, text)
+        if not follower.settle():
+            none = Problem(code="feed.none", where=printable(str(data)))
+            unknown = Problem(code="feed.unknown", value=options.watched, limit=", ".join(sorted(machines)))
+            raise SessionError(unknown if machines else none)
+        if not options.listing:
+            _follow(follower, options, text)
     except KeyboardInterrupt:  # the usual way to leave
         pass
     finally:
-        for reader in following:
-            reader.close()
+        follower.close()
     return 0
 
 
-def _follow(following: list[Reader], options: Namespace, text: Catalogue) -> None:
-    alarms: dict[Reader, tuple[FeedAlarm, ...]] = {}
-    for reader in following:
-        _show(reader, reader.waiting, alarms, options, text)
-    open_ones, last_s = list(following), time.monotonic()
-    while open_ones and not options.listing:
-        ready, _, _ = select.select(open_ones, [], [], SILENT_S)
-        for reader in ready:
-            try:
-                states = reader.take()
-            except OSError:
-                open_ones.remove(reader)
-                _show_end(reader.last, options, text)
-                continue
-            _show(reader, states, alarms, options, text)
-            last_s = time.monotonic() if states else last_s
+def _follow(follower: Follower, options: Namespace, text: Catalogue) -> None:
+    """Let what comes be shown, and say when a console ends, or when none sends a state."""
+    said_s = 0.0
+    while before := dict(follower.newest):
+        follower.wait(WAIT_S)
+        for path in before.keys() - follower.newest.keys():
+            _show_end(before[path].state, options, text)
+        last_s = max(said_s, *(each.came_s for each in before.values()))
         if time.monotonic() - last_s >= SILENT_S:
             print(f"console: {text('watch.silent', seconds=f'{SILENT_S:g}')}", file=sys.stderr)
-            last_s = time.monotonic()
+            said_s = time.monotonic()
 
 
-def _show(
-    reader: Reader,
-    states: list[FeedState],
-    alarms: dict[Reader, tuple[FeedAlarm, ...]],
-    options: Namespace,
-    text: Catalogue,
-) -> None:
-    """Print states: as they are, or each as a line, and one for each alarm that is new or has changed."""
-    for state in states:
-        lines = [json.dumps(asdict(state))]
-        if not options.json:
-            before, alarms[reader] = alarms.get(reader, ()), state.alarms
-            lines = [state_line(state, text)]
-            lines += [_alarm_line(state, alarm, text) for alarm in state.alarms if alarm not in before]
-        print("\n".join(lines))
+def _show(before: FeedState | None, state: FeedState, options: Namespace, text: Catalogue) -> None:
+    """Print a state: as it is, or a line, and one for each alarm that is new or has changed."""
+    if options.json:
+        print(json.dumps(asdict(state)))
+        return
+    known = () if before is None else before.alarms
+    lines = [_alarm_line(state, alarm, text) for alarm in state.alarms if alarm not in known]
+    print("\n".join([state_line(state, text), *lines]))
 
 
 def _show_end(state: FeedState, options: Namespace, text: Catalogue) -> None:

@@ -7,17 +7,20 @@ from __future__ import annotations
 
 import select
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.exchange.data_items import Published, published
-from console.session.feed.client import Stream, Warn, closed, warn_once
+from console.session.feed.client import Stream, Warn, closed, not_one
 from console.session.feed.feed_state import FeedState
 from console.session.feed.place import connected, feeds
+from profiles.problem import Problem
 
 SILENT_S = 5.0  # a console sends a line a second at the least
 RESCAN_S = 1.0
+SETTLE_S = 0.1
 CONNECT_S = 0.5  # the system answers at once, or there are too many readers
 
 
@@ -36,14 +39,23 @@ class Heard:
 
 
 class Follower:
-    """The consoles that work one machine, the real or the simulated one; without `wanted` all."""
+    """The consoles whose states are `wanted`: all, or those that work one machine, the real or the simulated one.
 
-    def __init__(self, data: Path, hz: float, wanted: tuple[str, bool] | None, warn: Warn) -> None:
-        self._data, self._hz = data, hz
-        self._wanted = wanted
-        self._complain = warn_once(warn)
+    `newest` has what they sent last; `seen` is called with each state, after that before it, None for the first.
+    """
+
+    def __init__(
+        self,
+        data: Path,
+        hz: float,
+        wanted: Callable[[FeedState], bool],
+        warn: Warn,
+        seen: Callable[[FeedState | None, FeedState], None] = lambda *_: None,
+    ) -> None:
+        self._data, self._hz, self._wanted, self._seen = data, hz, wanted, seen
+        self._warn, self._warned = warn, set[tuple[str, str]]()
         self._streams: dict[Path, Stream] = {}
-        self._newest: dict[Path, Heard] = {}
+        self.newest: dict[Path, Heard] = {}
         self._left: set[Path] = set()  # work another machine, or publish something else
         self._scanned_s = float("-inf")
 
@@ -51,6 +63,16 @@ class Follower:
         """Leave every console."""
         for path in list(self._streams):
             self._drop(path)
+
+    def settle(self) -> list[Heard]:
+        """Wait until each console that runs has sent a state, or is silent; return the states."""
+        until_s, waiting = time.monotonic() + SILENT_S, {self._data}
+        while waiting and time.monotonic() < until_s:
+            self.wait(SETTLE_S)
+            waiting = self._streams.keys() - self.newest.keys()
+        for path in waiting:
+            self._complain(not_one(path, f"> {SILENT_S:g} s"))
+        return self.heard()
 
     def wait(self, timeout_s: float) -> Heard | None:
         """Wait for something new, at most so long; return the newest state of the machine, None without a console.
@@ -73,7 +95,7 @@ class Follower:
     def heard(self) -> list[Heard]:
         """Return the newest state of each console that is not silent."""
         now_s = time.monotonic()
-        return [each for each in self._newest.values() if now_s - each.came_s < SILENT_S]
+        return [each for each in self.newest.values() if now_s - each.came_s < SILENT_S]
 
     def _scan(self) -> None:
         """Connect to consoles that are new, forget those that are gone."""
@@ -105,20 +127,24 @@ class Follower:
     def _take(self, path: Path, stream: Stream) -> None:
         try:
             for state in stream.take():
-                if self._wanted not in (None, (state.machine, state.simulated)):
-                    self._leave(path)
+                if not self._wanted(state):
+                    self._drop(path)
+                    self._left.add(path)
                     return
-                shown = published(state, "")
-                self._newest[path] = Heard(state=state, published=shown, came_s=time.monotonic())
+                before = self.newest.get(path)
+                self.newest[path] = Heard(state=state, published=published(state, ""), came_s=time.monotonic())
+                self._seen(None if before is None else before.state, state)
         except OSError:
             self._drop(path)
 
-    def _leave(self, path: Path) -> None:
-        self._drop(path)
-        self._left.add(path)
+    def _complain(self, problem: Problem) -> None:
+        """Say it once for each place."""
+        if (key := (problem.code, problem.where)) not in self._warned:
+            self._warned.add(key)
+            self._warn(problem)
 
     def _drop(self, path: Path) -> None:
-        self._newest.pop(path, None)
+        self.newest.pop(path, None)
         with suppress(OSError):
             self._streams.pop(path).close()
 
