@@ -12,6 +12,9 @@ from collections.abc import Awaitable, Callable
 from contextlib import ExitStack, suppress
 from queue import SimpleQueue
 
+from drivers.errors import LinkError
+from profiles.problem import Problem
+
 GONE = (OSError, ValueError, asyncio.IncompleteReadError, TimeoutError)
 """What a client comes to that has left, sends a line without an end, or is too slow: there is nobody to tell."""
 
@@ -29,6 +32,19 @@ Raises OSError.
 
 Converse = Callable[[asyncio.StreamReader, asyncio.StreamWriter], Awaitable[None]]
 """Serves one client to its end; may raise what is in `GONE`."""
+
+
+async def send(writer: asyncio.StreamWriter, data: bytes, unread_s: float) -> None:
+    """Send to a client. Raises TimeoutError: it has not read for so long."""
+    writer.write(data)
+    async with asyncio.timeout(unread_s):  # `wait_for` of Python 3.11 may lose a cancellation at its end
+        await writer.drain()
+
+
+def abandon(reading: asyncio.Task[bytes]) -> None:
+    """Read no more, and take note of why nothing comes: asyncio would write that into the screen."""
+    reading.cancel()
+    reading.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
 
 
 class BoundedServer:
@@ -58,12 +74,13 @@ class BoundedServer:
         self.failed: OSError | None = None
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
-    def start(self) -> str:
-        """Listen; return the address that was bound. Raises OSError: it cannot be done."""
+    def start(self, where: object) -> str:
+        """Listen; return the address that was bound. Raises LinkError: `link.cannot_listen`, at `where`."""
         self._thread.start()
         came = self._started.get(timeout=START_S)
         if isinstance(came, OSError):
-            raise came
+            problem = Problem(code="link.cannot_listen", where=str(where), value=came.strerror or str(came))
+            raise LinkError(problem) from came
         return came
 
     def launch(self) -> None:

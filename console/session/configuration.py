@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 SITE_FILE = Path("/etc/trilobe/config.toml")
 PREFIX = "TRILOBE_"
 KEYS = ("data", "machine", "link", "language", "operator", *CHOICES, "keys")
-OTHER_VARIABLES = ("TRILOBE_TRACEBACK", "TRILOBE_MQTT_USER", "TRILOBE_MQTT_PASSWORD")
+OTHER_VARIABLES = ("TRILOBE_TRACEBACK", "TRILOBE_MQTT_USER", "TRILOBE_MQTT_PASSWORD", "TRILOBE_INSTRUCT_TOKEN")
 """Variables of ours that are no settings."""
 
 LONGEST_PATH = 1024

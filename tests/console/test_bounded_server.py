@@ -46,7 +46,7 @@ def test_who_connects_while_it_ends_is_dropped_and_nothing_stays_open(tmp_path: 
         for number in range(TIMES):
             path, over, opened = tmp_path / str(number), threading.Event(), list[socket.socket]()
             server = served(path)
-            server.start()
+            server.start("here")
             crowd = threading.Thread(target=connect_until, args=(over, path, opened))
             crowd.start()
             while len(opened) < 20 and crowd.is_alive():

@@ -15,6 +15,7 @@ import pytest
 
 import console as package
 from console.cli.machine.card_access import Card
+from console.session.data.kept_files import data_folder
 from drivers.commissioning.check import Group
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
@@ -49,6 +50,7 @@ def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Com
             simulated=True,
             version=version,
             kind=kind,
+            data=data_folder(None),
         )
 
     monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
@@ -74,6 +76,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
             simulated=False,
             version="1.17",
             kind="PMAC1, X1",
+            data=data_folder(None),
         )
 
     monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)

@@ -16,6 +16,7 @@ from console.session.data.health import store as store_test
 from console.session.data.identified import store as store_response
 from console.session.errors import SessionError
 from console.session.station.commands import Arm, CheckHealth, EnableDrives, Home, Verify
+from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.trial.explained import filter_checks
 from console.session.trial.known_loop import known_loop
@@ -239,7 +240,7 @@ def test_a_measurement_that_trips_with_a_filter_names_its_reading_too(
         raise ProblemError(tripped)
 
     with pytest.raises(ProblemError) as told:
-        with_origin(rig, None, True, tmp_path, lambda: None, trips)
+        with_origin(rig, Owning(rig.lathe, "", tmp_path), True, tmp_path, lambda: None, trips)
     suspected = ["trial.filter_suspected"] if filtered else []
     assert [each.code for each in told.value.problems] == ["machine.fault", *suspected]
     assert isinstance(told.value, SessionError) is filtered

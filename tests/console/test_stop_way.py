@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from argparse import Namespace
 from datetime import date
 from pathlib import Path
 
@@ -73,16 +72,16 @@ def test_a_record_is_kept_with_the_way_of_its_stops_and_taken_away_with_a_lost_o
         simulated=False,
         version=version,
         kind=kind,
+        data=tmp_path,
     )
-    options = Namespace(data=str(tmp_path))
     stops = tuple(_stop(*each) for each in needed_stops(MACHINE))
     proven = Proven(checks=(), stops=stops)
-    keep_stops(options, card, proven, TODAY)
+    keep_stops(card, proven, TODAY)
     made.link.stop_way = way
-    keep_stops(options, card, proven, TODAY)
+    keep_stops(card, proven, TODAY)
     kept = load(tmp_path, MACHINE)
     assert (None if kept is None else kept.stop_way) == (None if way is StopWay.LOST else way)
-    told = {check.code: check.severity for check in stop_checks(options, card, TODAY)}
+    told = {check.code: check.severity for check in stop_checks(card, TODAY)}
     target = {
         StopWay.DIRECT: {"stop_record": Severity.OK},
         StopWay.RESERVED: {"stop_connection": Severity.OK, "stop_record": Severity.OK},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import socket
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -15,7 +15,6 @@ from textual.message import Message
 from console.session.errors import SessionError
 from console.session.exchange.adapter import Adapter
 from console.session.exchange.shdr import PING
-from console.session.feed.client import Stream
 from console.session.feed.request import asked_hz
 from console.session.instructing.answer import Answer, read_answer
 from console.session.instructing.dispatcher import Dispatcher
@@ -28,23 +27,10 @@ from tests.fuzz.target import FoundError, Target, Try, pure
 
 TOKEN = "0123456789abcdef"
 SENT_S = 2.0
-STATE = b'{"schema": 1, "machine": {"name": "lathe"}, "axes": {}, "alarms": []}\n'
 KEYS = (
     b"\x1b[A\x1b[1;5C\x1b[97;5u\x1b[97;1:2u\x1b[?1u\x1b[200~pasted\x1b[201~\x1b[<0;3;4M\x1b[I\x1b[O",
     "한글\x1bOP\x1b[15~\x1b[24;80R\x1b[?2026;2$y\x1b]11;rgb:0/0/0\x07".encode(),
 )
-
-
-def take_states(data: bytes) -> None:
-    """A reader of a feed, and what comes from there."""
-    ours, theirs = socket.socketpair()
-    with closing(ours), closing(theirs):
-        stream = Stream(Path("feed"), ours, 1.0)
-        theirs.sendall(data)
-        theirs.shutdown(socket.SHUT_WR)
-        with suppress(ConnectionError):
-            while True:
-                stream.take()
 
 
 class _Complaints(logging.Handler):
@@ -130,13 +116,6 @@ def press(data: bytes) -> None:
 
 
 OF_SOCKETS = (
-    Target(
-        name="feed-states",
-        what="what a reader of a feed gets",
-        seeds=lambda: [STATE, STATE * 3],
-        errors=(SessionError,),
-        opened=pure(take_states),
-    ),
     Target(
         name="feed-requests",
         what="what a feed is asked",

@@ -15,8 +15,7 @@ from typing import Any
 
 import pytest
 
-from console.session.errors import SessionError
-from console.session.feed.client import readers
+from console.session.exchange.following import Follower
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed, connected, feeds
 from console.session.feed.server import MOST_READERS, FeedServer
@@ -187,9 +186,7 @@ def test_the_folder_may_have_any_path(tmp_path: Path, console: Console) -> None:
     server = FeedServer(deep, console.observed)
     server.launch()
     wait_for_feed(deep)
-    (reader,) = readers(deep, 10.0)
-    assert reader.last["machine"] == MACHINE.name
-    reader.close()
+    assert followed(deep) == [MACHINE.name]
     server.close()
     assert os.listdir(deep / "feed") == []
 
@@ -212,17 +209,22 @@ def test_feeds_of_consoles_on_one_folder_stand_beside_each_other(data: Path) -> 
     assert len(feeds(data)) == 1
 
 
-def test_what_is_no_feed_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SessionError, match="no console publishes"):
-        readers(tmp_path, 1.0)
+def followed(data: Path, told: list[str] | None = None) -> list[str]:
+    """Return the machines whose consoles publish, as `watch` finds them."""
+    codes = [] if told is None else told
+    follower = Follower(data, 10.0, lambda _: True, lambda problem: codes.append(problem.code))
+    machines = [heard.state.machine for heard in follower.settle()]
+    follower.close()
+    return machines
+
+
+def test_what_is_no_feed_is_told_and_is_no_console(tmp_path: Path) -> None:
+    assert followed(tmp_path) == []
+    told: list[str] = []
     with ExitStack() as opened:
         server = claimed(tmp_path, opened)
         server.listen()
-        (path,) = feeds(tmp_path)
-        with connected(path, TIMEOUT_S):  # it answers this one, before it answers that of the reader
-            pass
-        with pytest.raises(SessionError, match="sent no state"):
-            readers(tmp_path, 1.0)
+        assert (followed(tmp_path, told), told) == ([], ["feed.not_one"])
 
 
 def publishing_as(account: int, folder: Path) -> int:
@@ -240,8 +242,7 @@ def publishing_as(account: int, folder: Path) -> int:
 @needs_root
 def test_the_feed_of_a_shared_folder_is_for_its_group() -> None:
     def reads() -> None:
-        (reader,) = readers(folder, 10.0)
-        assert reader.last["machine"] == MACHINE.name
+        assert followed(folder) == [MACHINE.name]
 
     def is_kept_out() -> None:
         with pytest.raises(PermissionError):

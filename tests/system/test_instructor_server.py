@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from console.__main__ import main
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer
 from console.session.instructing.client import Instructor
@@ -95,6 +96,40 @@ def test_a_wrong_token_is_refused_and_orders_nothing(token: str, address: UnixAd
         link.sendall(f"once {token}\nclear\n".encode())
         assert is_closed(link)
     assert machine.ordered == []
+
+
+def instruct(capsys: pytest.CaptureFixture[str], address: UnixAddress, *words: str) -> tuple[int, str, str]:
+    capsys.readouterr()
+    code = main(["instruct", f"unix:{address.path}", *words, "--data", str(Path(address.path).parent)])
+    said = capsys.readouterr()
+    return code, said.out, said.err
+
+
+def test_a_token_comes_from_a_file_or_from_the_environment(
+    address: UnixAddress, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file = tmp_path / "copy"
+    file.write_text(f"{TOKEN}\n", encoding="ascii")
+    assert instruct(capsys, address, "active", "--token-file", str(file)) == (0, "active\n", "")
+    monkeypatch.setenv("TRILOBE_INSTRUCT_TOKEN", TOKEN)
+    assert instruct(capsys, address, "active") == (0, "active\n", "")
+    monkeypatch.setenv("TRILOBE_INSTRUCT_TOKEN", "another")
+    assert instruct(capsys, address, "active")[0] == 1
+    assert instruct(capsys, address, "active", "--token-file", str(file))[0] == 0, "what is stated here counts"
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+@pytest.mark.parametrize("words", [("--token", TOKEN), (f"--token={TOKEN}",)])
+def test_a_token_in_the_command_line_is_refused_with_what_to_do(
+    address: UnixAddress,
+    machine: Machine,
+    words: tuple[str, ...],
+    language: str,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, out, err = instruct(capsys, address, "active", *words, "--lang", language)
+    assert (code, out, machine.ordered) == (2, "", [])
+    assert "--token-file FILE" in err and "TRILOBE_INSTRUCT_TOKEN" in err and TOKEN not in err
 
 
 def test_the_socket_is_its_owners(address: UnixAddress) -> None:

@@ -12,12 +12,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from typing import Any
 
 import pytest
 
 from console.session.data.run_reader import runs, story
-from console.session.feed.client import Reader, readers
+from console.session.feed.client import Stream
+from console.session.feed.feed_state import FeedState
+from console.session.feed.place import connected, feeds
 from console.session.feed.request import LEAST_HZ
 from console.session.station.owning import take_lock
 from drivers.lathe.ownership import OWNER_ITEM
@@ -99,13 +100,19 @@ def watching(site: Site) -> Iterator[tuple[PmacClient, Watch]]:
         yield client, Watch(client, site.card.server, client.dialect, (TOOL, SPINDLE, CARRIAGE))
 
 
-def last_state(reader: Reader) -> dict[str, Any]:
+def feed_of(site: Site) -> Stream:
+    (path,) = feeds(site.order.data)
+    return Stream(path, connected(path, ENDS_WITHIN_S), LEAST_HZ, lambda _: None)
+
+
+def last_state(stream: Stream) -> FeedState:
     """Read a feed to the end of its console; return the last state."""
+    states: list[FeedState] = []
     with suppress(ConnectionError):
         while True:
-            reader.take()
-    reader.close()
-    return reader.last
+            states += stream.take()
+    stream.close()
+    return states[-1]
 
 
 def last_lease_s(site: Site) -> float:
@@ -168,7 +175,7 @@ def test_a_console_that_is_killed_in_a_cut_leaves_the_tool_out_and_all_at_rest(
 
 def test_a_console_that_was_stopped_for_a_while_renews_nothing_and_tells(site: Site) -> None:
     site.until_in_the_part()
-    (reader,) = readers(site.order.data, LEAST_HZ)
+    stream = feed_of(site)
     os.kill(site.process.pid, signal.SIGSTOP)
     _, status = os.waitpid(site.process.pid, os.WUNTRACED)
     assert os.WIFSTOPPED(status)
@@ -185,7 +192,7 @@ def test_a_console_that_was_stopped_for_a_while_renews_nothing_and_tells(site: S
     after = b"".join(data for _, data in site.card.words.said[said:])
     assert code == 1
     assert "did not hear from this console in time" in err
-    assert [alarm["code"] for alarm in last_state(reader)["alarms"]] == ["heartbeat.lapsed"]
+    assert [alarm.code for alarm in last_state(stream).alarms] == ["heartbeat.lapsed"]
     newest = runs(site.order.data)[0]
     assert [alarm.problem.code for alarm in story(site.order.data, newest.run_id).alarms] == ["heartbeat.lapsed"]
     # A line may have been under way when it was stopped: a lease that comes late starts nothing.

@@ -18,6 +18,7 @@ import pytest
 
 from console.session.exchange.adapter import MOST_CLIENTS, Adapter
 from console.session.exchange.data_items import published
+from console.session.feed.feed_state import FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed
 from console.session.feed.report import report
@@ -102,7 +103,7 @@ def serving(data: Path, *more: str) -> Iterator[tuple[Preloaded, str]]:
             process.kill()
 
 
-def state_line(parts: int) -> dict[str, object]:
+def state_line(parts: int) -> FeedState:
     observed = Shown(READY)
     observed.parts = parts
     return report(observed.observed(), process=1, operator="kim", at_utc="2026-01-01T00:00:00Z")
@@ -139,7 +140,7 @@ def test_who_does_not_read_is_dropped_and_holds_up_nobody(adapter: Adapter) -> N
     began_s, parts = time.monotonic(), 0
     while parts < 20 or time.monotonic() - began_s < 2.0:
         parts += 1
-        adapter.show(published({**state_line(parts), "job": f"{long_name}{parts}"}, ""))
+        adapter.show(published(replace(state_line(parts), job=f"{long_name}{parts}"), ""))
         agent.until("part_count", str(parts))
     with suppress(ConnectionError):
         while stalled.link.recv(1_000_000):  # else this would time out

@@ -13,12 +13,14 @@ from typing import TYPE_CHECKING
 
 import pytest
 
+from console.text.catalogue import load
 from drivers.clock import RealClock
 from drivers.link.address import TcpAddress
 from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.programs.cam import correction_register
 from drivers.pmac.reserved import LOST, OWNER
+from profiles.problem import Problem
 from tests.system.run_over_link import Order, order
 
 if TYPE_CHECKING:
@@ -73,6 +75,13 @@ def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, st
     out = max(before - machine.retract_mm * machine.counts_per_mm, 0.0)
     assert tool == pytest.approx(out, abs=SETTLES_COUNTS)
     assert others == [0.0, 0.0, 0.0], "tables, loss and owner"
+
+
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_the_alarm_of_a_silent_host_names_this_command(language: str) -> None:
+    """What it acknowledges, the test above reads in the controller."""
+    told = load(language).problem(Problem(code="heartbeat.lost", key=f"P{LOST}", value="cut", limit="0"))
+    assert "console retract" in told and "F2" in told
 
 
 def test_without_consent_nothing_is_written(lathe: tuple[Order, str, PmacClient]) -> None:

@@ -8,7 +8,6 @@ from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from datetime import datetime
-from ipaddress import ip_address
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import number, within
@@ -19,8 +18,9 @@ from console.session.feed.request import LEAST_HZ, MOST_HZ
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
-    from console.session.exchange.data_items import Published, State
+    from console.session.exchange.data_items import Published
     from console.session.exchange.following import Follower
+    from console.session.feed.feed_state import FeedState
 
 DEFAULT_HZ = 5.0
 WAIT_S = 0.5  # for something new; a console that was killed is noticed at once
@@ -38,14 +38,6 @@ def machine_name(options: Namespace) -> str:
     return profile_of(options).machine.name
 
 
-def is_loopback(host: str) -> bool:
-    """Whether only this computer reaches an address."""
-    try:
-        return ip_address(host).is_loopback
-    except ValueError:
-        return host == "localhost"
-
-
 @contextmanager
 def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Follower]:
     """Yield who follows the consoles of the machine; what is wrong with one is a warning."""
@@ -54,8 +46,7 @@ def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Foll
     follower = Follower(
         data_of(options),
         options.rate,
-        machine,
-        bool(options.sim),
+        lambda state: (state.machine, state.simulated) == (machine, bool(options.sim)),
         lambda problem: tell([problem], text),
     )
     try:
@@ -66,7 +57,7 @@ def followed(machine: str, options: Namespace, text: Catalogue) -> Iterator[Foll
 
 def changes_of(
     follower: Follower, machine: str, options: Namespace, text: Catalogue
-) -> Iterator[tuple[Published, State | None]]:
+) -> Iterator[tuple[Published, FeedState | None]]:
     """Yield what is to be published, with its state, again and again; say when consoles come and are gone."""
     from console.session.data.kept_files import utc_now
     from console.session.exchange.data_items import published

@@ -2,99 +2,120 @@
 
 from __future__ import annotations
 
-import sys
+import asyncio
+import time
 from argparse import Namespace
-from http.server import BaseHTTPRequestHandler, HTTPServer
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Collection, Sequence
+from http import HTTPStatus
+from http.client import HTTPException, parse_headers
+from io import BytesIO
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
 
 from console.cli.arguments import problems_as_usage
+from console.cli.feed.followed_machine import WAIT_S
 from console.cli.library import data_of
+from console.cli.output import tell
 from console.cli.parser import Parser
-from console.session.errors import SessionError
-from console.session.feed.client import readers
-from console.session.feed.metrics import CONTENT_TYPE, exposition
-from console.session.feed.request import MOST_HZ
+from console.session.bounded_server import BoundedServer, send
+from console.session.feed.request import LEAST_HZ
 from console.text.catalogue import Catalogue
-from drivers.errors import LinkError
-from profiles.problem import Problem
+from drivers.simulator.hosts.control_address import is_loopback, parse_control_address
+from profiles.files import printable
 
 if TYPE_CHECKING:
+    from console.session.feed.feed_state import FeedState
     from drivers.link.address import TcpAddress
 
 PATH = "/metrics"
-CLIENT_S = 5.0  # timeout for a client that sends no request, or does not read
+CLIENT_S = 5.0  # timeout for a client from its first byte to the last one that it reads
+MOST_CLIENTS, LONGEST_HEAD = 16, 16_384
+ENDS = (b"", b"\n", b"\r\n")  # of a head; b"": the client says no more
 
 
 def add(parser: Parser, text: Catalogue) -> None:
-    """Add the address."""
+    """Add the address, and further names of this computer."""
     where = text("help.metrics_listen")
     parser.add_argument("--listen", metavar="HOST:PORT", type=_address, required=True, help=where)
+    parser.add_argument("--host", metavar="NAME", action="append", default=[], help=text("help.metrics_host"))
 
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Answer each request with the newest states, until the user ends it; LinkError `link.cannot_listen`."""
-    address, data = options.listen, data_of(options)
+    from console.session.exchange.following import Follower, Heard
+
+    heard: list[Heard] = []
+    hosts = {name.lower() for name in (options.listen.host, *options.host)}
+
+    def answer(head: bytes) -> bytes:
+        return response(head, hosts, [each.aged(time.monotonic()) for each in heard], text)
+
+    server = _server(options.listen, answer)
+    follower = Follower(data_of(options), LEAST_HZ, lambda _: True, lambda problem: tell([problem], text))
     try:
-        server = HTTPServer((address.host, address.port), _handler(data))
-    except OSError as error:
-        value = error.strerror or str(error)
-        raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=value)) from error
-    with server:
-        host, port = server.server_address[:2]
-        try:
-            print(text("metrics.listening", address=f"http://{host!s}:{port}{PATH}"))
-            sys.stdout.flush()
-            server.serve_forever()
-        except KeyboardInterrupt:  # the usual way to end it
-            return 0
-    return 0
+        heard = follower.settle()
+        bound = server.start(options.listen).partition(":tcp:")[2]
+        print(text("metrics.listening", address=f"http://{bound}{PATH}"), flush=True)
+        while True:
+            follower.wait(WAIT_S)
+            heard = follower.heard()
+    except KeyboardInterrupt:  # the usual way to end it
+        return 0
+    finally:
+        server.close()
+        follower.close()
 
 
-def states(data: Path) -> list[dict[str, Any]]:
-    """Return the newest state of each running console. Raises SessionError: a feed is closed to this account."""
+def response(head: bytes, hosts: Collection[str], states: Sequence[FeedState], text: Catalogue) -> bytes:
+    """Return the answer to the head of a request; `hosts` are further names of this computer, in lower case.
+
+    A page in a browser here may have a name of its own lead to this address; the browser then sends that name.
+    """
+    from console.session.feed.metrics import CONTENT_TYPE, exposition
+
+    request, _, fields = head.partition(b"\n")
+    method, target = [*request.decode("latin-1").split(), "", ""][:2]
     try:
-        found = readers(data, MOST_HZ)
-    except SessionError as error:
-        if error.problems[0].code == "feed.none":
-            return []
-        raise
-    for reader in found:
-        reader.close()
-    return [reader.last for reader in found]
+        host = urlsplit("//" + ",".join(parse_headers(BytesIO(fields)).get_all("Host", []))).hostname or ""
+    except (HTTPException, ValueError):
+        host = ""
+    if not (is_loopback(host) or host in hosts):
+        told = text("metrics.host", host=printable(host, 60) or "-", hosts=", ".join(sorted(hosts)))
+        status, body = HTTPStatus.MISDIRECTED_REQUEST, f"{told}\n"
+    elif (method, target.partition("?")[0]) != ("GET", PATH):
+        status, body = HTTPStatus.NOT_FOUND, f"GET {PATH}\n"
+    else:
+        status, body = HTTPStatus.OK, exposition(states)
+    content = body.encode("utf-8", "replace")
+    facts = f"Content-Type: {CONTENT_TYPE}\r\nContent-Length: {len(content)}\r\nConnection: close"
+    return f"HTTP/1.1 {status.value} {status.phrase}\r\n{facts}\r\n\r\n".encode("ascii") + content
 
 
-def _handler(data: Path) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
-        timeout = CLIENT_S
+def _server(address: TcpAddress, answer: Callable[[bytes], bytes]) -> BoundedServer:
+    from drivers.simulator.hosts.control_socket import listen_for_control
 
-        def do_GET(self) -> None:
-            """Answer a request; the name is that which http.server calls."""
-            if self.path.partition("?")[0] != PATH:
-                self._answer(404, f"{PATH}\n")
-                return
-            try:
-                self._answer(200, exposition(states(data)))
-            except SessionError as error:
-                self._answer(503, f"{error}\n")
+    async def converse(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        async with asyncio.timeout(CLIENT_S):
+            head, line = b"", await reader.readline()
+            while line not in ENDS and len(head) <= LONGEST_HEAD:
+                head += line
+                line = await reader.readline()
+            await send(writer, answer(head), CLIENT_S)
+            writer.close()
+            await writer.wait_closed()
 
-        def log_message(self, format: str, *args: Any) -> None:
-            """Say nothing of each request."""
-
-        def _answer(self, status: int, body: str) -> None:
-            content = body.encode("utf-8", "replace")
-            self.send_response(status)
-            self.send_header("Content-Type", CONTENT_TYPE)
-            self.send_header("Content-Length", str(len(content)))
-            self.end_headers()
-            self.wfile.write(content)
-
-    return Handler
+    return BoundedServer(
+        "metrics",
+        lambda made, opened: listen_for_control(made, address, opened),
+        converse,
+        most_clients=MOST_CLIENTS,
+        longest_line=LONGEST_HEAD,
+        unread_bytes=0,
+    )
 
 
 def _address(word: str) -> TcpAddress:
     from drivers.link.address import TcpAddress
-    from drivers.simulator.hosts.control_address import parse_control_address
 
     with problems_as_usage():
         address = parse_control_address(f"tcp:{word}")

@@ -12,10 +12,11 @@ from threading import Lock
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import add_shared, host_port
-from console.cli.feed.followed_machine import add_rate, changes_of, followed, is_loopback, log, machine_name
+from console.cli.feed.followed_machine import add_rate, changes_of, followed, log, machine_name
 from console.cli.library import data_of
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
+from drivers.simulator.hosts.control_address import is_loopback
 
 if TYPE_CHECKING:
     from console.session.exchange.broker import Broker

@@ -8,13 +8,12 @@ from argparse import Namespace
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import add_shared, host_port
-from console.cli.feed.followed_machine import add_rate, changes_of, followed, is_loopback, machine_name
+from console.cli.feed.followed_machine import add_rate, changes_of, followed, machine_name
 from console.cli.library import data_of
 from console.cli.output import print_json
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
-from drivers.errors import LinkError
-from profiles.problem import Problem
+from drivers.simulator.hosts.control_address import is_loopback
 
 if TYPE_CHECKING:
     from console.session.exchange.adapter import Adapter
@@ -42,11 +41,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     machine = machine_name(options)
     address = options.listen or host_port(LISTEN)
     adapter = Adapter(address.host, address.port)
-    try:
-        bound = adapter.start()
-    except OSError as error:
-        value = error.strerror or str(error)
-        raise LinkError(Problem(code="link.cannot_listen", where=str(address), value=value)) from error
+    bound = adapter.start()
     if not is_loopback(address.host):
         print(f"console: {text('warning')}: {text('mtconnect.open', address=bound)}", file=sys.stderr)
     try:

@@ -3,24 +3,29 @@
 from __future__ import annotations
 
 import json
-import select
 import sys
+import time
 from argparse import Namespace
+from dataclasses import asdict
 from datetime import datetime
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from console.cli.arguments import number, within
+from console.cli.feed.followed_machine import WAIT_S
 from console.cli.library import data_of
+from console.cli.output import tell
 from console.cli.parser import Parser
+from console.session.errors import SessionError
 from console.session.feed.request import LEAST_HZ, MOST_HZ
 from console.text.catalogue import Catalogue
+from profiles.files import printable
+from profiles.problem import Problem
 
 if TYPE_CHECKING:
-    from console.session.feed.client import Reader
+    from console.session.exchange.following import Follower
+    from console.session.feed.feed_state import FeedAlarm, FeedCut, FeedState
 
 SILENT_S = 5.0  # a console sends a line a second at the least
-
-_Alarms = list[dict[str, Any]]
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -33,103 +38,112 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Follow every console of the data folder, or of one machine, until all have ended or the user ends it."""
-    from console.session.feed.client import readers
+    from console.session.exchange.following import Follower
 
-    following = readers(data_of(options), options.rate, options.watched)
+    machines: set[str] = set()
+
+    def is_wanted(state: FeedState) -> bool:
+        machines.add(state.machine)
+        return options.watched in (None, state.machine)
+
+    def show(before: FeedState | None, state: FeedState) -> None:
+        if before is None or not options.listing:
+            _show(before, state, options, text)
+
+    data = data_of(options)
+    follower = Follower(data, options.rate, is_wanted, lambda problem: tell([problem], text), show)
     try:
-        _follow(following, options, text)
+        if not follower.settle():
+            none = Problem(code="feed.none", where=printable(str(data)))
+            unknown = Problem(code="feed.unknown", value=options.watched, limit=", ".join(sorted(machines)))
+            raise SessionError(unknown if machines else none)
+        if not options.listing:
+            _follow(follower, options, text)
     except KeyboardInterrupt:  # the usual way to leave
         pass
     finally:
-        for reader in following:
-            reader.close()
+        follower.close()
     return 0
 
 
-def _follow(following: list[Reader], options: Namespace, text: Catalogue) -> None:
-    alarms: dict[int, _Alarms] = {}
-    for reader in following:
-        for state in reader.waiting:
-            _show(state, alarms, options, text)
-    if options.listing:
-        return
-    open_ones = list(following)
-    while open_ones:
-        ready, _, _ = select.select(open_ones, [], [], SILENT_S)
-        if not ready:
+def _follow(follower: Follower, options: Namespace, text: Catalogue) -> None:
+    """Let what comes be shown, and say when a console ends, or when none sends a state."""
+    said_s = 0.0
+    while before := dict(follower.newest):
+        follower.wait(WAIT_S)
+        for path in before.keys() - follower.newest.keys():
+            _show_end(before[path].state, options, text)
+        last_s = max(said_s, *(each.came_s for each in before.values()))
+        if time.monotonic() - last_s >= SILENT_S:
             print(f"console: {text('watch.silent', seconds=f'{SILENT_S:g}')}", file=sys.stderr)
-        for reader in ready:
-            try:
-                for state in reader.take():
-                    _show(state, alarms, options, text)
-            except ConnectionError:
-                open_ones.remove(reader)
-                _show_end(reader.last, options, text)
+            said_s = time.monotonic()
 
 
-def _show(state: dict[str, Any], alarms: dict[int, _Alarms], options: Namespace, text: Catalogue) -> None:
+def _show(before: FeedState | None, state: FeedState, options: Namespace, text: Catalogue) -> None:
     """Print a state: as it is, or a line, and one for each alarm that is new or has changed."""
     if options.json:
-        print(json.dumps(state))
+        print(json.dumps(asdict(state)))
         return
-    before = alarms.get(state["process"], [])
-    alarms[state["process"]] = state["alarms"]
-    lines = [state_line(state, text)]
-    lines += [_alarm_line(state, alarm, text) for alarm in state["alarms"] if alarm not in before]
-    print("\n".join(lines))
+    known = () if before is None else before.alarms
+    lines = [_alarm_line(state, alarm, text) for alarm in state.alarms if alarm not in known]
+    print("\n".join([state_line(state, text), *lines]))
 
 
-def _show_end(state: dict[str, Any], options: Namespace, text: Catalogue) -> None:
-    named = {"schema": state["schema"], "machine": state["machine"], "process": state["process"]}
+def _show_end(state: FeedState, options: Namespace, text: Catalogue) -> None:
+    named = {"schema": state.schema, "machine": state.machine, "process": state.process}
     if options.json:
         print(json.dumps({**named, "ended": True}))
     else:
         print(f"{_head(state, datetime.now(), text)}  {text('watch.ended')}")
 
 
-def state_line(state: dict[str, Any], text: Catalogue) -> str:
+def state_line(state: FeedState, text: Catalogue) -> str:
     """Return a state on one line."""
-    said = [_head(state, datetime.fromisoformat(state["at_utc"]).astimezone(), text)]
-    said.append(text(f"activity.{state['activity']}"))
-    if state["stale"]:
+    said = [_head(state, datetime.fromisoformat(state.at_utc).astimezone(), text)]
+    said.append(text(f"activity.{state.activity}"))
+    if state.stale:
         said.append(text("watch.stale"))
     said += [f"{name} {value}" for name, value in _positions(state, text)]
-    cut = state["cut"]
+    cut = state.cut
     if cut is not None:
-        said.append(_cut_shown(cut, state["tool_error_um"], text))
-    said.append(text("watch.parts", parts=state["parts"]))
-    if state["job"] is not None:
-        said.append(state["job"])
-    by = state["controlled_by"]
-    said.append(text("watch.nobody") if by is None else text("watch.by", name=by["name"] or by["number"] or "?"))
-    if state["alarms"]:
-        said.append(text("watch.alarms", count=len(state["alarms"])))
+        said.append(_cut_shown(cut, state.tool_error_um, text))
+    said.append(text("watch.parts", parts=state.parts))
+    if state.job is not None:
+        said.append(state.job)
+    by = state.controlled_by
+    said.append(text("watch.nobody") if by is None else text("watch.by", name=by.name or by.number or "?"))
+    if state.alarms:
+        said.append(text("watch.alarms", count=len(state.alarms)))
     return "  ".join(said)
 
 
-def _cut_shown(cut: dict[str, Any], error_um: float | None, text: Catalogue) -> str:
-    turns, error = f"{cut['turn']:.1f}/{cut['turns']:.1f}", "–" if error_um is None else f"{error_um:.1f}"
-    return text("watch.cut", turns=turns, left=f"{cut['left_s']:.0f}", error=error)
+def _cut_shown(cut: FeedCut, error_um: float | None, text: Catalogue) -> str:
+    turns = f"{_number(cut.turn, 1)}/{_number(cut.turns, 1)}"
+    return text("watch.cut", turns=turns, left=_number(cut.left_s, 0), error=_number(error_um, 1))
 
 
-def _head(state: dict[str, Any], at: datetime, text: Catalogue) -> str:
-    sim = f"{text('sim')}  " if state["simulated"] else ""
-    return f"{at:%H:%M:%S}  {sim}{state['machine']}@{state['process']}"
+def _number(value: float | None, digits: int, unit: str = "") -> str:
+    return "–" if value is None else f"{value:z.{digits}f}{unit}"
 
 
-def _positions(state: dict[str, Any], text: Catalogue) -> list[tuple[str, str]]:
-    axes, rpm = state["axes"], state["spindle_rpm"]
+def _head(state: FeedState, at: datetime, text: Catalogue) -> str:
+    sim = f"{text('sim')}  " if state.simulated else ""
+    return f"{at:%H:%M:%S}  {sim}{state.machine}@{state.process}"
+
+
+def _positions(state: FeedState, text: Catalogue) -> list[tuple[str, str]]:
+    axes, rpm = state.axes, state.spindle_rpm
     found = [
-        ("R", axes["tool_radius_mm"], "mm", 3),
-        ("Z", axes["carriage_mm"], "mm", 3),
-        ("C", axes["spindle_deg"], "°", 1),
+        ("R", axes.tool_radius_mm, "mm", 3),
+        ("Z", axes.carriage_mm, "mm", 3),
+        ("C", axes.spindle_deg, "°", 1),
         ("S", rpm, "rpm", 0),
     ]
-    return [(name, "–" if value is None else f"{value:z.{digits}f} {unit}") for name, value, unit, digits in found]
+    return [(name, _number(value, digits, f" {unit}")) for name, value, unit, digits in found]
 
 
-def _alarm_line(state: dict[str, Any], alarm: dict[str, Any], text: Catalogue) -> str:
-    at = datetime.fromisoformat(state["at_utc"]).astimezone()
-    priority, word = text(f"alarms_page.priority.{alarm['priority']}"), text(f"watch.alarm.{alarm['state']}")
-    number = "" if alarm["number"] is None else f"{alarm['number']}  "
-    return f"{_head(state, at, text)}  {number}{priority}  {word}  {alarm['text']}"
+def _alarm_line(state: FeedState, alarm: FeedAlarm, text: Catalogue) -> str:
+    at = datetime.fromisoformat(state.at_utc).astimezone()
+    priority, word = text(f"alarms_page.priority.{alarm.priority}"), text(f"watch.alarm.{alarm.state}")
+    number = "" if alarm.number is None else f"{alarm.number}  "
+    return f"{_head(state, at, text)}  {number}{priority}  {word}  {alarm.text}"

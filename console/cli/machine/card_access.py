@@ -8,11 +8,14 @@ from contextlib import closing, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.cli.library import link_address, profile_of
+from console.cli.library import data_of, link_address, profile_of
 from console.cli.output import tell
 from console.session.signals import Interruption
+from console.session.station.owning import Owning
+from console.session.station.reaching import owning_of
 from console.text.catalogue import Catalogue
 from drivers.clock import Clock, RealClock
+from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.stop import StopPath
 from drivers.link.address import SimulatedAddress
@@ -36,6 +39,7 @@ class Card:
     simulated: bool
     version: str
     kind: str
+    data: Path
 
 
 def card_line(card: Card, text: Catalogue) -> str:
@@ -79,6 +83,7 @@ def opened_card(options: Namespace, text: Catalogue) -> Iterator[Card]:
                 simulated=isinstance(address, SimulatedAddress),
                 version=version,
                 kind=kind,
+                data=data_of(options),
             )
     finally:
         tell(tracing.problems, text)
@@ -96,14 +101,20 @@ def _simulated(machine: LoadedMachine) -> Iterator[Link]:
         process.close()
 
 
+def owned_lathe(card: Card, ownership: Ownership) -> tuple[Lathe, Owning]:
+    """Return the lathe at a controller, and the control of it."""
+    lathe = Lathe(card.client, card.machine, card.clock, card.stop, ownership=ownership)
+    return lathe, owning_of(lathe, card.address, card.data, simulated=card.simulated)
+
+
 def with_control(card: Card, work: Callable[[], object]) -> None:
     """Do work with control of the machine; a signal ends the command after control is released."""
     interruption = Interruption()
     interruption.install()
-    ownership = Ownership(card.client)
+    _, owning = owned_lathe(card, Ownership(card.client))
     with interruption.holding():
         try:
-            ownership.claim()
+            owning.claim()
             work()
         finally:
-            ownership.release()
+            owning.release()

@@ -41,8 +41,8 @@ def main(options: Namespace, text: Catalogue) -> int:
             if not card.simulated:
                 # The answer may have taken time.
                 verification = verify(card.client, card.machine, card.client.dialect)
-            proofs = [*doctor_checks.proven_checks(options, card, verification, text)]
-        stops = doctor_checks.stop_checks(options, card, date.today())
+            proofs = [*doctor_checks.proven_checks(card, verification, text)]
+        stops = doctor_checks.stop_checks(card, date.today())
     arrival = doctor_checks.arrival_check(card.client.line_check)
     libraries, commands = doctor_checks.library_checks(), doctor_checks.command_checks()
     of_computer = [*libraries, *commands, *data_folder_checks(data_of(options))]

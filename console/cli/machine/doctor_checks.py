@@ -3,26 +3,22 @@
 from __future__ import annotations
 
 import sqlite3
-from argparse import Namespace
-from contextlib import suppress
 from datetime import date, timedelta
 from importlib.metadata import entry_points, version
 from platform import python_version
 
-from console.cli.library import data_of
-from console.cli.machine.card_access import Card
+from console.cli.machine.card_access import Card, owned_lathe
 from console.cli.machine.stopping import Stopping
 from console.session.data.stop_records import load, store, withdraw
 from console.session.signals import Interruption
+from console.session.station.reaching import guard
 from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.proving import Proven, prove
 from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
 from drivers.commissioning.verification import Verification
-from drivers.errors import DriverError
 from drivers.lathe.ownership import Ownership
-from drivers.lathe.standing import Standing
 from drivers.link.base import StopWay
 from drivers.pmac.checksums import LineCheck
 from profiles.findings import Severity
@@ -91,44 +87,37 @@ def loses_wal_reset(found: tuple[int, ...]) -> bool:
     return WAL_FROM <= found < fixed
 
 
-def proven_checks(
-    options: Namespace, card: Card, verification: Verification, text: Catalogue
-) -> tuple[Check, ...]:
+def proven_checks(card: Card, verification: Verification, text: Catalogue) -> tuple[Check, ...]:
     """Run the commissioning tests with control of the machine; every ending signal becomes a stop."""
-    interruption = Interruption()
-    ownership = Ownership(card.client)
-    interruption.guard(
-        card.stop,
-        anothers=lambda: ownership.standing is not Standing.OWNER,
-        changing=lambda: ownership.standing is Standing.CHANGING,
-    )
+    interruption, ownership = Interruption(), Ownership(card.client)
+    lathe, owning = owned_lathe(card, ownership)
+    guard(interruption, lathe, None)
     interruption.install()
     # Stops are measured here, so nothing may repeat them; only the end of the process is enforced.
     with Stopping(interruption, text).watching(card.stop, ends_only=True):
         try:
-            ownership.claim()
+            owning.claim()
             proven = prove(card.client, card.stop, card.clock, verification, ownership.number, ownership.see)
         finally:
-            with suppress(DriverError):
-                ownership.release()
-    keep_stops(options, card, proven, date.today())
+            owning.release()
+    keep_stops(card, proven, date.today())
     return proven.checks
 
 
-def stop_checks(options: Namespace, card: Card, today: date) -> list[Check]:
+def stop_checks(card: Card, today: date) -> list[Check]:
     """Check that the stopping-performance record allows arming; a simulated machine measures its own then."""
     if card.simulated:
         return []
-    checks, stop_way = _record_checks(options, card, today), card.stop.way
+    checks, stop_way = _record_checks(card, today), card.stop.way
     if stop_way is not StopWay.DIRECT:  # a connection for stops was requested
         severity = Severity.OK if stop_way is StopWay.RESERVED else Severity.REFUSAL
         checks.insert(0, Check(group=Group.STOPS, code="stop_connection", severity=severity))
     return checks
 
 
-def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
+def _record_checks(card: Card, today: date) -> list[Check]:
     try:
-        record = load(data_of(options), card.machine)
+        record = load(card.data, card.machine)
     except ProfileError as error:
         return [_warned(problem) for problem in error.problems]
     problems = record_problems(record, _now(card, today))
@@ -147,13 +136,13 @@ def _record_checks(options: Namespace, card: Card, today: date) -> list[Check]:
     ]
 
 
-def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> None:
+def keep_stops(card: Card, proven: Proven, today: date) -> None:
     """Store the measured stopping performance; a stop out of specification removes the record."""
     if card.simulated:
         return
     failed = any(check.severity is Severity.REFUSAL and check.code.startswith(STOPS) for check in proven.checks)
     if failed or card.stop.way is StopWay.LOST:
-        withdraw(data_of(options), card.machine)
+        withdraw(card.data, card.machine)
         return
     now = _now(card, today)
     record = StopRecord(
@@ -167,7 +156,7 @@ def keep_stops(options: Namespace, card: Card, proven: Proven, today: date) -> N
         entries=proven.stops,
     )
     if not record_problems(record, now):
-        store(data_of(options), card.machine, record)
+        store(card.data, card.machine, record)
 
 
 def _now(card: Card, today: date) -> StopsNow:

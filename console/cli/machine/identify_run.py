@@ -78,10 +78,11 @@ def _request(options: Namespace, machine: MachineProfile) -> IdentificationReque
 @contextmanager
 def reached_machine(
     options: Namespace, loaded: LoadedMachine, interruption: Interruption, tracing: Tracing, text: Catalogue
-) -> Iterator[tuple[Rig, Owning | None, bool]]:
+) -> Iterator[tuple[Rig, Owning, bool]]:
     """Connect to the machine, and yield whether it is simulated; print on stderr how one at an address stops."""
     if options.sim:
-        yield _in_memory(options, loaded.machine, interruption, tracing), None, True
+        rig = _in_memory(options, loaded.machine, interruption, tracing)
+        yield rig, Owning(rig.lathe, "", data_of(options)), True
         return
     address = address_of(loaded.machine, options.link, simulated=False)
     stopping = Stopping(interruption, text)
@@ -106,7 +107,7 @@ def _in_memory(options: Namespace, machine: MachineProfile, interruption: Interr
 
 def _identified(
     rig: Rig,
-    owning: Owning | None,
+    owning: Owning,
     simulated: bool,
     data: Path,
     request: IdentificationRequest,
@@ -124,7 +125,7 @@ def _identified(
 
 def with_origin(
     rig: Rig,
-    owning: Owning | None,
+    owning: Owning,
     simulated: bool,
     data: Path,
     refuse: Callable[[], None],
@@ -137,10 +138,9 @@ def with_origin(
     version, kind = rig.lathe.connect()
     if not simulated and (unsafe := safety_problems(rig.machine, rig.lathe.snapshot().inputs)):
         raise SessionError(*unsafe)
-    if owning is not None:
-        owning.claim()
+    owning.claim()
     try:
-        if owning is not None:
+        if rig.lathe.ownership is not None:
             rig.lathe.on_trial = _trial_gains(rig, data, simulated)
         refuse()
         try:

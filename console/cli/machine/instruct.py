@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import time
-from argparse import Namespace
+from argparse import SUPPRESS, ArgumentTypeError, Namespace
 from collections import Counter
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import WRONG_USAGE, control_address
@@ -21,6 +23,7 @@ if TYPE_CHECKING:
     from console.session.instructing.client import Instructor
 
 FOLLOWED = ("screen", "log")
+TOKEN = "TRILOBE_INSTRUCT_TOKEN"
 FOLLOW_S = 1.0
 CLEAR = "\x1b[H\x1b[2J"
 LEAVE = ("quit", "exit")
@@ -30,7 +33,10 @@ def add(parser: Parser, text: Catalogue) -> None:
     """Add the address of the trainee's console, the token, and the order."""
     parser.add_argument("address", metavar="ADDRESS", type=control_address, help=text("help.instruct_address"))
     parser.add_argument("words", metavar="WORD", nargs="*", help=text("help.instruct_words"))
-    parser.add_argument("--token", metavar="TOKEN", help=text("help.instruct_token"))
+    parser.add_argument(
+        "--token-file", metavar="FILE", type=Path, help=text("help.instruct_token", variable=TOKEN)
+    )
+    parser.add_argument("--token", type=_refuse_token, help=SUPPRESS)
     parser.add_argument("--follow", action="store_true", help=text("help.instruct_follow"))
 
 
@@ -45,12 +51,18 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.session.instructing.client import Instructor
     from console.session.instructing.token import kept_token, token_path
 
-    token = options.token or kept_token(token_path(data_of(options), options.address))
+    file = options.token_file or token_path(data_of(options), options.address)
+    token = kept_token(file) if options.token_file else os.environ.get(TOKEN) or kept_token(file)
     stays = options.follow or not line
     with Instructor(options.address, token, stays=stays) as instructor:
         if options.follow:
             return _followed(instructor, line, options, text)
         return _said(instructor.ask(line), options, text) if line else _lines(instructor, options, text)
+
+
+def _refuse_token(_: str) -> None:
+    """Refuse a token in the command line, where every account sees it in the list of processes."""
+    raise ArgumentTypeError(Parser.text("usage.instruct_token", variable=TOKEN))
 
 
 def _lines(instructor: Instructor, options: Namespace, text: Catalogue) -> int:

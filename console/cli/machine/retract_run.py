@@ -42,8 +42,7 @@ def retract(options: Namespace, interruption: Interruption, text: Catalogue) -> 
             # Nothing is sent and no control is taken before consent: the answer may take time.
             if not agreed(options, loaded.machine.name, simulated, text):
                 return 1
-            if owning is not None:
-                owning.claim()
+            owning.claim()
             try:
                 clears = options.clear_tables or _only_switched_on(lathe)
                 if clears:

@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import asyncio
 import socket
-from contextlib import ExitStack
 
-from console.session.bounded_server import BoundedServer, Made
+from console.session.bounded_server import BoundedServer, abandon, send
 from console.session.exchange.data_items import Published
 from console.session.exchange.shdr import PING, pong_line, shdr_lines
+from drivers.link.address import TcpAddress
+from drivers.simulator.hosts.control_socket import listen_for_control
 
 MOST_CLIENTS = 16
 LONGEST_LINE = 1000  # bytes; agents send pings only
@@ -26,12 +27,12 @@ class Adapter:
     """Serves what was given to `show` last."""
 
     def __init__(self, host: str, port: int, heartbeat_s: float = HEARTBEAT_S, unread_s: float = UNREAD_S) -> None:
-        self._host, self._port = host, port
+        self._address = TcpAddress(host=host, port=port)
         self._heartbeat_s, self._unread_s = heartbeat_s, unread_s
         self._newest: Published | None = None
         self._server = BoundedServer(
             "mtconnect",
-            self._listen,
+            lambda made, opened: listen_for_control(made, self._address, opened),
             self._converse,
             most_clients=MOST_CLIENTS,
             longest_line=LONGEST_LINE,
@@ -39,8 +40,8 @@ class Adapter:
         )
 
     def start(self) -> str:
-        """Listen; return the address that was bound, `HOST:PORT`. Raises OSError."""
-        return self._server.start()
+        """Listen; return the address that was bound, `HOST:PORT`. Raises LinkError: `link.cannot_listen`."""
+        return self._server.start(self._address).partition(":tcp:")[2]
 
     def show(self, published: Published) -> None:
         """Let every client have this moment; returns at once."""
@@ -49,11 +50,6 @@ class Adapter:
     def close(self) -> None:
         """Drop everybody."""
         self._server.close()
-
-    async def _listen(self, made: Made, _: ExitStack) -> tuple[asyncio.Server, str]:
-        server = await asyncio.get_running_loop().create_server(made, self._host, self._port)
-        host, port = server.sockets[0].getsockname()[:2]
-        return server, f"{f'[{host}]' if ':' in host else host}:{port}"
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         connection = writer.get_extra_info("socket")
@@ -79,17 +75,9 @@ class Adapter:
                         await self._say(writer, [pong_line(self._heartbeat_s)])
                     asked = asyncio.create_task(reader.readline())
         finally:
-            asked.cancel()
-            asked.add_done_callback(_ended)
+            abandon(asked)
 
     async def _say(self, writer: asyncio.StreamWriter, lines: list[str]) -> None:
         if lines:
-            writer.write("".join(f"{line}\n" for line in lines).encode("utf-8", "replace"))
-            async with asyncio.timeout(self._unread_s):
-                await writer.drain()
-
-
-def _ended(asked: asyncio.Task[bytes]) -> None:
-    """Take note of why nothing more comes, as the server of the feed does."""
-    if not asked.cancelled():
-        asked.exception()
+            data = "".join(f"{line}\n" for line in lines).encode("utf-8", "replace")
+            await send(writer, data, self._unread_s)

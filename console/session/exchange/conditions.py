@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any
+
+from console.session.feed.feed_state import PRIORITIES, FeedAlarm
 
 COMMUNICATIONS, MOTION, SYSTEM = "communications", "motion", "system"
 TYPES = {COMMUNICATIONS: "COMMUNICATIONS", MOTION: "MOTION_PROGRAM", SYSTEM: "SYSTEM"}
@@ -22,8 +23,6 @@ _BY_SUBJECT = {
 }
 """Condition of an alarm, by the first word of its code; `system` for every other one."""
 
-_PRIORITIES = ("high", "medium", "low")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Condition:
@@ -35,25 +34,24 @@ class Condition:
     text: str
 
 
-def conditions(alarms: Iterable[Mapping[str, Any]]) -> dict[str, tuple[Condition, ...]]:
+def conditions(alarms: Iterable[FeedAlarm]) -> dict[str, tuple[Condition, ...]]:
     """Return the active conditions by key; none where all is normal.
 
     A code is one condition: alarms that share theirs have the highest of their priorities, and all of their texts.
     """
     found: dict[str, dict[str, Condition]] = {key: {} for key in TYPES}
     for alarm in alarms:
-        if alarm["state"] == ENDED:
+        if alarm.state == ENDED:
             continue
-        code = str(alarm["code"])
-        kept = found[_BY_SUBJECT.get(code.partition(".")[0], SYSTEM)]
-        kept[code] = _joined(kept.get(code), code, str(alarm["priority"]), str(alarm["text"]))
+        kept = found[_BY_SUBJECT.get(alarm.code.partition(".")[0], SYSTEM)]
+        kept[alarm.code] = _joined(kept.get(alarm.code), alarm.code, alarm.priority, alarm.text)
     return {key: tuple(each.values()) for key, each in found.items()}
 
 
 def _joined(before: Condition | None, code: str, priority: str, text: str) -> Condition:
     if before is not None:
-        priority = min(before.priority, priority, key=_PRIORITIES.index)
+        priority = min(before.priority, priority, key=PRIORITIES.index)
         text = before.text if text == before.text else f"{before.text} / {text}"
     return Condition(
-        level=FAULT if priority == _PRIORITIES[0] else WARNING, code=code, priority=priority, text=text
+        level=FAULT if priority == PRIORITIES[0] else WARNING, code=code, priority=priority, text=text
     )

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from operator import attrgetter
 
 from console.session.exchange.conditions import Condition, conditions
+from console.session.feed.feed_state import FeedState
 
 UNAVAILABLE = "UNAVAILABLE"
-
-State = Mapping[str, Any]
-"""A line of the feed, as docs/feed.md has it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,30 +23,27 @@ class DataItem:
     component: str
     kind: str
     type: str
-    value: Callable[[State], str | None]
+    value: Callable[[FeedState], str | None]
     sub_type: str | None = None
     units: str | None = None
     current: bool = False
 
 
-def _availability(state: State) -> str:
-    return UNAVAILABLE if state["execution"] == "unavailable" else "AVAILABLE"
+def _availability(state: FeedState) -> str:
+    return UNAVAILABLE if state.execution == "unavailable" else "AVAILABLE"
 
 
-def _word(name: str) -> Callable[[State], str | None]:
-    return lambda state: None if state[name] is None else str(state[name]).upper()
+def _word(name: str) -> Callable[[FeedState], str | None]:
+    return lambda state: str(getattr(state, name)).upper()
 
 
-def _text(name: str) -> Callable[[State], str | None]:
-    return lambda state: None if state[name] is None else str(state[name])
+def _text(name: str) -> Callable[[FeedState], str | None]:
+    return lambda state: None if (value := getattr(state, name)) is None else str(value)
 
 
-def _place(name: str) -> Callable[[State], str | None]:
-    return lambda state: None if state["axes"][name] is None else f"{state['axes'][name]:z.5f}"
-
-
-def _rpm(state: State) -> str | None:
-    return None if state["spindle_rpm"] is None else f"{state['spindle_rpm']:z.3f}"
+def _number(path: str, digits: int) -> Callable[[FeedState], str | None]:
+    read = attrgetter(path)
+    return lambda state: None if (value := read(state)) is None else f"{value:z.{digits}f}"
 
 
 DEVICE, CONTROLLER, PATH, X, Z, C = "device", "controller", "path", "x", "z", "c"
@@ -69,7 +64,7 @@ ITEMS = (
         type="ROTARY_VELOCITY",
         sub_type="ACTUAL",
         units=_RPM,
-        value=_rpm,
+        value=_number("spindle_rpm", 3),
         current=True,
     ),
     DataItem(
@@ -79,7 +74,7 @@ ITEMS = (
         type="ANGLE",
         sub_type="ACTUAL",
         units=_DEG,
-        value=_place("spindle_deg"),
+        value=_number("axes.spindle_deg", 5),
         current=True,
     ),
     DataItem(
@@ -89,7 +84,7 @@ ITEMS = (
         type="POSITION",
         sub_type="ACTUAL",
         units=_MM,
-        value=_place("tool_radius_mm"),
+        value=_number("axes.tool_radius_mm", 5),
         current=True,
     ),
     DataItem(
@@ -99,7 +94,7 @@ ITEMS = (
         type="POSITION",
         sub_type="ACTUAL",
         units=_MM,
-        value=_place("carriage_mm"),
+        value=_number("axes.carriage_mm", 5),
         current=True,
     ),
 )
@@ -114,19 +109,19 @@ class Published:
     conditions: Mapping[str, tuple[Condition, ...]] | None
 
 
-def published(state: State | None, at_utc: str) -> Published:
+def published(state: FeedState | None, at_utc: str) -> Published:
     """Return what is published of a state; without one everything is unavailable since `at_utc`."""
     if state is None:
         return Published(at_utc=at_utc, values={item.key: UNAVAILABLE for item in ITEMS}, conditions=None)
     return Published(
-        at_utc=state["at_utc"],
+        at_utc=state.at_utc,
         values={item.key: _value(item, state) for item in ITEMS},
-        conditions=conditions(state["alarms"]),
+        conditions=conditions(state.alarms),
     )
 
 
-def _value(item: DataItem, state: State) -> str:
-    if item.current and (state["stale"] or state["execution"] == "unavailable"):
+def _value(item: DataItem, state: FeedState) -> str:
+    if item.current and (state.stale or state.execution == "unavailable"):
         return UNAVAILABLE
     value = item.value(state)
     return UNAVAILABLE if value is None else value

@@ -1,4 +1,4 @@
-"""Follows the running consoles of one machine: they come, end, are killed, stall, and come back.
+"""Follows the running consoles of one machine, or of all: they come, end, are killed, stall, and come back.
 
 Nobody is waited for: a console that does not answer holds up neither another one nor who reads this.
 """
@@ -9,46 +9,53 @@ import select
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
-from console.session.errors import SessionError
 from console.session.exchange.data_items import Published, published
-from console.session.feed.client import Stream
+from console.session.feed.client import Stream, Warn, closed, not_one
+from console.session.feed.feed_state import FeedState
 from console.session.feed.place import connected, feeds
-from console.session.feed.request import SCHEMA
-from profiles.files import printable
 from profiles.problem import Problem
 
 SILENT_S = 5.0  # a console sends a line a second at the least
 RESCAN_S = 1.0
+SETTLE_S = 0.1
 CONNECT_S = 0.5  # the system answers at once, or there are too many readers
-
-BROKEN = (KeyError, TypeError, ValueError, AttributeError)
-"""What a state without its values comes to."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
     """A state of the feed, what is published of it, and when it came (`time.monotonic`)."""
 
-    state: dict[str, Any]
+    state: FeedState
     published: Published
     came_s: float
 
+    def aged(self, now_s: float) -> FeedState:
+        """Return the state with the age that its values have now."""
+        age_s = self.state.age_s
+        return replace(self.state, age_s=None if age_s is None else age_s + now_s - self.came_s)
+
 
 class Follower:
-    """The consoles that work one machine, the real or the simulated one."""
+    """The consoles whose states are `wanted`: all, or those that work one machine, the real or the simulated one.
+
+    `newest` has what they sent last; `seen` is called with each state, after that before it, None for the first.
+    """
 
     def __init__(
-        self, data: Path, hz: float, machine: str, simulated: bool, warn: Callable[[Problem], object]
+        self,
+        data: Path,
+        hz: float,
+        wanted: Callable[[FeedState], bool],
+        warn: Warn,
+        seen: Callable[[FeedState | None, FeedState], None] = lambda *_: None,
     ) -> None:
-        self._data, self._hz = data, hz
-        self._wanted = machine, simulated
+        self._data, self._hz, self._wanted, self._seen = data, hz, wanted, seen
         self._warn, self._warned = warn, set[tuple[str, str]]()
         self._streams: dict[Path, Stream] = {}
-        self._newest: dict[Path, Heard] = {}
+        self.newest: dict[Path, Heard] = {}
         self._left: set[Path] = set()  # work another machine, or publish something else
         self._scanned_s = float("-inf")
 
@@ -56,6 +63,16 @@ class Follower:
         """Leave every console."""
         for path in list(self._streams):
             self._drop(path)
+
+    def settle(self) -> list[Heard]:
+        """Wait until each console that runs has sent a state, or is silent; return the states."""
+        until_s, waiting = time.monotonic() + SILENT_S, {self._data}
+        while waiting and time.monotonic() < until_s:
+            self.wait(SETTLE_S)
+            waiting = self._streams.keys() - self.newest.keys()
+        for path in waiting:
+            self._complain(not_one(path, f"> {SILENT_S:g} s"))
+        return self.heard()
 
     def wait(self, timeout_s: float) -> Heard | None:
         """Wait for something new, at most so long; return the newest state of the machine, None without a console.
@@ -73,9 +90,12 @@ class Follower:
         return self._chosen()
 
     def _chosen(self) -> Heard | None:
+        return max(self.heard(), key=lambda each: _rank(each.state), default=None)
+
+    def heard(self) -> list[Heard]:
+        """Return the newest state of each console that is not silent."""
         now_s = time.monotonic()
-        heard = [each for each in self._newest.values() if now_s - each.came_s < SILENT_S]
-        return max(heard, key=lambda each: _rank(each.state), default=None)
+        return [each for each in self.newest.values() if now_s - each.came_s < SILENT_S]
 
     def _scan(self) -> None:
         """Connect to consoles that are new, forget those that are gone."""
@@ -85,7 +105,7 @@ class Follower:
         try:
             found = set(feeds(self._data))
         except OSError as error:
-            self._complain(Problem(code="feed.closed", where=str(self._data), value=error.strerror or str(error)))
+            self._complain(closed(self._data, error))
             return
         self._left &= found
         for path in sorted(found - self._left - set(self._streams)):
@@ -97,39 +117,25 @@ class Follower:
         except (ConnectionError, FileNotFoundError, TimeoutError, BlockingIOError):
             return  # it was killed, ends now, or is too busy: the next look tells
         except OSError as error:
-            self._complain(Problem(code="feed.closed", where=str(path), value=error.strerror or str(error)))
+            self._complain(closed(path, error))
             return
         try:
-            self._streams[path] = Stream(path, link, self._hz)
+            self._streams[path] = Stream(path, link, self._hz, self._complain)
         except OSError:
             link.close()
 
     def _take(self, path: Path, stream: Stream) -> None:
         try:
             for state in stream.take():
-                if (state["machine"], state["simulated"]) != self._wanted:
-                    self._leave(path)
+                if not self._wanted(state):
+                    self._drop(path)
+                    self._left.add(path)
                     return
-                shown = published(state, "")
-                self._newest[path] = Heard(state=state, published=shown, came_s=time.monotonic())
+                before = self.newest.get(path)
+                self.newest[path] = Heard(state=state, published=published(state, ""), came_s=time.monotonic())
+                self._seen(None if before is None else before.state, state)
         except OSError:
             self._drop(path)
-        except SessionError as error:
-            self._complain(error.problems[0])
-            self._leave(path)
-        except BROKEN as error:
-            where = printable(str(path))
-            self._complain(Problem(code="feed.not_one", where=where, value=str(error), limit=str(SCHEMA)))
-            self._leave(path)
-
-    def _leave(self, path: Path) -> None:
-        self._drop(path)
-        self._left.add(path)
-
-    def _drop(self, path: Path) -> None:
-        self._newest.pop(path, None)
-        with suppress(OSError):
-            self._streams.pop(path).close()
 
     def _complain(self, problem: Problem) -> None:
         """Say it once for each place."""
@@ -137,6 +143,11 @@ class Follower:
             self._warned.add(key)
             self._warn(problem)
 
+    def _drop(self, path: Path) -> None:
+        self.newest.pop(path, None)
+        with suppress(OSError):
+            self._streams.pop(path).close()
 
-def _rank(state: dict[str, Any]) -> tuple[bool, bool, bool, str]:
-    return state["controls"], state["execution"] != "unavailable", not state["stale"], state["at_utc"]
+
+def _rank(state: FeedState) -> tuple[bool, bool, bool, str]:
+    return state.controls, state.execution != "unavailable", not state.stale, state.at_utc

@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING, Any
 
 from console.session.errors import SessionError
 from console.session.exchange.broker import Broker
-from console.session.exchange.data_items import UNAVAILABLE, Published, State
+from console.session.exchange.data_items import UNAVAILABLE, Published
 from console.session.exchange.topics import AVAILABILITY, STATE, is_news, messages
+from console.session.feed.feed_state import FeedState
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -41,8 +42,8 @@ class Publisher:
         self._topic, self._tell = topic, tell
         self._lock = threading.Lock()
         self._told: dict[str, bytes] = {}
-        self._newest: tuple[Published, State | None] | None = None
-        self._state: State | None = None
+        self._newest: tuple[Published, FeedState | None] | None = None
+        self._state: FeedState | None = None
         self._connected, self._left = False, threading.Event()
         self._broker = broker
         self._client = _client(broker)
@@ -56,7 +57,7 @@ class Publisher:
         self._client.connect_async(self._broker.host, self._broker.port, KEEP_ALIVE_S)
         self._client.loop_start()
 
-    def show(self, published: Published, state: State | None) -> None:
+    def show(self, published: Published, state: FeedState | None) -> None:
         """Publish what has changed; returns at once."""
         with self._lock:
             self._newest = published, state
@@ -91,7 +92,7 @@ class Publisher:
             if key == STATE:
                 self._state = state
 
-    def _is_news(self, state: State | None) -> bool:
+    def _is_news(self, state: FeedState | None) -> bool:
         return is_news(state, self._state)
 
     def _on_connect(self, client: Client, data: Any, flags: Any, reason: Any, properties: Any) -> None:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from dataclasses import asdict, replace
 from typing import Any
 
 from console.session.exchange.conditions import FAULT, NORMAL, TYPES, WARNING, Condition
-from console.session.exchange.data_items import UNAVAILABLE, Published, State
+from console.session.exchange.data_items import UNAVAILABLE, Published
+from console.session.feed.feed_state import FeedState
 
 AVAILABILITY, STATE = "avail", "state"
 GONE = b""  # deletes a retained message
-_MOMENT = ("at_utc", "age_s")  # values of a state that say nothing of the machine
 _WILDCARDS = str.maketrans({"/": "%2F", "+": "%2B", "#": "%23", "%": "%25", "\0": "%00"})
 
 
@@ -20,7 +21,7 @@ def topic_of(prefix: str, device: str) -> str:
     return f"{prefix}/{device.translate(_WILDCARDS)}/"
 
 
-def messages(published: Published, state: State | None) -> dict[str, bytes]:
+def messages(published: Published, state: FeedState | None) -> dict[str, bytes]:
     """Return the payload of each topic below that of the device, in the order in which they are to be sent.
 
     AVAILABLE comes after the values, so that who reads it has those that belong to it; UNAVAILABLE comes first.
@@ -28,20 +29,20 @@ def messages(published: Published, state: State | None) -> dict[str, bytes]:
     found = {key: value.encode("utf-8", "replace") for key, value in published.values.items()}
     for key in TYPES:
         found[key] = _json(_condition(None if published.conditions is None else published.conditions[key]))
-    found[STATE] = GONE if state is None else _json(dict(state))
+    found[STATE] = GONE if state is None else _json(asdict(state))
     availability = {AVAILABILITY: found.pop(AVAILABILITY)}
     if published.values[AVAILABILITY] == UNAVAILABLE:
         return availability | found
     return found | availability
 
 
-def is_news(state: State | None, before: State | None) -> bool:
+def is_news(state: FeedState | None, before: FeedState | None) -> bool:
     """Whether a state says more than that time has passed."""
     return _without_moment(state) != _without_moment(before)
 
 
-def _without_moment(state: State | None) -> Mapping[str, Any] | None:
-    return None if state is None else {key: value for key, value in state.items() if key not in _MOMENT}
+def _without_moment(state: FeedState | None) -> FeedState | None:
+    return None if state is None else replace(state, at_utc="", age_s=None)
 
 
 def _condition(active: tuple[Condition, ...] | None) -> dict[str, Any]:

@@ -8,6 +8,8 @@ from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
+from console.session.feed.feed_state import ALARM_STATES, PRIORITIES, FeedState
+
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 PREFIX = "trilobe"
 
@@ -25,12 +27,13 @@ class Family:
     samples: Sequence[Sample]
 
 
-def exposition(states: Sequence[Mapping[str, Any]]) -> str:
-    """Return the metrics of these consoles; what is not known is left out."""
-    return "".join(line for family in _families(states) for line in _lines(family))
+def exposition(states: Sequence[FeedState]) -> str:
+    """Return the metrics of these consoles; what is not known is left out. No series may come twice."""
+    apart = {(state.machine, state.process): state for state in states}
+    return "".join(line for family in _families([*apart.values()]) for line in _lines(family))
 
 
-def _families(states: Sequence[Mapping[str, Any]]) -> Iterable[Family]:
+def _families(states: Sequence[FeedState]) -> Iterable[Family]:
     yield Family(
         name=f"{PREFIX}_consoles",
         kind="gauge",
@@ -67,26 +70,26 @@ _VALUES = (
 )
 
 
-def _at(state: Mapping[str, Any], keys: Sequence[str]) -> float | None:
+def _at(state: FeedState, keys: Sequence[str]) -> float | None:
     value: Any = state
     for key in keys:
-        value = value.get(key) if isinstance(value, Mapping) else None
-    return float(value) if isinstance(value, int | float) else None
+        value = getattr(value, key, None)
+    return None if value is None else float(value)
 
 
-def _alarms(state: Mapping[str, Any]) -> Iterable[Sample]:
+def _alarms(state: FeedState) -> Iterable[Sample]:
     """Yield the count of each kind, 0 too: a series that comes and goes cannot be alerted on."""
-    count = Counter((each["priority"], each["state"]) for each in state["alarms"])
-    for priority, kind in product(("high", "medium", "low"), ("new", "acknowledged", "returned")):
+    count = Counter((each.priority, each.state) for each in state.alarms)
+    for priority, kind in product(PRIORITIES, ALARM_STATES):
         yield {**_who(state), "priority": priority, "state": kind}, float(count[priority, kind])
 
 
-def _who(state: Mapping[str, Any]) -> dict[str, str]:
+def _who(state: FeedState) -> dict[str, str]:
     return _labels(state, "machine", "process")
 
 
-def _labels(state: Mapping[str, Any], *names: str) -> dict[str, str]:
-    return {name: "" if state[name] is None else str(state[name]) for name in names}
+def _labels(state: FeedState, *names: str) -> dict[str, str]:
+    return {name: "" if (value := getattr(state, name)) is None else str(value) for name in names}
 
 
 def _lines(family: Family) -> Iterable[str]:

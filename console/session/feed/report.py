@@ -9,12 +9,14 @@ import json
 import math
 from typing import Any
 
+from console.session.feed.feed_state import LONGEST_TEXT, FeedAlarm, FeedAxes, FeedCut, FeedOwner, FeedState
 from console.session.feed.observed import Observed, ShownCut
 from console.session.feed.request import SCHEMA
 from console.session.station.alarms import Alarm
 from console.session.station.jogging import counts_per_unit, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from drivers.lathe.snapshot import AxisName
+from profiles.files import printable
 
 AUTOMATIC = frozenset({Activity.ARMING, Activity.CUTTING})
 UNAVAILABLE = frozenset({Activity.CONNECTING, Activity.LOST})
@@ -27,33 +29,33 @@ def line_of(values: dict[str, Any]) -> bytes:
     return json.dumps(values, allow_nan=False, separators=(",", ":")).encode("ascii") + b"\n"
 
 
-def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> dict[str, Any]:
-    """Return the values of a moment; `operator` is whoever works this console."""
+def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> FeedState:
+    """Return the state at a moment; `operator` is whoever works this console."""
     state, cut = observed.state, observed.shown_cut
     age_s = state.age_s(observed.now_s)
-    return {
-        "schema": SCHEMA,
-        "at_utc": at_utc,
-        "process": process,
-        "program": observed.program,
-        "simulated": state.simulated,
-        "machine": state.machine,
-        "job": observed.job,
-        "activity": str(state.activity),
-        "execution": execution(state),
-        "mode": "automatic" if state.armed is not None or state.activity in AUTOMATIC else "manual",
-        "controls": state.controls,
-        "controlled_by": _controlled_by(state, operator),
-        "age_s": _number(age_s, 3),
-        "stale": state.is_stale(observed.now_s),
-        "spindle_rpm": _number(state.spindle_rpm, 3),
-        "axes": _axes(observed),
-        "cut": _cut(cut),
-        "tool_error_um": _number(cut.tool_error_um, 3) if cut is not None and cut.stage == IN_PART else None,
-        "parts": observed.parts,
-        "run_id": observed.run_id,
-        "alarms": [_alarm(alarm, observed) for alarm in state.alarms],
-    }
+    return FeedState(
+        schema=SCHEMA,
+        at_utc=at_utc,
+        process=process,
+        program=observed.program,
+        simulated=state.simulated,
+        machine=state.machine,
+        job=observed.job,
+        activity=str(state.activity),
+        execution=execution(state),
+        mode="automatic" if state.armed is not None or state.activity in AUTOMATIC else "manual",
+        controls=state.controls,
+        controlled_by=_controlled_by(state, operator),
+        age_s=_number(age_s, 3),
+        stale=state.is_stale(observed.now_s),
+        spindle_rpm=_number(state.spindle_rpm, 3),
+        axes=_axes(observed),
+        cut=_cut(cut),
+        tool_error_um=_number(cut.tool_error_um, 3) if cut is not None and cut.stage == IN_PART else None,
+        parts=observed.parts,
+        run_id=observed.run_id,
+        alarms=tuple(_alarm(alarm, observed) for alarm in state.alarms),
+    )
 
 
 def execution(state: StationState) -> str:
@@ -67,18 +69,18 @@ def execution(state: StationState) -> str:
     return "active" if state.seen_moving else "ready"
 
 
-def _controlled_by(state: StationState, operator: str) -> dict[str, Any] | None:
+def _controlled_by(state: StationState, operator: str) -> FeedOwner | None:
     """Return who controls the machine; None where nobody does, as far as known."""
     if state.controls:
-        return {"number": state.holder or None, "name": operator, "host": None}
+        return FeedOwner(number=state.holder or None, name=operator, host=None)
     if not state.holder:
         return None
     by = state.held_by
     name, host = (None, None) if by is None else (by.name or None, by.host or None)
-    return {"number": state.holder, "name": name, "host": host}
+    return FeedOwner(number=state.holder, name=name, host=host)
 
 
-def _axes(observed: Observed) -> dict[str, Any]:
+def _axes(observed: Observed) -> FeedAxes:
     """Return the position of each axis, None before it is homed: the counts mean nothing then."""
     snapshot, machine = observed.state.snapshot, observed.machine
     places: dict[str, float | None] = dict.fromkeys(AxisName)
@@ -92,29 +94,29 @@ def _axes(observed: Observed) -> dict[str, Any]:
             else:
                 places[axis] = state.position / counts_per_unit(machine, axis)
     spindle = places[AxisName.SPINDLE]
-    return {
-        "tool_radius_mm": _number(places[AxisName.TOOL], 5),
-        "carriage_mm": _number(places[AxisName.CARRIAGE], 5),
-        "spindle_deg": None if spindle is None else _number(spindle % TURN_DEG, 3),
-    }
+    return FeedAxes(
+        tool_radius_mm=_number(places[AxisName.TOOL], 5),
+        carriage_mm=_number(places[AxisName.CARRIAGE], 5),
+        spindle_deg=None if spindle is None else _number(spindle % TURN_DEG, 3),
+    )
 
 
-def _cut(cut: ShownCut | None) -> dict[str, Any] | None:
+def _cut(cut: ShownCut | None) -> FeedCut | None:
     if cut is None:
         return None
     left_s, turns = _number(cut.left_s, 1), _number(cut.turns, 2)
-    return {"stage": cut.stage, "turn": _number(cut.turn, 2), "turns": turns, "left_s": left_s}
+    return FeedCut(stage=cut.stage, turn=_number(cut.turn, 2), turns=turns, left_s=left_s)
 
 
-def _alarm(alarm: Alarm, observed: Observed) -> dict[str, Any]:
+def _alarm(alarm: Alarm, observed: Observed) -> FeedAlarm:
     problem = alarm.problem
-    return {
-        "number": observed.numbers.get((problem.code, problem.key)),
-        "code": problem.code,
-        "priority": alarm.priority.name.lower(),
-        "state": _alarm_state(alarm),
-        "text": str(problem),
-    }
+    return FeedAlarm(
+        number=observed.numbers.get((problem.code, problem.key)),
+        code=problem.code,
+        priority=alarm.priority.name.lower(),
+        state=_alarm_state(alarm),
+        text=printable(str(problem), LONGEST_TEXT),
+    )
 
 
 def _alarm_state(alarm: Alarm) -> str:

@@ -12,12 +12,13 @@ import os
 import socket
 from collections.abc import Callable
 from contextlib import ExitStack
+from dataclasses import asdict
 from pathlib import Path
-from typing import Any
 
-from console.session.bounded_server import BoundedServer, Made
+from console.session.bounded_server import BoundedServer, Made, abandon, send
 from console.session.data.kept_files import utc_now
 from console.session.errors import fault_problem
+from console.session.feed.feed_state import FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed
 from console.session.feed.report import line_of, report
@@ -83,46 +84,31 @@ class FeedServer:
                 if asked in waiting and asked.done():
                     waiting, hz = set(), asked_hz(asked.result())
                     if hz is None:
-                        await _say(writer, line_of({"schema": SCHEMA, "refused": FORM}))
+                        await send(writer, line_of({"schema": SCHEMA, "refused": FORM}), UNREAD_S)
                         return
                     period_s = 1.0 / hz
                 began_s = asyncio.get_running_loop().time()
-                await _say(writer, self._newest(began_s))
+                await send(writer, self._newest(began_s), UNREAD_S)
                 left_s = began_s + period_s - asyncio.get_running_loop().time()
                 await _pause(waiting, left_s)
         except asyncio.CancelledError:  # the console ends; who reads seldom learns of what ended it, too
             writer.write(self._newest(math.inf))
             raise
         finally:
-            asked.cancel()
-            asked.add_done_callback(_ended)
+            abandon(asked)
 
     def _newest(self, now_s: float) -> bytes:
         made_s, line = self._line
         if now_s - made_s >= SHARED_S:
             try:
-                line = line_of(self._report())
+                line = line_of(asdict(self._report()))
             except Exception as fault:  # nothing of a feed may reach the terminal of the operator
                 line = line_of({"schema": SCHEMA, "refused": fault_problem(fault).value})
             self._line = now_s, line
         return line
 
-    def _report(self) -> dict[str, Any]:
+    def _report(self) -> FeedState:
         return report(self._observe(), process=os.getpid(), operator=operator_name(), at_utc=utc_now())
-
-
-async def _say(writer: asyncio.StreamWriter, line: bytes) -> None:
-    writer.write(line)
-    async with asyncio.timeout(
-        UNREAD_S
-    ):  # up to Python 3.11 `wait_for` loses a cancellation that comes as it ends
-        await writer.drain()
-
-
-def _ended(asked: asyncio.Task[bytes]) -> None:
-    """Take note of why nothing more comes: nobody else does, and asyncio would write it into the screen."""
-    if not asked.cancelled():
-        asked.exception()
 
 
 async def _pause(waiting: set[asyncio.Task[bytes]], left_s: float) -> None:

@@ -11,13 +11,12 @@ import asyncio
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from console.session.bounded_server import GONE, BoundedServer
+from console.session.bounded_server import GONE, BoundedServer, send
 from console.session.errors import SessionError
 from console.session.instructing.answer import Answer, written
 from console.session.instructing.dispatcher import Dispatcher
 from console.session.instructing.order import LONGEST_LINE, Do, Order, read_order
 from console.session.instructing.token import is_token
-from drivers.errors import LinkError
 from drivers.simulator.hosts.control_socket import listen_for_control
 from profiles.problem import Problem
 
@@ -49,11 +48,7 @@ class InstructorServer:
 
     def start(self) -> str:
         """Listen; return the address that was bound. Raises LinkError: `link.cannot_listen`."""
-        try:
-            return self._server.start()
-        except OSError as error:
-            value = error.strerror or str(error)
-            raise LinkError(Problem(code="link.cannot_listen", where=str(self._address), value=value)) from error
+        return self._server.start(self._address)
 
     def close(self) -> None:
         """Stop listening, and drop everybody; returns soon, whatever they do."""
@@ -114,6 +109,4 @@ class _Client:
         return answer
 
     async def _say(self, answer: Answer) -> None:
-        self._writer.write(written(answer))
-        async with asyncio.timeout(UNREAD_S):
-            await self._writer.drain()
+        await send(self._writer, written(answer), UNREAD_S)

@@ -71,9 +71,8 @@ class Owning:
         try:
             self._lathe.claim()
         except RefusedError:
-            last = NOBODY if self._lock is None else self._lock.last_number
-            holder = NOBODY if self._lathe.ownership is None else self._lathe.ownership.holder
-            if last == NOBODY or last != holder:
+            lock, ownership = self._lock, self._lathe.ownership
+            if lock is None or ownership is None or lock.last_number != ownership.holder:
                 self._let_go()
                 raise
             self._log("in the place of a console that died", self._lathe.take_control())

@@ -197,7 +197,7 @@ def reach(
             lathe=lathe,
             heartbeat=heartbeat,
             stop=stop,
-            owning=Owning(lathe, link.address, data) if process else _owning(lathe, link.address, data),
+            owning=owning_of(lathe, link.address, data, simulated=process is not None),
             clock=clock,
             address=link.address,
             shop=process,
@@ -242,8 +242,10 @@ def _parts_before(loaded: LoadedMachine, address: SimulatedAddress, data: Path) 
     return 0
 
 
-def _owning(lathe: Lathe, address: str, data: Path) -> Owning:
-    """Return the ownership of a machine that others can reach, too: locked here, signed there."""
+def owning_of(lathe: Lathe, address: str, data: Path, *, simulated: bool) -> Owning:
+    """Return the control of a machine; one that others can reach, too, is locked here and signed there."""
+    if simulated:
+        return Owning(lathe, address, data)
     lock, client = partial(take_lock, data, address), remote_client(os.environ)
     return Owning(lathe, address, data, lock, name=operator_name(), client=client)
 
@@ -255,7 +257,7 @@ def _renewable(address: WiredAddress, process: SimulatorProcess | None) -> tuple
     return link, Reopening(link, lambda: open_link(address if process is None else process.address), over)
 
 
-def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float]) -> None:
+def guard(interruption: Interruption, lathe: Lathe, now_s: Callable[[], float] | None) -> None:
     """Stop this machine when the command is to end, from the claim on; send nothing while it is another's."""
     ownership = lathe.ownership
     interruption.guard(
@@ -292,7 +294,7 @@ def refuse_differing(lathe: Lathe, explained: tuple[Problem, ...]) -> None:
         refuse(explained, differing)
 
 
-def leave(lathe: Lathe, owning: Owning | None) -> bool:
+def leave(lathe: Lathe, owning: Owning) -> bool:
     """Leave the machine with its drives off and released; False when that cannot be proven. Raises no problem.
 
     A machine left in doubt keeps the number of this console, so that the next one must check it.
@@ -301,8 +303,7 @@ def leave(lathe: Lathe, owning: Owning | None) -> bool:
     ours = ownership is None or ownership.standing is Standing.OWNER
     if lathe.has_moved and ours and not _switched_off(lathe):
         return False
-    if owning is not None:
-        owning.release()
+    owning.release()
     return True
 
 

@@ -38,7 +38,7 @@ def parse_control_address(text: str) -> ControlAddress:
     kind, _, rest = text.removeprefix(PREFIX).partition(":")
     if kind == "tcp":
         address = parse_host_port(rest)
-        if not _is_loopback(address.host):
+        if not is_loopback(address.host):
             raise LinkError(
                 Problem(code="link.not_loopback", value=address.host, limit="127.0.0.1, ::1, localhost")
             )
@@ -48,7 +48,8 @@ def parse_control_address(text: str) -> ControlAddress:
     return UnixAddress(path=rest)
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """Whether only this computer reaches an address."""
     try:
         return ip_address(host).is_loopback
     except ValueError:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ from console.session.errors import SessionError
 from console.session.exchange.broker import Broker, credentials
 from console.session.exchange.data_items import published
 from console.session.exchange.topics import is_news, messages
+from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity
@@ -23,10 +25,10 @@ from tests.tui import scenes
 AT = "2026-01-01T00:00:00.000Z"
 
 
-def state(**more: Any) -> dict[str, Any]:
+def state(**more: Any) -> FeedState:
     of = scenes.machine(Activity.READY)
     observed = Observed(state=of, machine=load_machine("lee-2001-lathe").machine, now_s=of.at_s)
-    return {**report(observed, process=7, operator="kim", at_utc=AT), **more}
+    return replace(report(observed, process=7, operator="kim", at_utc=AT), **more)
 
 
 def test_available_comes_last_and_unavailable_first() -> None:
@@ -35,8 +37,8 @@ def test_available_comes_last_and_unavailable_first() -> None:
 
 
 def test_alarms_are_told_with_their_level() -> None:
-    alarm = {"number": 1, "code": "record.lost", "priority": "low", "state": "new", "text": "disk full"}
-    one = messages(published(state(alarms=[alarm]), AT), state())
+    alarm = FeedAlarm(number=1, code="record.lost", priority="low", state="new", text="disk full")
+    one = messages(published(state(alarms=(alarm,)), AT), state())
     told = {"level": "WARNING", "code": "record.lost", "priority": "low", "text": "disk full"}
     assert json.loads(one["system"]) == {"level": "WARNING", "active": [told]}
     assert json.loads(one["motion"]) == {"level": "NORMAL", "active": []}

@@ -15,6 +15,7 @@ from console.__main__ import main
 from console.session.exchange.data_items import ITEMS, Published, published
 from console.session.exchange.device import NAMESPACE, devices_xml
 from console.session.exchange.shdr import shdr_lines
+from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
@@ -32,7 +33,7 @@ EXECUTIONS = {"READY", "ACTIVE", "FEED_HOLD", "STOPPED", "UNAVAILABLE"}
 MODES = {"AUTOMATIC", "MANUAL"}
 
 
-def state(of: StationState, **more: Any) -> dict[str, Any]:
+def state(of: StationState, **more: Any) -> FeedState:
     observed = Observed(state=of, machine=MACHINE, now_s=of.at_s, **more)
     return report(observed, process=7, operator="kim", at_utc=AT)
 
@@ -110,17 +111,17 @@ def test_a_lost_link_leaves_the_alarm_about_it_and_no_old_positions() -> None:
 
 
 def test_old_values_are_not_told_as_current() -> None:
-    old = published({**state(CUTTING), "stale": True}, AT)
+    old = published(replace(state(CUTTING), stale=True), AT)
     assert {old.values[item.key] for item in ITEMS if item.current} == {"UNAVAILABLE"}
     assert old.values["execution"] == "ACTIVE"
 
 
-def alarm(code: str, priority: str, text: str, kind: str = "new") -> dict[str, Any]:
-    return {"number": 1, "code": code, "priority": priority, "state": kind, "text": text}
+def alarm(code: str, priority: str, text: str, kind: str = "new") -> FeedAlarm:
+    return FeedAlarm(number=1, code=code, priority=priority, state=kind, text=text)
 
 
-def with_alarms(*alarms: dict[str, Any]) -> Published:
-    return published({**state(CUTTING), "alarms": list(alarms)}, AT)
+def with_alarms(*alarms: FeedAlarm) -> Published:
+    return published(replace(state(CUTTING), alarms=alarms), AT)
 
 
 def test_alarms_are_conditions_with_their_codes() -> None:
@@ -134,7 +135,7 @@ def test_alarms_are_conditions_with_their_codes() -> None:
     ]
     # One of two is over: its code alone is normal. The last is over: all is normal, and no code is named.
     over = with_alarms(
-        {**amplifier, "state": "returned"}, alarm("record.lost", "low", "disk full", "acknowledged")
+        replace(amplifier, state="returned"), alarm("record.lost", "low", "disk full", "acknowledged")
     )
     assert shdr_lines(over, both) == [
         f"{AT}|communications|NORMAL||||",
@@ -158,7 +159,7 @@ def test_an_agent_that_comes_later_hears_the_alarms_that_stand() -> None:
 
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20))
 def test_any_name_of_a_job_reaches_the_agent(job: str) -> None:
-    values = published({**state(CUTTING), "job": job}, AT)
+    values = published(replace(state(CUTTING), job=job), AT)
     (line, *_) = shdr_lines(values, None)
     found = tokens(line)
     assert "\n" not in line

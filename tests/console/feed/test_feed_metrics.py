@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from console.session.feed.feed_state import FeedState
 from console.session.feed.metrics import exposition
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
@@ -62,7 +63,7 @@ def parsed(text: str) -> dict[Series, float]:
     return found
 
 
-def state(of: StationState, process: int = 7, **more: Any) -> dict[str, Any]:
+def state(of: StationState, process: int = 7, **more: Any) -> FeedState:
     observed = Observed(state=of, machine=MACHINE, now_s=of.at_s, **more)
     return report(observed, process=process, operator="kim", at_utc="2026-01-01T00:00:00Z")
 

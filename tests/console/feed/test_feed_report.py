@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ def said(state: StationState, **more: Any) -> dict[str, Any]:
     """The values of a line, as a reader has them."""
     observed = Observed(state=state, machine=load_machine(LATHE).machine, now_s=state.at_s, **more)
     found: dict[str, Any] = json.loads(
-        line_of(report(observed, process=7, operator="kim", at_utc="2026-01-01T00:00:00Z"))
+        line_of(asdict(report(observed, process=7, operator="kim", at_utc="2026-01-01T00:00:00Z")))
     )
     return found
 

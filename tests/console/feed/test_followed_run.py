@@ -57,10 +57,10 @@ def test_a_cut_is_followed_to_its_part() -> None:
     assert newest is not None
     followed.seen(replace(newest, tool=replace(newest.tool, flags=newest.tool.flags | {"amplifier_fault"})))
     line = report(followed.observed(), process=1, operator="kim", at_utc="")
-    (alarm,) = line["alarms"]
-    assert (alarm["code"], alarm["priority"], alarm["state"]) == ("machine.fault", "high", "new")
-    assert "amplifier fault" in alarm["text"]
-    assert conditions(line["alarms"])["system"][0].level == "FAULT"
+    (alarm,) = line.alarms
+    assert (alarm.code, alarm.priority, alarm.state) == ("machine.fault", "high", "new")
+    assert "amplifier fault" in alarm.text
+    assert conditions(line.alarms)["system"][0].level == "FAULT"
     followed.seen(newest)
     after = followed.observed()
     assert not after.state.alarms

@@ -61,9 +61,9 @@ def test_a_lapse_is_an_alarm_with_its_code_and_is_recorded(policy: str) -> None:
         run_once(plan, context, lambda part, step, detail: followed.told(step))
     assert ended.value.problems[0].code == "heartbeat.lapsed"
     line = report(followed.observed(), process=1, operator="kim", at_utc="")
-    (alarm,) = line["alarms"]
-    assert (alarm["code"], alarm["priority"], alarm["state"]) == ("heartbeat.lapsed", "high", "new")
-    assert [each.code for each in conditions(line["alarms"])["communications"]] == ["heartbeat.lapsed"]
+    (alarm,) = line.alarms
+    assert (alarm.code, alarm.priority, alarm.state) == ("heartbeat.lapsed", "high", "new")
+    assert [each.code for each in conditions(line.alarms)["communications"]] == ["heartbeat.lapsed"]
     ((kind, data),) = events
     assert (kind, data["code"], data["priority"]) == ("alarm_raised", "heartbeat.lapsed", "high")
 
