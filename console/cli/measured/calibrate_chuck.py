@@ -14,6 +14,7 @@ from console.session.learning.chuck_calibrating import (
     fit_warnings,
     fitted,
     keep_chuck,
+    new_step,
     profile_values,
 )
 from console.text.catalogue import Catalogue
@@ -42,8 +43,10 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
         found = profile_values(fit)
     before = newest(data, loaded.machine.name, measured.kind, loaded.machine.chuck.name)
     calibration = chuck_calibration(loaded, measured, fit, options.file)
-    kept = str(keep_chuck(data, calibration)) if options.keep else None
-    dated = () if before is None else date_problems(*before)
+    kept = str(keep_chuck(data, calibration, loaded.machine, options.confirm)) if options.keep else None
+    dated = [] if before is None else [*date_problems(*before)]
+    if kept is None and (step := new_step(data, calibration, loaded.machine)) is not None:
+        dated.append(step.problem("calibration.step", where))
     warnings = tell((*fit_warnings(fit, measured, where), *dated), text)
     head = text("calibrate.chuck_head", machine=loaded.machine.name, file=where, rows=fit.points)
     rows += _asked_rows(asked, text)

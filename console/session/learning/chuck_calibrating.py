@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.session.data.calibrated_chuck import refuse_unusable
+from console.session.data.calibrated_chuck import TYPED, judged_calibrations, large_step, refuse_unusable
 from console.session.data.calibrations import Calibration, store
 from console.session.data.kept_files import utc_now
 from profiles.calibration.deflection import DeflectionFit, fit_deflection
+from profiles.calibration.plausible import Step
 from profiles.calibration.table import CalibrationKind, MeasuredTable
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.files import printable
@@ -72,13 +73,26 @@ def chuck_calibration(loaded: LoadedMachine, measured: MeasuredTable, fit: Chuck
     )
 
 
-def keep_chuck(data: Path, calibration: Calibration) -> Path:
-    """Keep the calibration of a chuck, and return its file.
+def keep_chuck(data: Path, calibration: Calibration, machine: MachineProfile, typed: float | None = None) -> Path:
+    """Keep the calibration of a chuck, and return its file; `machine` is that of the profile.
 
-    Raises ProfileError: `calibration.unusable`, a value that no profile may have; as `keep`.
+    Raises ProfileError: `calibration.unusable`, a value that no profile may have; `calibration.step`, a large step
+    of which neither value nor ratio was `typed`; as `keep`.
     """
-    refuse_unusable(calibration.found["profile"], printable(calibration.file))
+    where = printable(calibration.file)
+    refuse_unusable(calibration.found["profile"], where)
+    step = new_step(data, calibration, machine)
+    if step is not None:
+        if not step.is_typed(typed):
+            raise ProfileError(step.problem("calibration.step", where))
+        calibration = replace(calibration, found={**calibration.found, TYPED: step.value})
     return store(data, calibration)
+
+
+def new_step(data: Path, calibration: Calibration, machine: MachineProfile) -> Step | None:
+    """Return the large step of a calibration that is not kept yet; `machine` is that of the profile."""
+    before, _ = judged_calibrations(data, machine, calibration.kind)
+    return large_step(calibration, calibration.found["profile"], Path(calibration.file), machine, before)
 
 
 def profile_values(fit: ChuckFit) -> dict[str, float]:

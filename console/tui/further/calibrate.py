@@ -13,7 +13,7 @@ from console.session.learning.chuck_calibrating import chuck_calibration, keep_c
 from console.session.station.state import StationState
 from console.tui.calibrating.calibration_lines import fit_lines
 from console.tui.calibrating.chuck_facts import ChuckFacts, draft_facts, kept_facts
-from console.tui.calibrating.draft import AGAIN, MODULUS, Draft, imported, value_of, written
+from console.tui.calibrating.draft import AGAIN, MODULUS, TYPED_OUT, Draft, imported, value_of, written
 from console.tui.calibrating.kept_list import LOBE, KeptCalibration, kept_list
 from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
 from console.tui.gate import FieldKind
@@ -26,7 +26,8 @@ from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext, View
 from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
+from profiles.store import load_machine
 
 KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
 STEPS = {"calibrate.up": -1, "calibrate.down": 1, "calibrate.first": -sys.maxsize, "calibrate.last": sys.maxsize}
@@ -67,6 +68,10 @@ class CalibratePage(Page):
     def act(self, action: str) -> None:
         """Choose, enter points, keep them."""
         if self._all.entry.is_open:
+            if action == "calibrate.take" and self._all.entry.asked is TYPED_OUT:
+                self._keep(value_of(self._all.entry.value, TYPED_OUT))
+                self.fit()
+                return
             if action == "calibrate.take":
                 self._take()
                 self.fit()
@@ -181,7 +186,7 @@ class CalibratePage(Page):
         self._kept = self._lists.answer((kind, self._visits), lambda: kept_list(data, machine, kind))
         row, draft = self._row, self._shown_draft
         if draft is not None:
-            self._facts = self._details.answer(draft, lambda: draft_facts(draft, machine.machine))
+            self._facts = self._details.answer(draft, lambda: draft_facts(draft, machine, data))
             self._fitted = draft, self._facts
         elif row is not None:
             self._facts = self._details.answer((row.file, self._visits), lambda: kept_facts(row))
@@ -279,13 +284,18 @@ class CalibratePage(Page):
         self._all.entry.close()
         self._all.row.display = False
 
-    def _keep(self) -> None:
-        """Keep the fit as the command does; entered points get a file of their own first."""
+    def _keep(self, typed: float | None = None) -> None:
+        """Keep the fit as the command does, a large step if typed out; entered points get a file of their own."""
         (draft, facts), machine, data = self._fitted, self.ui.machine, self.ui.data
         if draft is None or not isinstance(facts, ChuckFacts) or facts.fit is None or facts.measured is None:
             return
+        if facts.step is not None and not facts.step.is_typed(typed):
+            self._all.ask(TYPED_OUT, "", self.ui.text("calibrate_page.type_out"))
+            raise ProfileError(facts.step.problem("calibration.step"))
+        self._end_entry()
+        profile = load_machine(str(machine.path)).machine
         file = draft.file or str(written(draft, data, machine.machine.name))
-        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file))
+        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file), profile, typed)
         self._draft, self._before, self._fitted = None, [], (None, None)
         self._visits += 1
         self.ui.say("screen.calibrate_kept", value=path.name)
