@@ -20,6 +20,9 @@ The smallest unit mistake is 2 (a radius for a diameter, an amplitude for a peak
 another load cell move a chuck by up to a third. 1.5 lies between both, and statistics have no say: see above.
 """
 
+LARGE_STEP = "calibration.step"
+"""Code of the refusal of a larger one."""
+
 ALIKE = 1.15  # two ratios this close may be the same mistake
 _TYPED = 0.01  # relative: what is displayed has three to four digits
 

@@ -20,6 +20,7 @@ from console.session.learning.chuck_calibrating import (
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.deflection import DeflectionFit
+from profiles.calibration.plausible import LARGE_STEP
 from profiles.calibration.table import CalibrationKind, MeasuredTable, read_table
 from profiles.calibration.wrench import Band, WrenchFit
 from profiles.files import printable
@@ -46,7 +47,7 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
     kept = str(keep_chuck(data, calibration, loaded.machine, options.confirm)) if options.keep else None
     dated = [] if before is None else [*date_problems(*before)]
     if kept is None and (step := new_step(data, calibration, loaded.machine)) is not None:
-        dated.append(step.problem("calibration.step", where))
+        dated.append(step.problem(LARGE_STEP, where))
     warnings = tell((*fit_warnings(fit, measured, where), *dated), text)
     head = text("calibrate.chuck_head", machine=loaded.machine.name, file=where, rows=fit.points)
     rows += _asked_rows(asked, text)

@@ -11,7 +11,7 @@ from console.session.data.calibrated_chuck import TYPED, judged_calibrations, la
 from console.session.data.calibrations import Calibration, store
 from console.session.data.kept_files import utc_now
 from profiles.calibration.deflection import DeflectionFit, fit_deflection
-from profiles.calibration.plausible import Step
+from profiles.calibration.plausible import LARGE_STEP, Step
 from profiles.calibration.table import CalibrationKind, MeasuredTable
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.files import printable
@@ -84,7 +84,7 @@ def keep_chuck(data: Path, calibration: Calibration, machine: MachineProfile, ty
     step = new_step(data, calibration, machine)
     if step is not None:
         if not step.is_typed(typed):
-            raise ProfileError(step.problem("calibration.step", where))
+            raise ProfileError(step.problem(LARGE_STEP, where))
         calibration = replace(calibration, found={**calibration.found, TYPED: step.value})
     return store(data, calibration)
 

@@ -17,7 +17,7 @@ from console.session.learning.chuck_calibrating import (
 )
 from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.kept_list import LOBE, KeptCalibration
-from profiles.calibration.plausible import Step
+from profiles.calibration.plausible import LARGE_STEP, Step
 from profiles.calibration.table import MeasuredTable, read_table
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine, load_machine
@@ -56,7 +56,7 @@ def draft_facts(draft: Draft, loaded: LoadedMachine, data: Path) -> ChuckFacts:
     facts = _facts(fit, measured)
     if step is None:
         return facts
-    return replace(facts, step=step, warnings=(step.problem("calibration.step"), *facts.warnings))
+    return replace(facts, step=step, warnings=(step.problem(LARGE_STEP), *facts.warnings))
 
 
 def kept_facts(row: KeptCalibration) -> ChuckFacts:

@@ -24,6 +24,7 @@ from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext, View
+from profiles.calibration.plausible import LARGE_STEP
 from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field
 from profiles.problem import Problem, ProfileError
@@ -291,7 +292,7 @@ class CalibratePage(Page):
             return
         if facts.step is not None and not facts.step.is_typed(typed):
             self._all.ask(TYPED_OUT, "", self.ui.text("calibrate_page.type_out"))
-            raise ProfileError(facts.step.problem("calibration.step"))
+            raise ProfileError(facts.step.problem(LARGE_STEP))
         self._end_entry()
         profile = load_machine(str(machine.path)).machine
         file = draft.file or str(written(draft, data, machine.machine.name))
