@@ -13,7 +13,6 @@ from console.session.learning.calibrating import keep_lobe, lobe_record, lobe_st
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.lobe import FoundLobe, find_lobe
-from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable, read_regular_file
 from profiles.problem import ProfileError
 from profiles.store import LoadedJob
@@ -30,7 +29,7 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
         found = find_lobe(trace, loaded.job, extra=extra, robust=options.robust, practice=options.sim)
     reasons = named(found.reasons, where)
     step = None if options.keep else lobe_step(loaded.job, found)
-    doubts = () if step is None else (step.problem(LARGE_STEP, where),)
+    doubts = () if step is None else (step.problem(where=where),)
     warnings = tell((*named(found.warnings, where), *doubts, *(() if options.keep else reasons)), text)
     written = kept = None
     if options.keep and not reasons:

@@ -17,7 +17,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from console.session.data.calibrations import Calibration, date_problems, files_of, load, record_problem
 from profiles.calibration.plausible import QUANTITIES, Step, step_of, worst_step
@@ -28,7 +28,7 @@ from profiles.machine import MachineProfile
 from profiles.machine_fields import SECTIONS
 from profiles.own_values import number, number_or_none, record
 from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedMachine
+from profiles.store import LoadedMachine, load_machine
 
 if TYPE_CHECKING:
     from profiles.calibration.deflection import DeflectionFit
@@ -44,8 +44,7 @@ OF_JAWS = ("jaw_stiffness_n_per_um", "jaw_contact_exponent", "jaw_length_mm")
 GIVES = {WRENCH: OF_WRENCH, JAWS: OF_JAWS}
 """The keys of [chuck] that a calibration of each kind may give."""
 
-TYPED = "typed"
-"""Under this name a calibration keeps the large step that its operator has typed out."""
+TYPED = "typed"  # under this name a calibration keeps the large step that was typed out
 
 Variance = tuple[float, float, float]
 """Variance of the offset, covariance, variance of the slope of the wrench line."""
@@ -121,8 +120,7 @@ def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine
         return _with(loaded, {}, (Problem(code="calibration.not_used"), *error.problems))
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JudgedCalibration:
+class JudgedCalibration(NamedTuple):
     """A kept calibration with the keys of [chuck] that it gives; not used after a `step` that nobody typed out."""
 
     file: Path
@@ -145,36 +143,40 @@ def judged_calibrations(
             kept = load(file, machine.name, kind)
             if kept.chuck in (None, machine.chuck.name):
                 values = _values(kept, file)
-                step = large_step(kept, values, file, machine, found)
-                step = None if step is None or step.is_typed(number_or_none(kept.found.get(TYPED))) else step
-                found.append(JudgedCalibration(file=file, kept=kept, values=values, step=step))
+                step = _step(kept, values, file, machine, found)
+                typed = step is None or step.is_typed(number_or_none(kept.found.get(TYPED)))
+                found.append(JudgedCalibration(file, kept, values, None if typed else step))
                 broken = None
         except ProfileError as error:
             broken = error
     return found, broken
 
 
-def large_step(
+def large_step(data: Path, loaded: LoadedMachine, calibration: Calibration) -> Step | None:
+    """Return the large step of a calibration that is not kept yet, from its profile or those before."""
+    machine, values = load_machine(str(loaded.path)).machine, calibration.found["profile"]
+    before, _ = judged_calibrations(data, machine, calibration.kind)
+    return _step(calibration, values, Path(calibration.file), machine, before)
+
+
+def _step(
     kept: Calibration,
     values: Mapping[str, float],
     file: Path,
     machine: MachineProfile,
     before: Sequence[JudgedCalibration],
 ) -> Step | None:
-    """Return the step of a calibration that is too large beside the profile and those before; None if none is.
-
-    What was last typed out counts in place of the profile, and the newest besides: small steps add up, too.
-    """
-    found = kept.found
-    newest = {key: getattr(machine.chuck, key) for key in _FOUND if getattr(machine.chuck, key) is not None}
-    anchor = newest
+    """Return the largest step; what was last typed out counts in place of the profile, as small steps add up."""
+    anchor = newest = {
+        key: getattr(machine.chuck, key) for key in _FOUND if getattr(machine.chuck, key) is not None
+    }
     for each in before:
         if each.step is None:
             newest = {**newest, **each.values}
             anchor = newest if TYPED in each.kept.found else anchor
     try:
-        ends = [number(found[key]) for key in ("lowest_n_m", "highest_n_m")] if kept.kind == WRENCH else []
-        of_bar = {"youngs_modulus_gpa": number(found["youngs_gpa"])} if kept.kind == JAWS else {}
+        ends = [number(kept.found[key]) for key in ("lowest_n_m", "highest_n_m")] if kept.kind == WRENCH else []
+        of_bar = {"youngs_modulus_gpa": number(kept.found["youngs_gpa"])} if kept.kind == JAWS else {}
         at, *known = (_compared(each, ends) for each in ({**values, **of_bar}, anchor, newest))
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
         raise record_problem(file, str(error)) from error

@@ -10,7 +10,7 @@ from console.session.data.calibrations import Calibration, keep_job, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from profiles.calibration.lobe import INDEX, FoundLobe, find_lobe, with_lobe
-from profiles.calibration.plausible import LARGE_STEP, Step, step_of
+from profiles.calibration.plausible import Step, refuse_untyped, step_of
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import CONDITIONS, NAMES
@@ -94,12 +94,10 @@ def keep_lobe(
 
     `file` with its hash is the trace. A bundled job is copied.
 
-    Raises ProfileError: `job.changed_elsewhere`, the file of the job has changed since; `calibration.step`, a
-    large step of which neither value nor ratio was `typed`; as `keep_job`, `store`.
+    Raises ProfileError: `job.changed_elsewhere`, the file of the job has changed since; as `refuse_untyped`,
+    `keep_job`, `store`.
     """
-    step = lobe_step(loaded.job, found)
-    if step is not None and not step.is_typed(typed):
-        raise ProfileError(step.problem(LARGE_STEP, printable(file)))
+    refuse_untyped(lobe_step(loaded.job, found), typed, printable(file))
     if load_job(str(loaded.path)).sha256 != loaded.sha256:
         where, name = printable(str(loaded.path)), loaded.job.name
         raise ProfileError(Problem(code="job.changed_elsewhere", where=where, key=name))

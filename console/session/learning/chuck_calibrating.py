@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.session.data.calibrated_chuck import TYPED, judged_calibrations, large_step, refuse_unusable
+from console.session.data.calibrated_chuck import TYPED, large_step, refuse_unusable
 from console.session.data.calibrations import Calibration, store
 from console.session.data.kept_files import utc_now
 from profiles.calibration.deflection import DeflectionFit, fit_deflection
-from profiles.calibration.plausible import LARGE_STEP, Step
+from profiles.calibration.plausible import refuse_untyped
 from profiles.calibration.table import CalibrationKind, MeasuredTable
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.files import printable
@@ -73,26 +73,17 @@ def chuck_calibration(loaded: LoadedMachine, measured: MeasuredTable, fit: Chuck
     )
 
 
-def keep_chuck(data: Path, calibration: Calibration, machine: MachineProfile, typed: float | None = None) -> Path:
-    """Keep the calibration of a chuck, and return its file; `machine` is that of the profile.
+def keep_chuck(data: Path, calibration: Calibration, loaded: LoadedMachine, typed: float | None = None) -> Path:
+    """Keep the calibration of a chuck, and return its file; `typed` is the value or the ratio of a large step.
 
-    Raises ProfileError: `calibration.unusable`, a value that no profile may have; `calibration.step`, a large step
-    of which neither value nor ratio was `typed`; as `keep`.
+    Raises ProfileError: `calibration.unusable`, a value that no profile may have; as `refuse_untyped` and `keep`.
     """
     where = printable(calibration.file)
     refuse_unusable(calibration.found["profile"], where)
-    step = new_step(data, calibration, machine)
-    if step is not None:
-        if not step.is_typed(typed):
-            raise ProfileError(step.problem(LARGE_STEP, where))
-        calibration = replace(calibration, found={**calibration.found, TYPED: step.value})
-    return store(data, calibration)
-
-
-def new_step(data: Path, calibration: Calibration, machine: MachineProfile) -> Step | None:
-    """Return the large step of a calibration that is not kept yet; `machine` is that of the profile."""
-    before, _ = judged_calibrations(data, machine, calibration.kind)
-    return large_step(calibration, calibration.found["profile"], Path(calibration.file), machine, before)
+    step = large_step(data, loaded, calibration)
+    refuse_untyped(step, typed, where)
+    confirmed = {} if step is None else {TYPED: step.value}
+    return store(data, replace(calibration, found={**calibration.found, **confirmed}))
 
 
 def profile_values(fit: ChuckFit) -> dict[str, float]:

@@ -7,27 +7,19 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.calibrated_chuck import fit_of
-from console.session.learning.chuck_calibrating import (
-    ChuckFit,
-    chuck_calibration,
-    fit_warnings,
-    fitted,
-    new_step,
-    profile_values,
-)
+from console.session.learning.chuck_calibrating import ChuckFit, fit_warnings, fitted, profile_values
 from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.kept_list import LOBE, KeptCalibration
-from profiles.calibration.plausible import LARGE_STEP, Step
 from profiles.calibration.table import MeasuredTable, read_table
+from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedMachine, load_machine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ChuckFacts:
     """A fit, or why there is none (`problems`). `measured` are its points, None where they cannot be had.
 
-    `lobe` are the kept numbers of a job's lobe; `step` is to be typed out before points are kept.
+    `lobe` are the kept numbers of a job's lobe.
     """
 
     fit: ChuckFit | None = None
@@ -36,10 +28,9 @@ class ChuckFacts:
     warnings: tuple[Problem, ...] = ()
     problems: tuple[Problem, ...] = ()
     lobe: dict[str, Any] | None = None
-    step: Step | None = None
 
 
-def draft_facts(draft: Draft, loaded: LoadedMachine, data: Path) -> ChuckFacts:
+def draft_facts(draft: Draft, machine: MachineProfile) -> ChuckFacts:
     """Fit the points that were entered or imported; before the first one there is nothing to say yet."""
     if not (draft.rows or draft.content):
         return ChuckFacts()
@@ -48,15 +39,10 @@ def draft_facts(draft: Draft, loaded: LoadedMachine, data: Path) -> ChuckFacts:
     except ProfileError as error:
         return ChuckFacts(problems=tuple(error.problems))
     try:
-        fit = fitted(measured, loaded.machine, affine=draft.affine)
-        made = chuck_calibration(loaded, measured, fit, draft.file)
-        step = new_step(data, made, load_machine(str(loaded.path)).machine)
+        fit = fitted(measured, machine, affine=draft.affine)
     except ProfileError as error:
         return ChuckFacts(measured=measured, problems=tuple(error.problems))
-    facts = _facts(fit, measured)
-    if step is None:
-        return facts
-    return replace(facts, step=step, warnings=(step.problem(LARGE_STEP), *facts.warnings))
+    return _facts(fit, measured)
 
 
 def kept_facts(row: KeptCalibration) -> ChuckFacts:
@@ -68,9 +54,9 @@ def kept_facts(row: KeptCalibration) -> ChuckFacts:
         return ChuckFacts(lobe=dict(kept.found))
     try:
         facts = _facts(fit_of(kept, row.file), _points(row))
+        return replace(facts, warnings=(*row.problems, *facts.warnings))
     except ProfileError as error:
         return ChuckFacts(problems=tuple(error.problems))
-    return replace(facts, warnings=(*row.problems, *facts.warnings))
 
 
 def _facts(fit: ChuckFit, measured: MeasuredTable | None) -> ChuckFacts:

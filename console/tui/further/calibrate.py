@@ -9,6 +9,7 @@ from pathlib import Path
 from textual.events import Resize
 from textual.geometry import Size
 
+from console.session.data.calibrated_chuck import large_step
 from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
 from console.session.station.state import StationState
 from console.tui.calibrating.calibration_lines import fit_lines
@@ -24,11 +25,9 @@ from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext, View
-from profiles.calibration.plausible import LARGE_STEP
 from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field
 from profiles.problem import Problem, ProfileError
-from profiles.store import load_machine
 
 KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
 STEPS = {"calibrate.up": -1, "calibrate.down": 1, "calibrate.first": -sys.maxsize, "calibrate.last": sys.maxsize}
@@ -69,10 +68,6 @@ class CalibratePage(Page):
     def act(self, action: str) -> None:
         """Choose, enter points, keep them."""
         if self._all.entry.is_open:
-            if action == "calibrate.take" and self._all.entry.asked is TYPED_OUT:
-                self._keep(value_of(self._all.entry.value, TYPED_OUT))
-                self.fit()
-                return
             if action == "calibrate.take":
                 self._take()
                 self.fit()
@@ -187,7 +182,7 @@ class CalibratePage(Page):
         self._kept = self._lists.answer((kind, self._visits), lambda: kept_list(data, machine, kind))
         row, draft = self._row, self._shown_draft
         if draft is not None:
-            self._facts = self._details.answer(draft, lambda: draft_facts(draft, machine, data))
+            self._facts = self._details.answer(draft, lambda: draft_facts(draft, machine.machine))
             self._fitted = draft, self._facts
         elif row is not None:
             self._facts = self._details.answer((row.file, self._visits), lambda: kept_facts(row))
@@ -264,6 +259,8 @@ class CalibratePage(Page):
             draft = imported(Path(words).expanduser())
             self._end_entry()
             self._change(draft)
+        elif asked is TYPED_OUT:
+            self._keep(value_of(words, asked))
         elif draft is not None:
             unchanged = words == entry.began  # the value of the point before, which its digits here may round
             before = draft.rows[-1][len(self._partial)] if unchanged else None
@@ -290,13 +287,13 @@ class CalibratePage(Page):
         (draft, facts), machine, data = self._fitted, self.ui.machine, self.ui.data
         if draft is None or not isinstance(facts, ChuckFacts) or facts.fit is None or facts.measured is None:
             return
-        if facts.step is not None and not facts.step.is_typed(typed):
+        step = large_step(data, machine, chuck_calibration(machine, facts.measured, facts.fit, ""))
+        if step is not None and not step.is_typed(typed):
             self._all.ask(TYPED_OUT, "", self.ui.text("calibrate_page.type_out"))
-            raise ProfileError(facts.step.problem(LARGE_STEP))
+            raise ProfileError(step.problem())
         self._end_entry()
-        profile = load_machine(str(machine.path)).machine
         file = draft.file or str(written(draft, data, machine.machine.name))
-        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file), profile, typed)
+        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file), machine, typed)
         self._draft, self._before, self._fitted = None, [], (None, None)
         self._visits += 1
         self.ui.say("screen.calibrate_kept", value=path.name)
