@@ -8,16 +8,21 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from console.session.cut.alignment import Alignment, Mounted, TouchOff
 from console.session.data.calibrated_chuck import calibrated
 from console.session.data.calibrations import FOLDER
+from console.session.errors import SessionError
 from console.session.learning.calibrating import lobe_step
+from console.session.station.commands import CorrectTouchOff
+from console.session.station.measuring import correct_touch_off
 from profiles.calibration.deflection import bending_um, contact_um
 from profiles.calibration.lobe import find_lobe
 from profiles.calibration.plausible import MOST_STEP, QUANTITIES, step_of
@@ -276,3 +281,31 @@ def test_every_quantity_sees_every_factor(key: str, factor: float) -> None:
     assert step is not None and step.is_typed(factor) and step.is_typed(value * factor) and not step.is_typed(1.0)
     assert step_of(key, value * 1.3, (value,)) is None and step_of(key, value, ()) is None
     assert f"x {factor:.3g}" in step.problem().limit
+
+
+@dataclass(frozen=True)
+class SizeOfPart:
+    tool_offset_um: float = 150.0
+    offset_taken: bool = False
+
+
+def test_corrections_of_the_touch_off_do_not_add_up_to_one_that_is_refused() -> None:
+    """Each is small; a touch-off 1.5 mm from the profile would be refused, and so is what they come to."""
+    machine = LOADED.machine
+    on = Mounted(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
+    measured = SizeOfPart()
+    for off_mm, refused in ((1.2, False), (1.4, True)):
+        touched = TouchOff(zero_radius_mm=machine.tool.home_radius_mm + off_mm, diameter_mm=52.0, at="", on=on)
+        aligned, told = replace(Alignment(), touch_off=touched), list[dict[str, Any]]()
+        context: Any = SimpleNamespace(
+            state=SimpleNamespace(measured=measured, alignment=aligned),
+            started=SimpleNamespace(alignment=aligned),
+            loaded_machine=LOADED,
+            local_time=str,
+            tell=lambda told=told, **changes: told.append(changes),
+        )
+        try:
+            correct_touch_off(context, CorrectTouchOff())
+        except SessionError as error:
+            assert [each.code for each in error.problems] == ["alignment.touch_off_far"]
+        assert bool(told) is not refused

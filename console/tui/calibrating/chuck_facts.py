@@ -53,8 +53,7 @@ def kept_facts(row: KeptCalibration) -> ChuckFacts:
     if kept.kind == LOBE:
         return ChuckFacts(lobe=dict(kept.found))
     try:
-        facts = _facts(fit_of(kept, row.file), _points(row))
-        return replace(facts, warnings=(*row.problems, *facts.warnings))
+        return replace(_facts(fit_of(kept, row.file), _points(row)), problems=row.problems)
     except ProfileError as error:
         return ChuckFacts(problems=tuple(error.problems))
 
