@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from operator import attrgetter
 from types import MappingProxyType
 from typing import NamedTuple
 
@@ -91,14 +92,14 @@ def step_of(key: str, value: float, known: Iterable[float]) -> Step | None:
     """Return the largest step of a value from those known before, without any from what is usual; None: small."""
     steps = [Step(key=key, value=value, before=each) for each in known if each > 0]
     if steps:
-        return max((each for each in steps if each.size > math.log(MOST_STEP)), key=_size, default=None)
+        return worst_step(each for each in steps if each.size > math.log(MOST_STEP))
     nearest = min(max(value, QUANTITIES[key].least), QUANTITIES[key].most)
     return None if nearest == value else Step(key=key, value=value, before=nearest, known=False)
 
 
 def worst_step(steps: Iterable[Step | None]) -> Step | None:
     """Return the largest of some steps; None where there is none."""
-    return max((each for each in steps if each is not None), key=_size, default=None)
+    return max((each for each in steps if each is not None), key=attrgetter("size"), default=None)
 
 
 def refuse_untyped(step: Step | None, typed: float | None, where: str = "") -> None:
@@ -111,7 +112,3 @@ def _explaining(mistakes: Mapping[str, float], size: float) -> list[str]:
     """Return the mistakes that explain a step of this size, the nearest first."""
     off = {name: abs(math.log(factor) - size) for name, factor in mistakes.items()}
     return sorted((name for name in off if off[name] <= _ALIKE), key=off.__getitem__)
-
-
-def _size(step: Step) -> float:
-    return step.size

@@ -298,7 +298,7 @@ def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_pat
             stage.ui.said = ()
             await stage.act("inspect.accept")
             assert (stage.codes, stage.page.field, jobs()) == (["calibration.step"], FieldKind.NUMBER, [])
-            assert "R <> D" in load("en").problem(stage.ui.said[0]) and "type out" in stage.next_step
+            assert "R <> D" in repr(stage.ui.said) and "type out" in stage.next_step
             stage.page._entry.value = typed  # type: ignore[attr-defined]
             await stage.act("inspect.next")
             assert jobs() == [] and stage.gone == []

@@ -126,7 +126,7 @@ class JudgedCalibration(NamedTuple):
     file: Path
     kept: Calibration
     values: Mapping[str, float]
-    step: Step | None
+    step: Step | None = None
 
 
 def judged_calibrations(
@@ -142,10 +142,9 @@ def judged_calibrations(
         try:
             kept = load(file, machine.name, kind)
             if kept.chuck in (None, machine.chuck.name):
-                values = _values(kept, file)
-                step = _step(kept, values, file, machine, found)
-                typed = step is None or step.is_typed(number_or_none(kept.found.get(TYPED)))
-                found.append(JudgedCalibration(file, kept, values, None if typed else step))
+                new = JudgedCalibration(file, kept, _values(kept, file))
+                step, typed = _step(new, machine, found), number_or_none(kept.found.get(TYPED))
+                found.append(new if step is None or step.is_typed(typed) else new._replace(step=step))
                 broken = None
         except ProfileError as error:
             broken = error
@@ -154,32 +153,26 @@ def judged_calibrations(
 
 def large_step(data: Path, loaded: LoadedMachine, calibration: Calibration) -> Step | None:
     """Return the large step of a calibration that is not kept yet, from its profile or those before."""
-    machine, values = load_machine(str(loaded.path)).machine, calibration.found["profile"]
-    before, _ = judged_calibrations(data, machine, calibration.kind)
-    return _step(calibration, values, Path(calibration.file), machine, before)
+    machine = load_machine(str(loaded.path)).machine
+    new = JudgedCalibration(Path(calibration.file), calibration, calibration.found["profile"])
+    return _step(new, machine, judged_calibrations(data, machine, calibration.kind)[0])
 
 
-def _step(
-    kept: Calibration,
-    values: Mapping[str, float],
-    file: Path,
-    machine: MachineProfile,
-    before: Sequence[JudgedCalibration],
-) -> Step | None:
+def _step(new: JudgedCalibration, machine: MachineProfile, before: Sequence[JudgedCalibration]) -> Step | None:
     """Return the largest step; what was last typed out counts in place of the profile, as small steps add up."""
-    anchor = newest = {
-        key: getattr(machine.chuck, key) for key in _FOUND if getattr(machine.chuck, key) is not None
-    }
+    stated = ((key, getattr(machine.chuck, key)) for key in _FOUND)
+    anchor = newest = {key: value for key, value in stated if value is not None}
     for each in before:
         if each.step is None:
             newest = {**newest, **each.values}
             anchor = newest if TYPED in each.kept.found else anchor
+    kind, found = new.kept.kind, new.kept.found
     try:
-        ends = [number(kept.found[key]) for key in ("lowest_n_m", "highest_n_m")] if kept.kind == WRENCH else []
-        of_bar = {"youngs_modulus_gpa": number(kept.found["youngs_gpa"])} if kept.kind == JAWS else {}
-        at, *known = (_compared(each, ends) for each in ({**values, **of_bar}, anchor, newest))
+        ends = [number(found[key]) for key in ("lowest_n_m", "highest_n_m")] if kind == WRENCH else []
+        of_bar = {"youngs_modulus_gpa": number(found["youngs_gpa"])} if kind == JAWS else {}
+        at, *known = (_compared(each, ends) for each in ({**new.values, **of_bar}, anchor, newest))
     except (KeyError, TypeError, ValueError, ArithmeticError) as error:
-        raise record_problem(file, str(error)) from error
+        raise record_problem(new.file, str(error)) from error
     return worst_step(step_of(key[0], at[key], [each[key] for each in known if key in each]) for key in at)
 
 
