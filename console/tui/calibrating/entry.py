@@ -18,7 +18,8 @@ class CalibrateEntry(Input):
 
     def __init__(self) -> None:
         super().__init__(id="calibrate-entry", compact=True, select_on_focus=False)
-        self.cursor_blink = self.display = False
+        self.cursor_blink = False
+        self.display = False
         self.asked: Field | None = None
         self.began = ""
 
