@@ -159,8 +159,10 @@ class Chuck:
     Data for predictions, None if unknown: the length of the jaws along the axis; the stiffness of one jaw at 1000
     N and the exponent alpha with which it grows, k ~ F^alpha; the friction of the jaws; the total force per N m at
     the wrench, the force at no torque (None beside the first is 0), and its scatter between clampings; the lowest
-    mode of parts in it. `name` is the name of the chuck at the lathe. `force_line_variance` is that of the wrench
-    line from a calibration, not a key of a file: of the offset (N^2), of both together, of the slope.
+    mode of parts in it. `name` is the name of the chuck at the lathe.
+
+    `OF_CALIBRATION` are no keys of a file: the variance of the wrench line, of the offset (N^2), of both together,
+    of the slope; and what a profile has, or else is usual, where a calibration gives length or scatter.
     """
 
     jaws: int
@@ -178,6 +180,12 @@ class Chuck:
     work_mode_hz: float | None = None
     name: str = ""
     force_line_variance: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    uncalibrated_jaw_length_mm: float | None = None
+    uncalibrated_force_sd_percent: float | None = None
+
+
+OF_CALIBRATION = ("force_line_variance", "uncalibrated_jaw_length_mm", "uncalibrated_force_sd_percent")
+"""Fields of a chuck that only calibrations fill: its profile has no such keys."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -43,11 +43,11 @@ from profiles.chucking.force import force_as_measured
 from profiles.chucking.grip import (
     MOST_GRIP_LOSS,
     centrifugal_loss_n,
-    force_sd_n,
     grip_margin_n,
     lobe_um_per_n,
     needed_grip_n,
 )
+from profiles.chucking.holding import holding_of
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import any_stated, lobe_differences, lobe_unstated
@@ -157,7 +157,8 @@ def _grip(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
 def _clamping(job: Job, machine: MachineProfile) -> tuple[Finding, ...]:
     """Check the effect of the force; the stress if the material is known and the wall thin enough to bend."""
     material, key, most_um = material_or_none(job.material), "chucking_force_n", job.roundness_tolerance_um
-    scatter_um = lobe_um_per_n(job, machine) * force_sd_n(job, machine)
+    scatter_n = holding_of(machine).limit_force_sd_fraction * job.chucking_force_n
+    scatter_um = lobe_um_per_n(job, machine) * scatter_n
     known = judged(material is not None, unknown_material(job.material), Severity.WARNING)
     scatter = _at_most("rule.clamp_scatter", key, scatter_um, most_um, "um", Severity.WARNING)
     stress_mpa = wall_stress_mpa(job, machine, job.chucking_force_n / job.jaws)

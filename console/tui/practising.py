@@ -31,6 +31,7 @@ from console.text.practice import lesson_words, practice_lines
 from drivers.link.address import SimulatedAddress
 from drivers.simulator.plant.presets import SEEDS
 from drivers.simulator.plant.which_lathe import MOUNTED
+from profiles.machine import OF_CALIBRATION
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine, list_jobs, load_job, load_machine, save_job
 
@@ -114,7 +115,7 @@ def _written_machine(values: dict[str, Any], folder: Path) -> Path:
     """Write a machine as the file of a profile; the variance of a calibration has no place there."""
     import tomlkit
 
-    values["chuck"] = {**values["chuck"], "force_line_variance": None}
+    values["chuck"] = {**values["chuck"], **dict.fromkeys(OF_CALIBRATION)}
     path = folder / "lathe.toml"
     path.write_text(tomlkit.dumps(_stated(values)), encoding="utf-8")
     return path

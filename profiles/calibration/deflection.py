@@ -114,8 +114,9 @@ def fit_deflection(
     `diameter_mm` of a solid bar, `overhang_mm` and `deflection_um` along the load. At least three `jaws`: two
     do not hold sideways. `youngs_gpa` is that of the bar. Where `jaw_length_mm` is known, it is not fitted.
     Raises `ProfileError`: `calibration.jaws`, `calibration.not_positive`, `calibration.few_points`;
-    `calibration.bending`, the bar alone would bend more than was measured; `calibration.dependent`, measurements
-    too similar for all parameters; `calibration.no_alpha`, no visible stiffening; `calibration.no_fit`.
+    `calibration.load_over_force`; `calibration.bending`, the bar alone would bend more than was measured;
+    `calibration.dependent`, measurements too similar for all parameters; `calibration.no_alpha`, no visible
+    stiffening; `calibration.no_fit`.
     """
     free = 2 if jaw_length_mm is not None else 3
     _refuse_unfit(columns, jaws, youngs_gpa, free)
@@ -256,6 +257,11 @@ def _refuse_unfit(columns: Mapping[str, Floats], jaws: int, youngs_gpa: float, f
     if points < free + LEAST_SPARE:
         limit = f">= {free + LEAST_SPARE}"
         raise refused("calibration.few_points", value=str(points), limit=limit)
+    loads_n, forces_n = columns["load_n"], columns["chucking_force_n"]
+    at = int(np.argmax(loads_n / forces_n))
+    if loads_n[at] > forces_n[at]:
+        value, limit = f"{loads_n[at]:g} N", f"{forces_n[at]:g} N"
+        raise refused("calibration.load_over_force", key="load_n", value=value, limit=limit)
 
 
 def _start(model: _Model, measured: Floats, lengths_mm: tuple[float, ...]) -> Floats:

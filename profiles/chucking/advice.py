@@ -165,7 +165,7 @@ def _limits(job: Job, machine: MachineProfile) -> dict[str, float]:
     limits_n = {"chuck": machine.chuck.max_force_n}
     um_per_n = lobe_um_per_n(job, machine)
     if um_per_n > 0:
-        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding_of(machine).force_sd_fraction)
+        limits_n["scatter"] = job.roundness_tolerance_um / (um_per_n * holding_of(machine).limit_force_sd_fraction)
     material, stress_mpa = material_or_none(job.material), wall_stress_mpa(job, machine, 1 / job.jaws)
     if material is not None and stress_mpa is not None:
         limits_n["wall"] = material.yield_mpa / stress_mpa
@@ -180,7 +180,7 @@ def wall_stress_mpa(job: Job, machine: MachineProfile, force_per_jaw_n: float) -
     ring = Ring(
         outside_mm=job.diameter_mm,
         wall_mm=job.wall_thickness_mm,
-        length_mm=holding_of(machine).jaw_length_mm,
+        length_mm=holding_of(machine).limit_jaw_length_mm,
         material=material,
     )
     return jaw_stress_mpa(ring, job.jaws, force_per_jaw_n)

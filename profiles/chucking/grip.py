@@ -82,7 +82,7 @@ def needed_grip_n(job: Job, machine: MachineProfile) -> float:
         cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev),
         friction=holding.friction,
         overhang_mm=job.overhang_mm,
-        jaw_length_mm=holding.jaw_length_mm,
+        jaw_length_mm=holding.limit_jaw_length_mm,
     )
 
 

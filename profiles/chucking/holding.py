@@ -61,6 +61,8 @@ class Holding:
     """The jaws as used by the predictions. `assumed` names the keys ("chuck.jaw_length_mm") that were not given.
 
     `stiffness_n_per_um` is one jaw's at `REFERENCE_FORCE_N`. `wrench` is None without a calibration.
+    `limit_jaw_length_mm` and `limit_force_sd_fraction` are those that the limits of the force use: the stricter
+    one of profile and calibration, because a calibration alone widens no limit.
     """
 
     jaw_length_mm: float
@@ -68,6 +70,8 @@ class Holding:
     contact_exponent: float
     friction: float
     force_sd_fraction: float
+    limit_jaw_length_mm: float
+    limit_force_sd_fraction: float
     wrench: Wrench | None
     assumed: tuple[str, ...]
 
@@ -90,6 +94,8 @@ def holding_of(machine: MachineProfile) -> Holding:
         contact_exponent=used["jaw_contact_exponent"],
         friction=used["jaw_friction"],
         force_sd_fraction=used["force_sd_percent"] / 100,
+        limit_jaw_length_mm=min(used["jaw_length_mm"], chuck.uncalibrated_jaw_length_mm or math.inf),
+        limit_force_sd_fraction=max(used["force_sd_percent"], chuck.uncalibrated_force_sd_percent or 0.0) / 100,
         wrench=None
         if slope is None
         else Wrench(

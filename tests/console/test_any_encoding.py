@@ -194,5 +194,6 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "pages/records.py Input",
         "further/controller.py Input",
         "pages/setup.py Input",
+        "pages/inspect.py CalibrateEntry",
         "pages/trace_chooser.py Input",
     }

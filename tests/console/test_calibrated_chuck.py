@@ -105,7 +105,7 @@ def test_what_a_profile_leaves_open_comes_from_the_newest_calibrations(
     console: Console, tmp_path: Path, data: Path
 ) -> None:
     assert with_calibrations(OPEN, data).machine == OPEN
-    for words in ((wrench(tmp_path, 200.0, 0.0, 50.0),), (wrench(tmp_path, 300.0, 400.0, 60.0), "--affine")):
+    for words in ((wrench(tmp_path, 280.0, 0.0, 50.0),), (wrench(tmp_path, 300.0, 400.0, 60.0), "--affine")):
         said = console("calibrate", "chuck", *words, "--keep", "--json")
         assert said.code == 0
     assert set(said.json["found"]["profile"]) == {
@@ -317,7 +317,7 @@ def test_a_calibration_of_another_chuck_is_not_used_and_that_is_told(
     console: Console, tmp_path: Path, data: Path
 ) -> None:
     """The newest of the chuck that is on counts; where there is none, what is known of another one is not it."""
-    for slope in (300.0, 250.0):
+    for slope in (300.0, 280.0):
         assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
     older, newer = sorted(data.rglob("wrench-*.json"))
     record = json.loads(newer.read_text())

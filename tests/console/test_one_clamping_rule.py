@@ -137,7 +137,9 @@ def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
     And its line: at 6.57 N m it is sure to 341 N x 6.57 / sqrt(sum Tq^2), all by one standard deviation.
     """
     job = job_file(cut_length_mm="0.5")
-    kept = console("calibrate", "chuck", wrench(tmp_path, 400.0), *close, "--keep", "--json").json
+    kept = console(
+        "calibrate", "chuck", wrench(tmp_path, 400.0), *close, "--keep", "--confirm", "200", "--json"
+    ).json
     sd_share = 4.0 * math.sqrt(8 / 11) / 50
     line_sd_n = sd_share * 5000 * (1314 / 200) / math.sqrt(3 * (10**2 + 20**2 + 30**2 + 40**2))
     sd_n = math.hypot(1314 * sd_share, line_sd_n)
@@ -177,7 +179,7 @@ def test_a_contradiction_of_what_a_profile_states_is_told_by_what_judges_a_job(
     own = tmp_path / "stated.toml"
     own.write_text(text, encoding="utf-8")
     machine, job = ("--machine", str(own)), str(job_file(cut_length_mm="0.5"))
-    assert console("calibrate", "chuck", wrench(tmp_path, 30.0), *machine, "--keep").code == 0
+    assert console("calibrate", "chuck", wrench(tmp_path, 30.0), *machine, "--keep", "--confirm", "200").code == 0
     for command in ("preview", "predict", "program"):
         said = console(command, job, *machine, "--json")
         assert said.code == 0

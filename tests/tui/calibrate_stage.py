@@ -32,7 +32,7 @@ def keep_wrench(data: Path, table: str = WRENCH, *, date: str, file: str = TABLE
     """Keep a calibration of the wrench with a date."""
     measured = parse_table(table.encode())
     made = chuck_calibration(lathe(), measured, fitted(measured, lathe().machine), file)
-    return keep_chuck(data, replace(made, date=date, chuck=chuck or made.chuck))
+    return keep_chuck(data, replace(made, date=date, chuck=chuck or made.chuck), lathe())
 
 
 def fill(data: Path) -> None:

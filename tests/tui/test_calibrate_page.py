@@ -93,6 +93,51 @@ def test_points_entered_one_by_one_are_fitted_and_stored_as_the_command_does(
     assert machine.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(377.57, abs=0.01)
 
 
+@pytest.mark.parametrize("typed", ["0.00099", "0,3738", "0.374"])
+def test_kilonewtons_are_not_stored_until_their_ratio_or_value_is_typed_out(tmp_path: Path, typed: str) -> None:
+    async def scene(stage: CalibrateScene) -> None:
+        await stage.show()
+        await stage.act_on("calibrate.new")
+        for torque, force in POINTS:
+            await stage.enter(torque, f"{float(force) / 1010:.5f}")
+        await stage.enter("")
+        await stage.act_on("calibrate.keep")
+        assert stage.codes == ["calibration.step"] and kept_files(tmp_path) == []
+        said = load("en").problem(stage.ui.said[0])
+        assert "377 N/(N m)" in said and "0.3738 N/(N m)" in said and "x 0.000992; kN <> N?" in said
+        assert stage.field() == FieldKind.NUMBER, "what is typed out is asked for"
+        stage.ui.said = ()
+        await stage.enter("1")
+        assert stage.codes == ["calibration.step"] and kept_files(tmp_path) == []
+        stage.ui.said = ()
+        await stage.enter("")
+        assert stage.field() == FieldKind.NONE and "not stored: 10 points" in stage.words
+        await stage.act_on("calibrate.keep")
+        await stage.enter(typed)
+        assert stage.codes == ["screen.calibrate_kept"] and stage.field() == FieldKind.NONE
+
+    play_on(CalibrateScene, scene, tmp_path)
+    assert len(kept_files(tmp_path)) == 2
+    found = calibrated(load_machine(MACHINE), tmp_path)
+    assert found.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(0.3738, rel=1e-3)
+
+
+def test_what_an_older_console_has_kept_in_another_unit_is_listed_as_not_used(tmp_path: Path) -> None:
+    keep_wrench(tmp_path, date="2025-01-01T08:00:00.000Z")
+    newer = keep_wrench(tmp_path, date="2025-01-02T08:00:00.000Z")
+    record = json.loads(newer.read_text())
+    record["found"]["profile"]["force_per_torque_n_per_n_m"] /= 1000.0
+    newer.write_text(json.dumps(record))
+    rows = kept_list(tmp_path, lathe(), "wrench")
+    assert [each.standing for each in rows] == [Standing.IMPLAUSIBLE, Standing.NEXT_START]
+
+    async def scene(stage: CalibrateScene) -> None:
+        await stage.show()
+        assert "not plausible" in stage.words and "NOT used" in stage.words and "kN <> N" in stage.words
+
+    play_on(CalibrateScene, scene, tmp_path, size=(100, 24))
+
+
 def test_a_value_that_is_none_stays_in_the_entry_and_says_why(tmp_path: Path) -> None:
     async def scene(stage: CalibrateScene) -> None:
         await stage.show()

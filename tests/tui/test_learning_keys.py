@@ -16,8 +16,9 @@ from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
-from console.session.work import Work, edited, with_strategy
+from console.session.work import Work, edited, opened, with_strategy
 from console.text.catalogue import load
+from console.tui.gate import FieldKind
 from console.tui.keymap import ACTIONS
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
@@ -278,6 +279,38 @@ def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cu
         assert page.next_step == text(f"inspect_page.{word}") and cell_len(page.next_step) <= 77
         words = text(f"inspect_page.{said}", job=job.name, strategy=strategy)
         assert words[:30] in page.text, page.text
+
+
+def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_path: Path) -> None:
+    made, loaded = part(Strategy.NONE, BEFORE), load_job("lee-2001-experiment-1")
+    trace = replace(made.trace, deviation_um=2.0 * made.trace.deviation_um)
+    bare = PartLobe(loaded=loaded, file="x", file_sha256="")
+    found = lobe_of(trace, made.job, bare, phase_known=True, simulated=True)
+    assert found.found is not None and not found.reasons
+    state = replace(MEASURED, measured=replace(made, trace=trace, lobe=found))
+    ratio = found.found.fit.error_um_pp / loaded.job.lobe_error_um_pp
+
+    async def play(stage: OnInspect) -> None:
+        def jobs() -> list[str]:
+            return [path.name for path in tmp_path.rglob("*.toml")]
+
+        for typed in ("", "1.5", "x"):
+            stage.ui.said = ()
+            await stage.act("inspect.accept")
+            assert (stage.codes, stage.page.field, jobs()) == (["calibration.step"], FieldKind.NUMBER, [])
+            assert "R <> D" in repr(stage.ui.said) and "type out" in stage.next_step
+            stage.page._entry.value = typed  # type: ignore[attr-defined]
+            await stage.act("inspect.next")
+            assert jobs() == [] and stage.gone == []
+            await stage.act("inspect.revert")
+            assert stage.page.field is FieldKind.NONE, "another key ends the entry"
+        await stage.act("inspect.accept")
+        stage.page._entry.value = f"{ratio:.3g}"  # type: ignore[attr-defined]
+        await stage.act("inspect.next")
+        assert jobs() and stage.page.field is FieldKind.NONE and stage.ui.work is not None
+        assert stage.ui.work.job.lobe_error_um_pp == pytest.approx(ratio * loaded.job.lobe_error_um_pp)
+
+    play_on(OnInspect, play, tmp_path, work=opened(loaded, signed().machine), state=state)
 
 
 def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:

@@ -23,6 +23,8 @@ def add(parser: Parser, text: Catalogue) -> None:
     chuck.add_argument("--torque", metavar="NM", type=number, help=text("help.calibrate.torque"))
     chuck.add_argument("--force", metavar="N", type=number, help=text("help.calibrate.force"))
     chuck.add_argument("--keep", action="store_true", help=text("help.calibrate.chuck.keep"))
+    for each in (chuck, lobe):
+        each.add_argument("--confirm", metavar="NUMBER", type=number, help=text("help.calibrate.confirm"))
     lobe.add_argument("file", metavar="TRACE", help=text("help.calibrate.trace"))
     lobe.add_argument("--job", metavar="JOB", required=True, help=text("help.job"))
     add_shared(lobe, text, "machine")

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from console.cli.library import DEFAULT_MACHINE, data_of, machine_of, naming
 from console.cli.output import show, tell
+from console.session.data.calibrated_chuck import large_step
 from console.session.data.calibrations import Calibration, date_problems, newest
 from console.session.learning.chuck_calibrating import (
     chuck_calibration,
@@ -42,9 +43,11 @@ def calibrate_chuck(options: Namespace, text: Catalogue) -> int:
         found = profile_values(fit)
     before = newest(data, loaded.machine.name, measured.kind, loaded.machine.chuck.name)
     calibration = chuck_calibration(loaded, measured, fit, options.file)
-    kept = str(keep_chuck(data, calibration)) if options.keep else None
+    kept = str(keep_chuck(data, calibration, loaded, options.confirm)) if options.keep else None
     dated = () if before is None else date_problems(*before)
-    warnings = tell((*fit_warnings(fit, measured, where), *dated), text)
+    step = None if kept else large_step(data, loaded, calibration)
+    doubts = () if step is None else (step.problem(where=where),)
+    warnings = tell((*fit_warnings(fit, measured, where), *doubts, *dated), text)
     head = text("calibrate.chuck_head", machine=loaded.machine.name, file=where, rows=fit.points)
     rows += _asked_rows(asked, text)
     bands = {key: asdict(band) for key, band in asked.items()}

@@ -9,7 +9,7 @@ from pathlib import Path
 from console.cli.judgement import lobe_place_line
 from console.cli.library import SIM_OPTION, data_of, job_of, machine_of, named, naming
 from console.cli.output import show, tell
-from console.session.learning.calibrating import keep_lobe, lobe_record
+from console.session.learning.calibrating import keep_lobe, lobe_record, lobe_step
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.calibration.lobe import FoundLobe, find_lobe
@@ -28,11 +28,14 @@ def calibrate_lobe(options: Namespace, text: Catalogue) -> int:
         extra = options.extra or ()
         found = find_lobe(trace, loaded.job, extra=extra, robust=options.robust, practice=options.sim)
     reasons = named(found.reasons, where)
-    warnings = tell((*named(found.warnings, where), *(() if options.keep else reasons)), text)
+    step = None if options.keep else lobe_step(loaded.job, found)
+    doubts = () if step is None else (step.problem(where=where),)
+    warnings = tell((*named(found.warnings, where), *doubts, *(() if options.keep else reasons)), text)
     written = kept = None
     if options.keep and not reasons:
         sha256 = hashlib.sha256(content).hexdigest()
-        written, kept = keep_lobe(loaded, found, machine, data_of(options), file=options.file, file_sha256=sha256)
+        of_file = {"file": options.file, "file_sha256": sha256}
+        written, kept = keep_lobe(loaded, found, machine, data_of(options), typed=options.confirm, **of_file)
     place = {"job": written and str(written.path), "revision": written and written.sha256}
     show(
         options,

@@ -3,7 +3,8 @@
 The newest calibrations supply what the profile leaves open and what it lists under `assumed`, which nobody has
 measured. What the profile otherwise states stays; where a calibration surely contradicts it, a warning says so.
 The wrench line (slope and offset) comes as a whole from one source, with its uncertainty. A calibration of a
-chuck of another name is not used; a warning says so.
+chuck of another name is not used; a warning says so. Nor is one that is a large step from the profile, or from
+those before it, and was not typed out: whoever kept it may have taken one unit for another.
 
 The profile file and its hash stay unchanged: learned compensations and records refer to them. Signature, owner,
 stopping performance and identification do not use these keys. Nothing heavy is imported for values,
@@ -13,19 +14,21 @@ because the screen opens with them; a contradiction needs the fit.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from console.session.data.calibrations import Calibration, date_problems, files_of, load, newest, record_problem
+from console.session.data.calibrations import Calibration, date_problems, files_of, load, record_problem
+from profiles.calibration.plausible import QUANTITIES, Step, step_of, worst_step
+from profiles.chucking.holding import holding_of
 from profiles.fields import fault, spelled
 from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.machine_fields import SECTIONS
-from profiles.own_values import number, record
+from profiles.own_values import number, number_or_none, record
 from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedMachine
+from profiles.store import LoadedMachine, load_machine
 
 if TYPE_CHECKING:
     from profiles.calibration.deflection import DeflectionFit
@@ -37,6 +40,11 @@ WRENCH, JAWS = "wrench", "deflection"
 LINE = ("force_per_torque_n_per_n_m", "force_offset_n")
 OF_WRENCH = (*LINE, "force_sd_percent")
 OF_JAWS = ("jaw_stiffness_n_per_um", "jaw_contact_exponent", "jaw_length_mm")
+
+GIVES = {WRENCH: OF_WRENCH, JAWS: OF_JAWS}
+"""The keys of [chuck] that a calibration of each kind may give."""
+
+TYPED = "typed"  # under this name a calibration keeps the large step that was typed out
 
 Variance = tuple[float, float, float]
 """Variance of the offset, covariance, variance of the slope of the wrench line."""
@@ -76,15 +84,21 @@ def calibrated(loaded: LoadedMachine, data: Path) -> CalibratedMachine:
     found: dict[str, tuple[float, str]] = {}
     warnings: list[Problem] = []
     variance = NO_VARIANCE
-    for kind, may_say in ((WRENCH, OF_WRENCH), (JAWS, OF_JAWS)):
-        of_chuck = newest(data, machine.name, kind, machine.chuck.name)
-        if of_chuck is None:
+    for kind in GIVES:
+        of_chuck, broken = judged_calibrations(data, machine, kind)
+        if broken is not None:
+            raise broken
+        if not of_chuck:
             files = files_of(data, machine.name, kind)[:1]
             warnings += [_other_chuck(load(file, machine.name, kind), machine) for file in files]
             continue
-        file, kept = of_chuck
+        if (step := of_chuck[-1].step) is not None:
+            warnings.append(step.problem("calibration.step_kept", of_chuck[-1].kept.date))
+        newest = next((each for each in reversed(of_chuck) if each.step is None), None)
+        if newest is None:
+            continue
+        file, kept, values = newest.file, newest.kept, newest.values
         warnings += date_problems(file, kept)
-        values = _values(kept, may_say, file)
         unset = {key: value for key, value in values.items() if _is_open(key, machine)}
         found |= {key: (value, kept.date) for key, value in unset.items()}
         if LINE[0] in unset:
@@ -104,6 +118,71 @@ def calibrated_or_stated(loaded: LoadedMachine, data: Path) -> CalibratedMachine
         return calibrated(loaded, data)
     except ProfileError as error:
         return _with(loaded, {}, (Problem(code="calibration.not_used"), *error.problems))
+
+
+class JudgedCalibration(NamedTuple):
+    """A kept calibration with the keys of [chuck] that it gives; not used after a `step` that nobody typed out."""
+
+    file: Path
+    kept: Calibration
+    values: Mapping[str, float]
+    step: Step | None = None
+
+
+def judged_calibrations(
+    data: Path, machine: MachineProfile, kind: str
+) -> tuple[list[JudgedCalibration], ProfileError | None]:
+    """Return the calibrations of a machine's chuck, oldest first, each compared with the profile and those before.
+
+    `machine` is that of the profile. The error is why files newer than all of these cannot be used.
+    """
+    found: list[JudgedCalibration] = []
+    broken = None
+    for file in reversed(files_of(data, machine.name, kind)):
+        try:
+            kept = load(file, machine.name, kind)
+            if kept.chuck in (None, machine.chuck.name):
+                new = JudgedCalibration(file, kept, _values(kept, file))
+                step, typed = _step(new, machine, found), number_or_none(kept.found.get(TYPED))
+                found.append(new if step is None or step.is_typed(typed) else new._replace(step=step))
+                broken = None
+        except ProfileError as error:
+            broken = error
+    return found, broken
+
+
+def large_step(data: Path, loaded: LoadedMachine, calibration: Calibration) -> Step | None:
+    """Return the large step of a calibration that is not kept yet, from its profile or those before."""
+    machine = load_machine(str(loaded.path)).machine
+    new = JudgedCalibration(Path(calibration.file), calibration, calibration.found["profile"])
+    return _step(new, machine, judged_calibrations(data, machine, calibration.kind)[0])
+
+
+def _step(new: JudgedCalibration, machine: MachineProfile, before: Sequence[JudgedCalibration]) -> Step | None:
+    """Return the largest step; what was last typed out counts in place of the profile, as small steps add up."""
+    stated = ((key, getattr(machine.chuck, key)) for key in _FOUND)
+    anchor = newest = {key: value for key, value in stated if value is not None}
+    for each in before:
+        if each.step is None:
+            newest = {**newest, **each.values}
+            anchor = newest if TYPED in each.kept.found else anchor
+    kind, found = new.kept.kind, new.kept.found
+    try:
+        ends = [number(found[key]) for key in ("lowest_n_m", "highest_n_m")] if kind == WRENCH else []
+        of_bar = {"youngs_modulus_gpa": number(found["youngs_gpa"])} if kind == JAWS else {}
+        at, *known = (_compared(each, ends) for each in ({**new.values, **of_bar}, anchor, newest))
+    except (KeyError, TypeError, ValueError, ArithmeticError) as error:
+        raise record_problem(new.file, str(error)) from error
+    return worst_step(step_of(key[0], at[key], [each[key] for each in known if key in each]) for key in at)
+
+
+def _compared(values: Mapping[str, float], torques_n_m: Sequence[float]) -> dict[tuple[str, float], float]:
+    """Return what is compared of a calibration by key and torque: of the line, its force for each N m there."""
+    found = {(key, 0.0): values[key] for key in QUANTITIES if key in values and key != LINE[0]}
+    if LINE[0] in values:
+        offset_n = values.get(LINE[1], 0.0)
+        found |= {(LINE[0], each): values[LINE[0]] + offset_n / each for each in torques_n_m}
+    return found
 
 
 def warnings_of(machine: LoadedMachine) -> tuple[Problem, ...]:
@@ -139,6 +218,10 @@ def _with(
     given = {key: "" for key in _FOUND if getattr(chuck, key) is not None}
     dates = given | {key: date for key, (_, date) in found.items()}
     measured: dict[str, Any] = {key: value for key, (value, _) in found.items()}
+    if found:
+        stated = holding_of(machine)
+        measured["uncalibrated_jaw_length_mm"] = stated.jaw_length_mm
+        measured["uncalibrated_force_sd_percent"] = 100 * stated.force_sd_fraction
     left = tuple(name for name in machine.assumed if name.removeprefix("chuck.") not in measured)
     return CalibratedMachine(
         machine=replace(machine, chuck=replace(chuck, **measured, force_line_variance=variance), assumed=left),
@@ -156,10 +239,10 @@ def _is_open(key: str, machine: MachineProfile) -> bool:
     return all(getattr(machine.chuck, each) is None or f"chuck.{each}" in machine.assumed for each in together)
 
 
-def _values(kept: Calibration, may_say: tuple[str, ...], file: Path) -> dict[str, float]:
+def _values(kept: Calibration, file: Path) -> dict[str, float]:
     """Return calibrated values by keys of [chuck]; a line through the origin has the offset 0."""
     said = kept.found.get("profile")
-    if not isinstance(said, dict) or not said or not said.keys() <= set(may_say):
+    if not isinstance(said, dict) or not said or not said.keys() <= set(GIVES[kept.kind]):
         raise record_problem(file, f"profile {said!r}")
     refuse_unusable(said, printable(str(file)))
     return ({LINE[1]: 0.0} if LINE[0] in said else {}) | said

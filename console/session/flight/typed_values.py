@@ -17,7 +17,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 from console.session.flight.plain_values import ARRAY, DROPPED, LONGEST_TEXT, names_of
 from console.session.flight.recorded_forms import names
 from profiles.job import Job, job_from_table
-from profiles.machine import MachineProfile, machine_from_table
+from profiles.machine import OF_CALIBRATION, MachineProfile, machine_from_table
 from profiles.own_values import number, text, whole
 from profiles.problem import ProblemError
 
@@ -180,7 +180,7 @@ def _array(value: Any) -> Any:
 def machine_of(value: Any) -> MachineProfile:
     """Return a machine with its calibrations, which its own file does not have. Raises ValueError, TypeError."""
     found: MachineProfile = Typed().read(MachineProfile, value)
-    _of_its_file(machine_from_table, {**value, "chuck": {**value["chuck"], "force_line_variance": None}})
+    _of_its_file(machine_from_table, {**value, "chuck": {**value["chuck"], **dict.fromkeys(OF_CALIBRATION)}})
     return found
 
 

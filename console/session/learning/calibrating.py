@@ -10,6 +10,7 @@ from console.session.data.calibrations import Calibration, keep_job, store
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError
 from profiles.calibration.lobe import INDEX, FoundLobe, find_lobe, with_lobe
+from profiles.calibration.plausible import Step, refuse_untyped, step_of
 from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import CONDITIONS, NAMES
@@ -60,7 +61,7 @@ def lobe_of(trace: Trace, job: Job, lobe: PartLobe, *, phase_known: bool, simula
     return replace(lobe, found=found, problems=edited)
 
 
-def accept_lobe(lobe: PartLobe, machine: MachineProfile, data: Path) -> LoadedJob:
+def accept_lobe(lobe: PartLobe, machine: MachineProfile, data: Path, typed: float | None = None) -> LoadedJob:
     """Keep the lobe of a part in its job, and the calibration beside it; return the job as it is on disk.
 
     Raises:
@@ -69,7 +70,8 @@ def accept_lobe(lobe: PartLobe, machine: MachineProfile, data: Path) -> LoadedJo
     """
     if lobe.reasons or lobe.found is None or lobe.loaded is None:
         raise SessionError(*lobe.reasons)
-    return keep_lobe(lobe.loaded, lobe.found, machine, data, file=lobe.file, file_sha256=lobe.file_sha256)[0]
+    of_file = {"file": lobe.file, "file_sha256": lobe.file_sha256}
+    return keep_lobe(lobe.loaded, lobe.found, machine, data, typed=typed, **of_file)[0]
 
 
 def lobe_event(written: LoadedJob) -> dict[str, object]:
@@ -86,13 +88,16 @@ def keep_lobe(
     *,
     file: str,
     file_sha256: str,
+    typed: float | None = None,
 ) -> tuple[LoadedJob, Path]:
     """Write the lobe into the job, and keep its calibration; return the job and the file of the calibration.
 
     `file` with its hash is the trace. A bundled job is copied.
 
-    Raises ProfileError: `job.changed_elsewhere`, the file of the job has changed since; as `keep_job`, `store`.
+    Raises ProfileError: `job.changed_elsewhere`, the file of the job has changed since; as `refuse_untyped`,
+    `keep_job`, `store`.
     """
+    refuse_untyped(lobe_step(loaded.job, found), typed, printable(file))
     if load_job(str(loaded.path)).sha256 != loaded.sha256:
         where, name = printable(str(loaded.path)), loaded.job.name
         raise ProfileError(Problem(code="job.changed_elsewhere", where=where, key=name))
@@ -112,6 +117,12 @@ def keep_lobe(
         found={**lobe_record(found), **said, "job_before_sha256": loaded.sha256},
     )
     return written, store(data, calibration)
+
+
+def lobe_step(job: Job, found: FoundLobe) -> Step | None:
+    """Return the large step from the lobe of a job, at its present force, to the one that was found."""
+    at_force_um = job.lobe_error_um_pp * job.chucking_force_n / job.error_force_n
+    return step_of("lobe_error_um_pp", found.fit.error_um_pp, (at_force_um,))
 
 
 def lobe_record(found: FoundLobe) -> dict[str, object]:

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
-from console.session.data.calibrated_chuck import refuse_unusable
+from console.session.data.calibrated_chuck import TYPED, large_step, refuse_unusable
 from console.session.data.calibrations import Calibration, store
 from console.session.data.kept_files import utc_now
 from console.session.typed_number import plain_number
 from profiles.calibration.deflection import DeflectionFit, fit_deflection
+from profiles.calibration.plausible import refuse_untyped
 from profiles.calibration.table import CalibrationKind, MeasuredTable
 from profiles.calibration.wrench import WrenchFit, fit_wrench
 from profiles.files import printable
@@ -77,13 +78,17 @@ def chuck_calibration(loaded: LoadedMachine, measured: MeasuredTable, fit: Chuck
     )
 
 
-def keep_chuck(data: Path, calibration: Calibration) -> Path:
-    """Keep the calibration of a chuck, and return its file.
+def keep_chuck(data: Path, calibration: Calibration, loaded: LoadedMachine, typed: float | None = None) -> Path:
+    """Keep the calibration of a chuck, and return its file; `typed` is the value or the ratio of a large step.
 
-    Raises ProfileError: `calibration.unusable`, a value that no profile may have; as `keep`.
+    Raises ProfileError: `calibration.unusable`, a value that no profile may have; as `refuse_untyped` and `keep`.
     """
-    refuse_unusable(calibration.found["profile"], printable(calibration.file))
-    return store(data, calibration)
+    where = printable(calibration.file)
+    refuse_unusable(calibration.found["profile"], where)
+    step = large_step(data, loaded, calibration)
+    refuse_untyped(step, typed, where)
+    confirmed = {} if step is None else {TYPED: step.value}
+    return store(data, replace(calibration, found={**calibration.found, **confirmed}))
 
 
 def profile_values(fit: ChuckFit) -> dict[str, float]:

@@ -24,6 +24,7 @@ from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
 from console.session.station.context import StationContext
+from console.session.station.readings import refuse_far
 from console.session.station.state import Armed, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
@@ -189,7 +190,7 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
     Raises:
         SessionError: `trace.no_part`; `offset.no_size`, or why its size is not one of the job; `offset.taken`;
             `offset.no_touch_off`, that of its cut is no longer in force; `offset.too_large`, the touch-off itself
-            was wrong.
+            was wrong; `alignment.touch_off_far`, many small ones have added up.
     """
     part, alignment = context.state.measured, context.state.alignment
     if part is None:
@@ -206,6 +207,7 @@ def correct_touch_off(context: StationContext, _: CorrectTouchOff) -> None:
         limit = f"± {MOST_OFFSET_UM:g} um"
         raise SessionError(Problem(code="offset.too_large", value=f"{offset_um:+.0f} um", limit=limit))
     zero_mm, at = touched.zero_radius_mm + offset_um / 1000.0, context.local_time()
+    refuse_far(zero_mm, context.loaded_machine.machine.tool)
     context.tell(alignment=replace(alignment, touch_off=replace(touched, zero_radius_mm=zero_mm, at=at)))
     context.tell(measured=replace(part, offset_taken=True))
 

@@ -17,6 +17,7 @@ from console.session.station.context import StationContext
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.fingerprint.readings import readings_problem
 from profiles.fingerprint.this_clamping import felt
+from profiles.machine import ToolAxis
 from profiles.problem import Problem, ProfileError
 
 
@@ -61,10 +62,7 @@ def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> N
     if clamping is None:
         raise SessionError(Problem(code="alignment.beside_part", key="tool"))
     zero_mm = command.radius_mm + at_counts / tool.counts_per_mm
-    if abs(zero_mm - tool.home_radius_mm) > jogging.TOUCH_OFF_BAND_MM:
-        value = f"R {zero_mm:.3f} mm"
-        limit = f"R {tool.home_radius_mm:.3f} ± {jogging.TOUCH_OFF_BAND_MM:g} mm"
-        raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
+    refuse_far(zero_mm, tool)
     stamp = TouchOff(
         zero_radius_mm=zero_mm,
         diameter_mm=clamping.diameter_mm,
@@ -73,6 +71,14 @@ def take_touch_off(context: StationContext, command: commands.TakeTouchOff) -> N
         skimmed=command.skimmed,
     )
     context.tell(alignment=touched_off(alignment, stamp))
+
+
+def refuse_far(zero_mm: float, tool: ToolAxis) -> None:
+    """Refuse (`alignment.touch_off_far`) a tip that is not about where the profile has it."""
+    if abs(zero_mm - tool.home_radius_mm) > jogging.TOUCH_OFF_BAND_MM:
+        value = f"R {zero_mm:.3f} mm"
+        limit = f"R {tool.home_radius_mm:.3f} ± {jogging.TOUCH_OFF_BAND_MM:g} mm"
+        raise SessionError(Problem(code="alignment.touch_off_far", key="tool", value=value, limit=limit))
 
 
 def indicate(context: StationContext, command: commands.Indicate) -> None:

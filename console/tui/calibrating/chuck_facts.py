@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -53,7 +53,7 @@ def kept_facts(row: KeptCalibration) -> ChuckFacts:
     if kept.kind == LOBE:
         return ChuckFacts(lobe=dict(kept.found))
     try:
-        return _facts(fit_of(kept, row.file), _points(row))
+        return replace(_facts(fit_of(kept, row.file), _points(row)), problems=row.problems)
     except ProfileError as error:
         return ChuckFacts(problems=tuple(error.problems))
 

@@ -20,6 +20,9 @@ from profiles.problem import Problem, ProfileError
 MODULUS = Field(key="youngs_modulus_gpa", unit="GPa", above=0, at_most=1000)
 """What a table of deflections has to state before its points: Young's modulus of the bar."""
 
+TYPED_OUT = Field(key="typed_out", above=0)
+"""What a large step has to be confirmed with: its value, or its ratio."""
+
 AGAIN = frozenset({"angle_deg", "deflection_um", "torque_n_m", "force_n"})
 """Columns that differ from point to point; the others begin with the value of the point before."""
 

@@ -1,4 +1,4 @@
-"""The entry of the page Calibrate: the values of a point one after the other, or the path of a file."""
+"""The entry of the page Calibrate: the values of a point, the path of a file, a large step typed out."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ class CalibrateEntry(Input):
     def __init__(self) -> None:
         super().__init__(id="calibrate-entry", compact=True, select_on_focus=False)
         self.cursor_blink = False
+        self.display = False
         self.asked: Field | None = None
         self.began = ""
 

@@ -7,7 +7,7 @@ from enum import StrEnum
 from pathlib import Path
 from urllib.parse import unquote
 
-from console.session.data.calibrated_chuck import calibrated_or_stated, calibrations_of
+from console.session.data.calibrated_chuck import calibrated_or_stated, calibrations_of, judged_calibrations
 from console.session.data.calibrations import FOLDER, Calibration, files_of, load
 from console.session.data.kept_files import file_error
 from profiles.problem import Problem, ProfileError
@@ -25,6 +25,7 @@ class Standing(StrEnum):
     PROFILE = "profile"  # the profile states these values, and not as assumed
     OLDER = "older"
     OTHER_CHUCK = "other_chuck"
+    IMPLAUSIBLE = "implausible"  # a large step that nobody has typed out
     UNREADABLE = "unreadable"
     OF_JOB = "of_job"
 
@@ -45,7 +46,9 @@ def kept_list(data: Path, machine: LoadedMachine, kind: str) -> tuple[KeptCalibr
         return lobe_list(data)
     name, chuck = machine.machine.name, machine.machine.chuck.name
     now_used = set(calibrations_of(machine).values())
-    next_used = set(calibrated_or_stated(load_machine(str(machine.path)), data).used.values())
+    profile = load_machine(str(machine.path))
+    next_used = set(calibrated_or_stated(profile, data).used.values())
+    steps = {each.file: each.step for each in judged_calibrations(data, profile.machine, kind)[0]}
     found: list[KeptCalibration] = []
     newest = True
     for file in files_of(data, name, kind)[:MOST]:
@@ -56,6 +59,10 @@ def kept_list(data: Path, machine: LoadedMachine, kind: str) -> tuple[KeptCalibr
             continue
         if kept.chuck not in (None, chuck):
             standing = Standing.OTHER_CHUCK
+        elif (step := steps.get(file)) is not None:
+            why = (step.problem("calibration.step_kept", kept.date),)
+            found.append(KeptCalibration(file=file, kept=kept, standing=Standing.IMPLAUSIBLE, problems=why))
+            continue
         elif not newest:
             standing = Standing.OLDER
         else:

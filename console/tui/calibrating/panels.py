@@ -62,7 +62,6 @@ class CalibratePanels(Horizontal):
         self.texts = Vertical(upper, self.fit_sheet, self.row, id="calibrate-texts")
         self.plots = Vertical(self.plot, self.residual, id="calibrate-plots")
         super().__init__(self.texts, self.plots, id="calibrate-all")
-        self.entry.display = False
 
     @property
     def sizes(self) -> tuple[Size, ...]:

@@ -9,11 +9,12 @@ from pathlib import Path
 from textual.events import Resize
 from textual.geometry import Size
 
+from console.session.data.calibrated_chuck import large_step
 from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
 from console.session.station.state import StationState
 from console.tui.calibrating.calibration_lines import fit_lines
 from console.tui.calibrating.chuck_facts import ChuckFacts, draft_facts, kept_facts
-from console.tui.calibrating.draft import AGAIN, MODULUS, Draft, imported, value_of, written
+from console.tui.calibrating.draft import AGAIN, MODULUS, TYPED_OUT, Draft, imported, value_of, written
 from console.tui.calibrating.kept_list import LOBE, KeptCalibration, kept_list
 from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
 from console.tui.gate import FieldKind
@@ -26,7 +27,7 @@ from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext, View
 from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 
 KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
 STEPS = {"calibrate.up": -1, "calibrate.down": 1, "calibrate.first": -sys.maxsize, "calibrate.last": sys.maxsize}
@@ -258,6 +259,8 @@ class CalibratePage(Page):
             draft = imported(Path(words).expanduser())
             self._end_entry()
             self._change(draft)
+        elif asked is TYPED_OUT:
+            self._keep(value_of(words, asked))
         elif draft is not None:
             unchanged = words == entry.began  # the value of the point before, which its digits here may round
             before = draft.rows[-1][len(self._partial)] if unchanged else None
@@ -279,13 +282,18 @@ class CalibratePage(Page):
         self._all.entry.close()
         self._all.row.display = False
 
-    def _keep(self) -> None:
-        """Keep the fit as the command does; entered points get a file of their own first."""
+    def _keep(self, typed: float | None = None) -> None:
+        """Keep the fit as the command does, a large step if typed out; entered points get a file of their own."""
         (draft, facts), machine, data = self._fitted, self.ui.machine, self.ui.data
         if draft is None or not isinstance(facts, ChuckFacts) or facts.fit is None or facts.measured is None:
             return
+        step = large_step(data, machine, chuck_calibration(machine, facts.measured, facts.fit, ""))
+        if step is not None and not step.is_typed(typed):
+            self._all.ask(TYPED_OUT, "", self.ui.text("calibrate_page.type_out"))
+            raise ProfileError(step.problem())
+        self._end_entry()
         file = draft.file or str(written(draft, data, machine.machine.name))
-        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file))
+        path = keep_chuck(data, chuck_calibration(machine, facts.measured, facts.fit, file), machine, typed)
         self._draft, self._before, self._fitted = None, [], (None, None)
         self._visits += 1
         self.ui.say("screen.calibrate_kept", value=path.name)

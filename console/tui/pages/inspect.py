@@ -7,6 +7,8 @@ import sys
 from console.session.data.trace_folder import export_trace
 from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import MeasuredPart, StationState
+from console.tui.calibrating.draft import TYPED_OUT, value_of
+from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
 from console.tui.inspecting.comparison import Comparison, compared
 from console.tui.inspecting.evaluation import VERDICT, Looked, supported_upr, with_next_circle, with_next_filter
@@ -25,6 +27,7 @@ from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
 from console.tui.refusals.inspect_reasons import LOOKS, inspect_reasons
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
+from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.traces import Trace
@@ -43,7 +46,11 @@ class InspectPage(ChartPage):
 
     DEFAULT_CSS = """
     InspectPage {
-        layout: vertical;
+        layout: vertical; layers: base entry;
+        #calibrate-entry {
+            layer: entry; position: absolute; offset: 50 0; width: 24; height: 1;
+            background: $background; color: $foreground;
+        }
         .panel { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         #inspect-message { height: 1fr; padding: 1 2; }
         #inspect-learn { height: 5; }
@@ -84,7 +91,8 @@ class InspectPage(ChartPage):
         self._learn = Sheet(palette, id="inspect-learn", classes="panel")
         self._message = Sheet(palette, id="inspect-message")
         self._chooser, self._parts = TraceChooser(ui), PartChooser(ui)
-        self.panels = (self._learn, self._charts, self._message, self._chooser, self._parts)
+        self._entry = CalibrateEntry()
+        self.panels = (self._learn, self._charts, self._message, self._chooser, self._parts, self._entry)
         self.texts = (self._learn, self._message, *self._charts.texts)
         self._seen: Comparison | None = None
         self._of: tuple[object, ...] = ()
@@ -101,6 +109,10 @@ class InspectPage(ChartPage):
 
     def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
+        if self._entry.is_open:
+            with self.ui.answering():
+                self._answer(action)
+            return
         if self.ui.answers(self.why_not(action, self.ui.view)):
             return
         if self._chooser.is_open:
@@ -111,18 +123,18 @@ class InspectPage(ChartPage):
         elif action in LOOKS:
             self._look(action)
         elif action == "inspect.measure":
-            self._measure()
+            self.ui.control.post(Measure())  # the station refuses for the same reasons
         elif action == "inspect.offset":
-            self._correct()
+            self.ui.control.post(CorrectTouchOff())
         elif action == "inspect.import":
             with self.ui.answering():
-                self._import()
+                self._chooser.open()
         elif action == "inspect.export":
             with self.ui.answering():
                 self._export()
         elif action == "inspect.accept":
             with self.ui.answering():
-                accept_part(self.ui)
+                self._accept()
         elif action == "inspect.revert":
             with self.ui.answering():
                 revert_version(self.ui)
@@ -132,6 +144,9 @@ class InspectPage(ChartPage):
     def show(self, view: View) -> None:
         """Show the newest state; also a chooser, in the place of everything else."""
         self._forget_with(view.state.measured)
+        if view.state.may_move:
+            self._entry.close()
+        self._entry.keep_focus()
         for chooser in (self._chooser, self._parts):
             if chooser.display is not chooser.is_open:
                 chooser.display = chooser.is_open
@@ -169,16 +184,21 @@ class InspectPage(ChartPage):
 
     @property
     def field(self) -> FieldKind:
-        """Free text while a path is typed."""
+        """Free text while a path is typed, a number while a large step is typed out."""
+        if self._entry.is_open:
+            return FieldKind.NUMBER
         return FieldKind.TEXT if self._chooser.is_typing else FieldKind.NONE
 
     def leave(self) -> None:
         """Close the choosers."""
         self._chooser.close()
         self._parts.close()
+        self._entry.close()
 
     def next_step(self, view: View) -> Line:
         """Return what comes next: cut, measure, or the next part."""
+        if self._entry.is_open:
+            return line((self.ui.text("calibrate_page.type_out"), Token.ACTION))
         if self._chooser.is_open:
             return self._chooser.next_step()
         if self._parts.is_open:
@@ -214,13 +234,21 @@ class InspectPage(ChartPage):
         """Whether a lesson asks what is wrong with the part: until that is answered, only the plot says so."""
         return self.ui.attempt is not None and self.ui.attempt.asks
 
-    def _correct(self) -> None:
-        """Correct the touch-off by the diameter of the part; the station refuses for the same reasons."""
-        self.ui.control.post(CorrectTouchOff())
+    def _accept(self, typed: float | None = None) -> None:
+        """Keep what the part teaches; a lobe that is a large step has to be typed out."""
+        try:
+            accept_part(self.ui, typed)
+        except ProfileError as refused:
+            if refused.problems[0].code == LARGE_STEP:
+                self._entry.open(TYPED_OUT)
+            raise
 
-    def _import(self) -> None:
-        """Open the trace chooser, at rest and with a job."""
-        self._chooser.open()
+    def _answer(self, action: str) -> None:
+        """Take what was typed out (Enter); any other key ends the entry."""
+        typed = self._entry.value.strip()
+        self._entry.close()
+        if action == "inspect.next" and typed:
+            self._accept(value_of(typed, TYPED_OUT))
 
     def _choose(self, action: str) -> None:
         if action == "inspect.import":
@@ -285,6 +313,7 @@ class InspectPage(ChartPage):
         trace = None if part is None else part.trace
         if trace is not self._trace:
             self._trace, self._zoom = trace, 0
+            self._entry.close()
             self._parts.forget()
 
     def _export(self) -> None:
@@ -293,10 +322,6 @@ class InspectPage(ChartPage):
         assert part is not None
         path = export_trace(self.ui.data, part.trace, job=part.job.name)
         self.ui.say("trace.exported", value=printable(str(path)))
-
-    def _measure(self) -> None:
-        """Measure the part; the station refuses for the same reasons."""
-        self.ui.control.post(Measure())
 
     def paint(self, view: View) -> None:
         """Show the last part that was measured; not under a chooser, which may have opened since."""

@@ -22,8 +22,10 @@ from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem, ProblemError
 
 
-def accept_part(ui: UiContext) -> None:
+def accept_part(ui: UiContext, typed: float | None = None) -> None:
     """Keep the learning step of the measured part, or the lobe of a plain one; the next cut of its job uses it.
+
+    `typed` is the value or the ratio of a lobe that is a large step.
 
     Raises:
         SessionError: `learned.no_part`, nothing was measured; `learned.other_job`, another job is open;
@@ -35,7 +37,7 @@ def accept_part(ui: UiContext) -> None:
         raise SessionError(*reasons)
     assert part is not None and work is not None
     if part.lobe is not None:
-        _take_lobe(ui, part.lobe, work, part.run_id)
+        _take_lobe(ui, part.lobe, work, part.run_id, typed)
         return
     assert part.learning is not None
     kept = accept(part.learning, ui.data)
@@ -72,9 +74,9 @@ def _why_no_lobe(lobe: PartLobe, name: str, work: Work | None) -> tuple[Problem,
     return _edited(work)
 
 
-def _take_lobe(ui: UiContext, lobe: PartLobe, work: Work, run_id: str | None) -> None:
+def _take_lobe(ui: UiContext, lobe: PartLobe, work: Work, run_id: str | None, typed: float | None) -> None:
     """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
-    written = accept_lobe(lobe, work.machine.machine, ui.data)
+    written = accept_lobe(lobe, work.machine.machine, ui.data, typed)
     state, fresh = ui.control.state, opened(written, work.machine)
     ui.work = with_accepted(fresh, ui.data, simulated=state.simulated, lathe=state.lathe)
     if run_id is not None:
