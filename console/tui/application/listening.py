@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from textual import events
 
 from console.tui.application.leaving import LeavingApp
-from console.tui.driver import Scanned, StopSent, TooFast
-from console.tui.gate import FieldKind, Situation, is_page
+from console.tui.driver import Scanned, StopSent, TooFast, WideSigns
+from console.tui.gate import UNCLEAR, FieldKind, Situation, is_page
 from console.tui.keymap import Action
 from console.tui.layout import is_small
 from console.tui.scanning.scans import Scans
@@ -54,6 +54,8 @@ class ListeningApp(LeavingApp):
             written = self._takes_text and event.is_printable
             self.heard("…" if written else event.key)  # what is written in free text is nobody's business
             if self.took(event):
+                if event.key in UNCLEAR:
+                    self.ui.say(UNCLEAR[event.key])
                 return
         elif isinstance(event, events.Paste) and not (event.is_forwarded or self._takes_text):
             self.scans.pasted(moving=self.situation().moving)
@@ -83,6 +85,13 @@ class ListeningApp(LeavingApp):
     def on_scanned(self, scanned: Scanned) -> None:
         """Handle what such keys were."""
         self.safely(lambda: self.scans.take(scanned.scan, small=is_small(self.size)))
+        self.tick()
+
+    def on_wide_signs(self, _: WideSigns) -> None:
+        """Draw everything with signs that this terminal shows in as many cells as the pages count."""
+        self.look.wide = True
+        self.dress(self.ui.appearance)
+        self.ui.say("screen.wide_signs")
         self.tick()
 
     def instructed(self, mailbox: Mailbox, control: LoggedControl) -> None:
