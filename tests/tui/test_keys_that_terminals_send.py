@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 from textual import constants, events
 from textual._keyboard_protocol import FUNCTIONAL_KEYS
+from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
 from console.tui import driver
@@ -16,6 +17,7 @@ from console.tui.driver import Reader, StopDriver
 from console.tui.gate import UNCONFIRMED, UNREADABLE, Situation, Verdict, judge, stop_reason
 from console.tui.keymap import PageName
 from console.tui.terminal.key_releases import KeyReleases
+from tests.tui.test_terminal_answers import ANSWERS
 
 CUTTING = Situation(page=PageName.RUN, moving=True)
 
@@ -76,6 +78,45 @@ def test_in_a_cut_each_key_of_the_protocol_stops_or_has_a_meaning_but_those_with
     if modifiers == 1:
         (key,) = keys_of(reader, f"\x1b[{number}{final}" if number != "1" else f"\x1b[{final}")
         assert (judge(key.key, None, CUTTING)[0] is Verdict.NOTHING) is meaningless
+
+
+class Cutting(StopDriver):
+    """The thread that reads keys, in a cut; it is the application as well."""
+
+    def __init__(self) -> None:
+        self._pace, self._codes, self._stopped_s = driver.Pace(), driver.Collector(), float("-inf")
+        self._app, self.stops = self, list[str]()  # type: ignore[assignment]
+
+    def situation(self) -> Situation:
+        return CUTTING
+
+    def stop_now(self, reason: str) -> None:
+        self.stops.append(reason)
+
+    kill_now = stop_now
+
+
+def stops_of(typed: list[str], monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Why the machine was stopped, in a terminal that reports releases."""
+    monkeypatch.setattr(LinuxDriver, "process_message", lambda driver, message: None)
+    releases = KeyReleases()
+    releases.ask(True, 0.0)
+    cutting, reader = Cutting(), Reader(releases)
+    for sequence in ("\x1b[?27u", *typed):
+        for character in sequence:
+            for message in reader.read(character, 0.0):
+                cutting.process_message(message)
+        for message in reader.idle(0.0):
+            cutting.process_message(message)
+    return cutting.stops
+
+
+def test_a_hand_on_ctrl_or_print_screen_ends_no_cut(monkeypatch: pytest.MonkeyPatch) -> None:
+    strokes = [f"\x1b[{code};{state}u" for code in sorted(MEANINGLESS) for state in ("1", "5:2", "5:3")]
+    assert stops_of([*strokes, "\x1b[57442u", *ANSWERS.values()], monkeypatch) == []
+    # Pause, Menu, the middle of the keypad, Shift-F3, Ctrl with a letter.
+    unassigned = ["\x1b[57362u", "\x1b[57363u", "\x1b[E", "\x1b[57427~", "\x1b[13;2~", "\x1b[1;2R", "\x1b[120;5u"]
+    assert len(stops_of(unassigned, monkeypatch)) == len(unassigned)
 
 
 @pytest.mark.parametrize("setting", PUTTY)

@@ -115,6 +115,12 @@ def test_no_key_that_is_known_is_taken_for_an_answer() -> None:
     assert nothing == [s for s in nothing if s.startswith("\x1b\x1b") or s in ("\x1b[200~", "\x1b[201~")]
 
 
+def test_an_answer_to_textual_reaches_it() -> None:
+    reader = Reader()
+    said = [message for character in ANSWERS["mode 2026"] for message in reader.read(character, 0.0)]
+    assert [type(each).__name__ for each in said] == ["TerminalSupportsSynchronizedOutput"]
+
+
 def test_the_cursor_is_heard_and_is_not_shift_f3() -> None:
     reader = Reader()
     assert keys_of(reader, "\x1b[1;2R", 0.0) == ["shift+f3"]
