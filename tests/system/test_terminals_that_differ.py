@@ -21,16 +21,16 @@ FRAMES = "─│╭╮╰╯▶·°"
 class WideTerminal(Terminal):
     """One that is set to show ambiguous characters in two cells, and says so where its cursor is."""
 
-    cells = 2
+    sign_cells = 2
 
     def _answer(self, data: bytes) -> bytes:
-        return b"\x1b[2;%dR" % (1 + 4 * self.cells) * data.count(MEASURED)
+        return b"\x1b[2;%dR" % (1 + 4 * self.sign_cells) * data.count(MEASURED)
 
 
 class NarrowTerminal(WideTerminal):
     """One that answers as well, and shows them in one cell."""
 
-    cells = 1
+    sign_cells = 1
 
 
 @pytest.mark.parametrize("language", ["ko", "en"])

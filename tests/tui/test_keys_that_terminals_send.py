@@ -16,6 +16,8 @@ from console.tui import driver
 from console.tui.driver import Reader, StopDriver
 from console.tui.gate import UNCONFIRMED, UNREADABLE, Situation, Verdict, judge, stop_reason
 from console.tui.keymap import PageName
+from console.tui.pace import Pace
+from console.tui.scanning.collector import Collector
 from console.tui.terminal.key_releases import KeyReleases
 from tests.tui.test_terminal_answers import ANSWERS
 
@@ -84,7 +86,7 @@ class Cutting(StopDriver):
     """The thread that reads keys, in a cut; it is the application as well."""
 
     def __init__(self) -> None:
-        self._pace, self._codes, self._stopped_s = driver.Pace(), driver.Collector(), float("-inf")
+        self._pace, self._codes, self._stopped_s = Pace(), Collector(), float("-inf")
         self._app, self.stops = self, list[str]()  # type: ignore[assignment]
 
     def situation(self) -> Situation:
@@ -173,7 +175,7 @@ class Listening(StopDriver):
     def __init__(self, pieces: list[tuple[bytes, int]]) -> None:
         self.fileno, self._writes = os.pipe()
         self._pieces, self.heard, self.exit_event = pieces, list[str](), threading.Event()
-        self._pace, self._codes, self.releases = driver.Pace(), driver.Collector(), KeyReleases()
+        self._pace, self._codes, self.releases = Pace(), Collector(), KeyReleases()
         os.write(self._writes, pieces[0][0])
 
     def process_message(self, message: Message) -> None:
