@@ -42,6 +42,7 @@ def console(
     short_ways: bool = False,
     plant: str = "mounted",
     words: Sequence[str] = (),
+    kind: type[Terminal] = Terminal,
     **environment: str,
 ) -> Terminal:
     """The program in a terminal of its own, its first job half as long: to plan it takes half the time.
@@ -55,7 +56,7 @@ def console(
         own.write_text(re.sub(r"(?m)^cut_length_mm = 8.0", "cut_length_mm = 4.0", text), encoding="utf-8")
     command = [sys.executable, "-m", "console", "--sim", "--plant", plant, "--data", str(data), "--lang", language]
     command += [*words, *(save_compact(data) if short_ways else ())]
-    return Terminal(command, columns=columns, rows=rows, environment=environment or None)
+    return kind(command, columns=columns, rows=rows, environment=environment or None)
 
 
 def console_at(terminal: Terminal, language: str = "en") -> Trainee:

@@ -39,6 +39,7 @@ COMMANDS = {
     "doctor": "console.cli.machine.doctor",
     "machines": "console.cli.site.machines",
     "config": "console.cli.site.config",
+    "terminal": "console.tui.terminal.key_display",
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
     "ship": "console.cli.site.ship",

@@ -20,7 +20,7 @@ from drivers.clock import FROZEN_S, OLD_S, boot_s
 
 ASK_S = 0.3  # period of the questions
 SLOW_S = 0.5  # round trip beyond which it is said that keys come late
-ROW, PLACES = 2, 79
+ROW, PLACES = 3, 79
 """Where the cursor is put: in row 1 its report may also be Shift-F3; the column numbers the question."""
 
 _TOKEN = re.compile(r"\x1b\[(?:(\d+);(\d+)R|[\d;?<=>]*[@-~])|\x1b[^\[]|[^\x1b]")

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import select
 import signal
+import sys
 import time
 from codecs import getincrementaldecoder
 from contextlib import suppress
@@ -27,7 +28,7 @@ from console.tui.keymap import KILL_KEYS, MOTION_PAGES, STOP_KEYS, Action, PageN
 from console.tui.pace import QUIET_S, Pace
 from console.tui.scanning.collector import Collector, Scan
 from console.tui.terminal.key_releases import KeyReleases, ReportedKey, Stroke
-from console.tui.terminal.kitty_parser import RELEASE, REPEAT, KittyParser
+from console.tui.terminal.kitty_parser import RELEASE, REPEAT, FunctionKeys, KittyParser
 from drivers.clock import boot_s
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end
@@ -36,6 +37,10 @@ CHUNK = 4096
 MOUSE_ON, MOUSE_OFF = "\x1b[?1000h\x1b[?1006h", "\x1b[?1006l\x1b[?1000l"
 PASTE_BEGINS, PASTE_ENDS = "\x1b[200~", "\x1b[201~"
 PASTE_SILENCE_S = 0.5  # timeout within a paste
+
+AMBIGUOUS, MEASURED_ROW = "─±…▶", 2  # signs of one cell, or of two where a terminal shows them as wide as Hangul
+IDENTIFY = "\x1b>\x1b[>c"  # digits from the keypad, not function keys; and the kind of the terminal
+MEASURE = f"\x1b7\x1b[{MEASURED_ROW};1H{AMBIGUOUS}\x1b[6n\x1b8"  # where the cursor is behind the signs
 
 
 class StopSent(Message):
@@ -60,6 +65,10 @@ class Late(Message):
     def __init__(self, age_s: float) -> None:
         super().__init__()
         self.age_s = age_s
+
+
+class WideSigns(Message):
+    """The terminal shows signs in two cells that have one on the pages."""
 
 
 class Scanned(Message):
@@ -111,34 +120,42 @@ class StopDriver(LinuxDriver):
 
     def process_message(self, message: Message) -> None:
         """Act on a stop key in the thread that read it; hold an action back, and pass everything else on."""
-        if isinstance(message, events.Key) and not gate.is_modifier(message.key):
+        if isinstance(message, events.Key) and not gate.is_inert(message.key):
             self._hear(message, time.monotonic())
         elif isinstance(message, events.CursorPosition):
             self.age.answered(message.y + 1, message.x + 1, boot_s())
+            if message.y + 1 == MEASURED_ROW and message.x > len(AMBIGUOUS):
+                super().process_message(WideSigns())
         elif not isinstance(message, events.MouseEvent) or self._late_s(self._situation()) is None:
             super().process_message(message)
+
+    def start_application_mode(self) -> None:
+        """Take the terminal, and ask it once what it is, before anything is painted over that."""
+        super().start_application_mode()  # type: ignore[no-untyped-call]
+        asked = "" if constants.DISABLE_KITTY_KEY else self.releases.ask(True, time.monotonic())
+        self.write(IDENTIFY + MEASURE + asked)
+        self.flush()
 
     def run_input_thread(self) -> None:
         """Read keys until the screen is left; a key release or invalid UTF-8 would end Textual's own loop."""
         reader = Reader(self.releases)
-        decode = getincrementaldecoder("utf-8")("replace").decode
+        decode = getincrementaldecoder(terminal_encoding())("replace").decode
         while not self.exit_event.is_set():
             self._ask()
             wait_s, began_s = self._pace.wait_s(time.monotonic(), WAIT_S), boot_s()
-            full = False
-            if select.select([self.fileno], [], [], wait_s)[0]:
-                data = _read(self.fileno)
-                full = len(data) == CHUNK
-                if not data:
-                    # Without a controlling terminal the kernel sends no notification.
-                    os.kill(os.getpid(), signal.SIGHUP)
-                    return
-                for character in decode(data):
-                    for message in reader.read(character, time.monotonic()):
-                        self.process_message(message)
+            ready = bool(select.select([self.fileno], [], [], wait_s)[0])
+            data = _read(self.fileno) if ready else b""
+            if ready and not data:
+                # Without a controlling terminal the kernel sends no notification.
+                os.kill(os.getpid(), signal.SIGHUP)
+                return
+            # Half a character that nothing follows is a key by itself, and must not come with the next one.
+            for character in decode(data, not ready):
+                for message in reader.read(character, time.monotonic()):
+                    self.process_message(message)
             for message in reader.idle(time.monotonic()):
                 self.process_message(message)
-            if not full:
+            if len(data) < CHUNK:
                 self.age.emptied(began_s)
             # After all pending input: a delayed thread must not take a key of a burst for a single one.
             for key in self._pace.due(time.monotonic()):
@@ -252,7 +269,8 @@ class Reader:
 
     def __init__(self, releases: KeyReleases | None = None) -> None:
         self._releases = releases or KeyReleases()
-        self._parser = KittyParser()
+        self._functions = FunctionKeys()
+        self._parser = KittyParser(self._functions)
         self._last = ""
         self._pasting = False
         self._heard_s = 0.0
@@ -260,6 +278,7 @@ class Reader:
     def read(self, character: str, now_s: float) -> list[Message]:
         """Take in one character; return the resulting events. `now_s` is of any monotonic clock."""
         self._last, self._heard_s = (self._last + character)[-len(PASTE_BEGINS) :], now_s
+        self._parser.now_s, self._functions.kitty = now_s, self._releases.understood
         try:
             said = list(self._parser.feed(character))
         except Exception:
@@ -279,15 +298,18 @@ class Reader:
         """Return the events due without more input: an Escape alone, or an unknown sequence."""
         if self._pasting and now_s - self._heard_s > PASTE_SILENCE_S:
             return self._begun_anew()
+        self._parser.now_s = now_s
         return _whole(list(self._parser.tick()))
 
     def _reported(self, said: list[Message], now_s: float) -> list[Message]:
         """Add to keys what the terminal says of them; a release and an answer to a question are none."""
         event, flags = self._parser.event, self._parser.flags
         self._parser.event = self._parser.flags = None
-        if flags is not None and self._releases.answered(flags, now_s):
+        if flags is not None:
+            self._releases.answered(flags, now_s)  # or an answer that another program has asked for
             return []
-        if flags is not None or (event is not None and not self._releases.understood):
+        inert = all(isinstance(each, events.Key) and gate.is_inert(each.key) for each in said)
+        if event is not None and not self._releases.understood and not inert:
             return [events.Key(gate.UNREADABLE, None)]
         if event == RELEASE:
             self._releases.heard()
@@ -300,7 +322,7 @@ class Reader:
         ]
 
     def _begun_anew(self) -> list[Message]:
-        self._parser, self._pasting = KittyParser(), False
+        self._parser, self._pasting = KittyParser(self._functions), False
         return [events.Key(gate.UNREADABLE, None)]
 
 
@@ -310,6 +332,11 @@ def _whole(said: list[Message]) -> list[Message]:
         return said
     stops: list[Message] = [key for key in said if isinstance(key, events.Key) and key.key in STOP_KEYS]
     return stops or [events.Key(gate.UNREADABLE, None)]
+
+
+def terminal_encoding() -> str:
+    """Return the encoding of what is typed: that of the locale."""
+    return getattr(sys.__stdin__, "encoding", None) or "utf-8"
 
 
 def _read(terminal: int) -> bytes:

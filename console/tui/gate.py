@@ -11,6 +11,8 @@ import math
 from dataclasses import dataclass
 from enum import Enum, auto
 
+from textual._keyboard_protocol import FUNCTIONAL_KEYS, MODIFIER_FUNCTIONAL_KEYS
+
 from console.session.appearance import OwnKeys
 from console.session.station.state import Activity, StationState
 from console.tui.keymap import (
@@ -29,11 +31,20 @@ from console.tui.keymap import (
 NUMBER_CHARACTERS = frozenset("0123456789+-.,")
 FIELD_KEYS = frozenset({"backspace", "delete", "left", "right", "home", "end"})
 LISTS = ("help", "messages")  # actions that open a list in place of the page, also during the entry of a number
-UNREADABLE, PASTED = "unreadable", "paste"
-"""Keys for terminal input that is no key: unbound, so that they stop any motion."""
+UNREADABLE, PASTED, UNCONFIRMED = "unreadable", "paste", "unconfirmed"
+"""Keys for terminal input that is no key, or perhaps another one: unbound, so that they stop any motion."""
+
+UNCLEAR = {UNREADABLE: "screen.unreadable", UNCONFIRMED: "screen.unconfirmed"}
+"""What is said at rest of input that does nothing."""
 
 WRITTEN = {"pageup": "PgUp", "pagedown": "PgDn"}  # keys written otherwise than by their Textual names
-HARMLESS_KEYS = frozenset({"shift", "ctrl", "alt", "super", "hyper", "meta", "caps_lock", "num_lock"})
+INERT_KEYS = frozenset(MODIFIER_FUNCTIONAL_KEYS) | {
+    name
+    for name in FUNCTIONAL_KEYS.values()
+    if name.startswith("media_") or name.endswith(("_lock", "_volume")) or name == "print_screen"
+}
+"""Keys that mean nothing to a machine, by the names that newer terminals report: modifiers, locks, media keys."""
+
 SETTLED_S = 1.0  # time after the last command until a poll shows whether it causes motion
 REPEAT_S = 0.8  # presses of one key that come sooner than this are the terminal's repeats of a held key
 
@@ -118,7 +129,7 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
     action = _action(key, character, now)
     if action is not None:
         return (Verdict.STOP if _changes(action, now) else Verdict.ACTION), action
-    if now.moving and not is_modifier(key):
+    if now.moving and not is_inert(key):
         return Verdict.STOP, None
     return Verdict.NOTHING, None
 
@@ -126,7 +137,7 @@ def judge(key: str, character: str | None, now: Situation) -> tuple[Verdict, Act
 def _sought(key: str, character: str | None, now: Situation) -> tuple[Verdict, Action | None]:
     """Return the decision about a key while the palette is open: text or a choice; in motion every key stops."""
     if now.moving:
-        return (Verdict.NOTHING if is_modifier(key) else Verdict.STOP), None
+        return (Verdict.NOTHING if is_inert(key) else Verdict.STOP), None
     of_page = action_of(key, character, now.page, now.own)
     if not now.small:
         chosen = next((each for each in (*READING, TAKE) if key in each.keys), None)
@@ -167,6 +178,8 @@ def stop_reason(key: str, character: str | None, action: Action | None) -> str:
     """Return why a key stops the machine: its name, or a word for the reason and the key's written name."""
     if key in (*STOP_KEYS, *KILL_KEYS, UNREADABLE, PASTED):
         return key
+    if key == UNCONFIRMED:
+        return UNREADABLE
     if action is not None:
         return f"{'page' if is_page(action) else 'change'} {action.shown}"
     if "+" in key:  # with Alt or Ctrl, whatever character comes with it
@@ -180,9 +193,9 @@ def is_page(action: Action) -> bool:
     return action.id.startswith("page.")
 
 
-def is_modifier(key: str) -> bool:
-    """Whether a key is a modifier alone: newer terminals report Shift and the like as keys ("left_shift")."""
-    return key.removeprefix("left_").removeprefix("right_") in HARMLESS_KEYS
+def is_inert(key: str) -> bool:
+    """Whether a key means nothing to a machine, alone or with Shift, Ctrl or Alt."""
+    return key.rpartition("+")[2] in INERT_KEYS
 
 
 def _closes_list(key: str, now: Situation) -> bool:

@@ -29,7 +29,8 @@ def sources() -> dict[Path, str]:
 def test_the_private_names_that_are_used_are_these() -> None:
     texts = sources().values()
     assert {found for text in texts for found in IMPORT.findall(text)} == {
-        ("textual._xterm_parser", "XTermParser")
+        ("textual._keyboard_protocol", "FUNCTIONAL_KEYS"),
+        ("textual._xterm_parser", "XTermParser"),
     }
     assert {found for text in texts for found in SILENCED.findall(text)} == {"_compositor"}
 
@@ -73,7 +74,7 @@ def test_the_driver_has_what_the_terminal_thread_uses() -> None:
     assert overridden >= OVERRIDDEN, f"no longer a method of LinuxDriver: {OVERRIDDEN - overridden}"
 
 
-OVERRIDDEN = {"process_message", "run_input_thread", "disable_input"}
+OVERRIDDEN = {"process_message", "start_application_mode", "run_input_thread", "disable_input"}
 
 
 def test_the_screen_has_the_strips_that_an_instructor_sees() -> None:

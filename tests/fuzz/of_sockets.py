@@ -30,6 +30,8 @@ SENT_S = 2.0
 KEYS = (
     b"\x1b[A\x1b[1;5C\x1b[97;5u\x1b[97;1:2u\x1b[?1u\x1b[200~pasted\x1b[201~\x1b[<0;3;4M\x1b[I\x1b[O",
     "한글\x1bOP\x1b[15~\x1b[24;80R\x1b[?2026;2$y\x1b]11;rgb:0/0/0\x07".encode(),
+    b"\x1b[>0;136;0c\x1bOS\x1bOP\x1bO[\x1b[Q\x1bP>|tmux 3.4\x1b\\\x1b_Gi=1;OK\x1b\\\x1b[?1;2R",
+    b"\x1b[1;2R\x1b[57442;5u \x1b",
 )
 
 

@@ -247,8 +247,8 @@ def keys_of(typed: str) -> list[str]:
         ("\x1b\x1b[A", ["escape", "up"]),
         ("\x1bd", ["alt+d"]),
         # A reply, also with a key or a stop close behind it; a release; a sequence cut off before a Space.
-        (SUPPORT_REPLY, ["unreadable"]),
-        (SUPPORT_REPLY + "\x1b[B", ["unreadable", "down"]),
+        (SUPPORT_REPLY, []),
+        (SUPPORT_REPLY + "\x1b[B", ["down"]),
         (RELEASE + " ", ["unreadable", "space"]),
         ("\x1b[1 ", ["space"]),
         # A paste, and one whose end does not come.

@@ -200,11 +200,6 @@ def test_the_palette_is_no_stop_in_motion_and_opens_not_in_the_middle_of_an_entr
             assert action is None
 
 
-@pytest.mark.parametrize("key", ["left_shift", "right_ctrl", "caps_lock", "shift"])
-def test_a_modifier_alone_is_no_key(key: str) -> None:
-    assert judge(key, None, Situation(page=PageName.RUN, moving=True))[0] is Verdict.NOTHING
-
-
 def test_in_a_terminal_that_is_too_small_nothing_is_done_but_leaving() -> None:
     for page in PageName:
         for known in actions_of(page):

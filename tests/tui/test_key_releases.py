@@ -88,9 +88,11 @@ def test_strokes_are_told_apart_and_a_release_is_no_key() -> None:
     assert feed(reader, "\x1b[32;1;32u") == [("space", Stroke(repeated=False, releases=3))]
 
 
-def test_what_nobody_asked_for_is_invalid_input() -> None:
-    assert feed(Reader(), FLAGS) == [UNREADABLE]
-    assert feed(Reader(), RELEASED) == [UNREADABLE]
+def test_what_nobody_asked_for_changes_nothing_and_a_release_is_invalid_input() -> None:
+    releases = KeyReleases()
+    assert feed(Reader(releases), FLAGS) == []
+    assert not releases.understood
+    assert feed(Reader(releases), RELEASED) == [UNREADABLE]
 
 
 def held(*, releases: int = 0) -> HoldRun:

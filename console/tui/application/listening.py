@@ -11,8 +11,8 @@ from textual import events
 
 from console.session.dated_input import SLOW_S, InputAge
 from console.tui.application.leaving import LeavingApp
-from console.tui.driver import Late, Scanned, StopSent, TooFast, Written
-from console.tui.gate import FieldKind, Situation, Verdict, is_page, judge
+from console.tui.driver import Late, Scanned, StopSent, TooFast, WideSigns, Written
+from console.tui.gate import UNCLEAR, FieldKind, Situation, Verdict, is_page, judge
 from console.tui.keymap import Action
 from console.tui.layout import is_small
 from console.tui.scanning.scans import Scans
@@ -66,6 +66,8 @@ class ListeningApp(LeavingApp):
                 self.on_late(Late(age_s))
                 return
             if self.took(event):
+                if event.key in UNCLEAR:
+                    self.ui.say(UNCLEAR[event.key])
                 return
         elif isinstance(event, events.Paste) and not (event.is_forwarded or self._takes_text):
             self.scans.pasted(moving=self.situation().moving)
@@ -127,6 +129,13 @@ class ListeningApp(LeavingApp):
     def on_scanned(self, scanned: Scanned) -> None:
         """Handle what such keys were."""
         self.safely(lambda: self.scans.take(scanned.scan, small=is_small(self.size)))
+        self.tick()
+
+    def on_wide_signs(self, _: WideSigns) -> None:
+        """Draw everything with signs that this terminal shows in as many cells as the pages count."""
+        self.look.wide = True
+        self.dress(self.ui.appearance)
+        self.ui.say("screen.wide_signs")
         self.tick()
 
     def instructed(self, mailbox: Mailbox, control: LoggedControl) -> None:

@@ -15,10 +15,13 @@ from console.tui.theme import COLOUR, DARK_THEME, MONO, MONO_THEME, Palette, Tok
 
 
 class LiveLook:
-    """Texts, palette and filters of an application; `mono` is a terminal without colour, whatever the theme."""
+    """Texts, palette and filters of an application; `mono` is a terminal without colour, whatever the theme.
+
+    `wide` is one that shows the signs of frames and plots in two cells each: it gets ASCII, whatever the setting.
+    """
 
     def __init__(self, palette: Palette, appearance: Appearance) -> None:
-        self.mono = palette is MONO
+        self.mono, self.wide = palette is MONO, False
         self.text = LiveCatalogue(appearance.language)
         self.text.measure(appearance.units)
         self.palette: dict[Token, Style] = dict(palette)
@@ -45,7 +48,7 @@ class LiveLook:
     def _paint(self, appearance: Appearance) -> None:
         if not self.mono:
             self.palette.update(_palette(appearance.theme))
-        if (appearance.glyphs == "ascii") is not bool(self.filters):
+        if (self.wide or appearance.glyphs == "ascii") is not bool(self.filters):
             from console.tui.settings.glyphs import AsciiGlyphs  # not for the first paint with Unicode
 
             self.filters = () if self.filters else (AsciiGlyphs(),)
