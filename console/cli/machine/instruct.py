@@ -15,9 +15,11 @@ from console.cli.arguments import WRONG_USAGE, control_address
 from console.cli.library import data_of
 from console.cli.output import SCHEMA
 from console.cli.parser import Parser
+from console.session.dated_input import CLOSED, read_line
 from console.session.instructing.answer import Answer
 from console.session.instructing.order import WORDS
 from console.text.catalogue import Catalogue
+from drivers.clock import OLD_S
 
 if TYPE_CHECKING:
     from console.session.instructing.client import Instructor
@@ -26,7 +28,7 @@ FOLLOWED = ("screen", "log")
 TOKEN = "TRILOBE_INSTRUCT_TOKEN"
 FOLLOW_S = 1.0
 CLEAR = "\x1b[H\x1b[2J"
-LEAVE = ("quit", "exit")
+LEAVE = ("quit", "exit", CLOSED)
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -71,9 +73,11 @@ def _lines(instructor: Instructor, options: Namespace, text: Catalogue) -> int:
     if typed:
         print(text("instruct.welcome"))
     while True:
-        if typed:
-            print("SIM> ", end="", flush=True)
-        line = sys.stdin.readline()
+        asked = read_line("SIM> ") if typed else None
+        if asked is not None and asked.late:
+            print(f"console instruct: {text('instruct.late', limit=f'{OLD_S:g} s')}", file=sys.stderr)
+            continue
+        line = sys.stdin.readline() if asked is None else f"{asked.text}\n"
         if not line or line.strip() in LEAVE:
             return code
         if line.strip() == "help":
