@@ -141,7 +141,8 @@ class StopDriver(LinuxDriver):
         reader = Reader(self.releases)
         decode = getincrementaldecoder(terminal_encoding())("replace").decode
         while not self.exit_event.is_set():
-            self._ask()
+            if not reader.pasting:  # an answer would go on with a paste whose end was lost
+                self._ask()
             wait_s, began_s = self._pace.wait_s(time.monotonic(), WAIT_S), boot_s()
             ready = bool(select.select([self.fileno], [], [], wait_s)[0])
             data = _read(self.fileno) if ready else b""
@@ -209,11 +210,13 @@ class StopDriver(LinuxDriver):
         super().disable_input()
 
     def _hear(self, key: events.Key, now_s: float) -> None:
-        now, self._keyed = self._situation(), True
+        self._keyed = True
         try:
+            now = cast(StopTarget, self._app).situation()
             verdict, action = gate.judge(key.key, key.character, now)
-        except Exception:
-            verdict, action = gate.Verdict.KILL if key.key in KILL_KEYS else gate.Verdict.STOP, None
+        except Exception:  # in doubt assume motion: this thread continues, and every key stops, whatever it means
+            now, kills = gate.Situation(page=PageName.JOBS, moving=True), key.key in KILL_KEYS
+            verdict, action = (gate.Verdict.KILL if kills else gate.Verdict.STOP), None
         written, late_s = now.field is not gate.FieldKind.NONE, self._late_s(now)
         # Of what waited, a field takes what comes before the first dropped key: the rest may be of another.
         writes = verdict is gate.Verdict.FIELD or gate.is_stray(key.key, key.character, now)
@@ -272,7 +275,7 @@ class Reader:
         self._functions = FunctionKeys()
         self._parser = KittyParser(self._functions)
         self._last = ""
-        self._pasting = False
+        self.pasting = False
         self._heard_s = 0.0
 
     def read(self, character: str, now_s: float) -> list[Message]:
@@ -284,10 +287,10 @@ class Reader:
         except Exception:
             return self._begun_anew()
         if self._last == PASTE_BEGINS:
-            self._pasting = True
+            self.pasting = True
             said.append(events.Key(gate.PASTED, None))
         elif self._last == PASTE_ENDS:
-            self._pasting = False
+            self.pasting = False
         if self._parser.event is not None or self._parser.flags is not None or self._releases.confirmed:
             said = self._reported(said, now_s)
         # An escape sequence abandoned for the next arrives with a caret in place of its Escape.
@@ -296,7 +299,7 @@ class Reader:
 
     def idle(self, now_s: float) -> list[Message]:
         """Return the events due without more input: an Escape alone, or an unknown sequence."""
-        if self._pasting and now_s - self._heard_s > PASTE_SILENCE_S:
+        if self.pasting and now_s - self._heard_s > PASTE_SILENCE_S:
             return self._begun_anew()
         self._parser.now_s = now_s
         return _whole(list(self._parser.tick()))
@@ -322,7 +325,7 @@ class Reader:
         ]
 
     def _begun_anew(self) -> list[Message]:
-        self._parser, self._pasting = KittyParser(self._functions), False
+        self._parser, self.pasting = KittyParser(self._functions), False
         return [events.Key(gate.UNREADABLE, None)]
 
 

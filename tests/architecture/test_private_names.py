@@ -13,6 +13,7 @@ from textual._compositor import Compositor
 from textual._xterm_parser import XTermParser
 from textual.app import App
 from textual.driver import Driver
+from textual.drivers._writer_thread import WriterThread
 from textual.drivers.linux_driver import LinuxDriver
 from textual.screen import Screen
 from textual_plotext import Plot
@@ -51,8 +52,11 @@ def of_self(folder: Path) -> set[str]:
 
 
 def test_what_is_read_of_a_base_class_is_there() -> None:
-    assert of_self(ROOT / "console" / "tui") == {"_driver", "_limit_size"}
+    assert of_self(ROOT / "console" / "tui") == {"_driver", "_limit_size", "_writer_thread"}
     assert "self._driver" in inspect.getsource(App)
+    assert "self._writer_thread" in inspect.getsource(LinuxDriver) and "self._queue" in inspect.getsource(
+        WriterThread
+    )
     assert callable(Plot()._limit_size)  # type: ignore[attr-defined]
     assert "self._app" in inspect.getsource(Driver)  # of our driver, too, where it is set as well
 

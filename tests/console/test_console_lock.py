@@ -12,7 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.session.errors import SessionError
-from console.session.station.owning import ConsoleLock, take_lock
+from console.session.station.owning import FOREIGN, ConsoleLock, take_lock
+from profiles.files import NOT_REGULAR
 from tests.console.consoles import ADDRESS
 
 HOLDS_AND_DIES = """
@@ -159,7 +160,7 @@ def test_what_somebody_has_put_in_its_place_is_refused_and_stays_as_it_is(tmp_pa
     with pytest.raises(SessionError) as refusal:
         take_lock(data, ADDRESS)
     (problem,) = refusal.value.problems
-    assert (problem.code, problem.value) == ("lock.unwritable", "not a plain file of this user")
+    assert (problem.code, problem.value) == ("lock.unwritable", NOT_REGULAR if kind == "pipe" else FOREIGN)
     assert victim.read_text(encoding="ascii") == "what matters\n"
     assert not (tmp_path / "made by the lock").exists()
     assert not (tmp_path / "elsewhere").exists() or list((tmp_path / "elsewhere").iterdir()) == []

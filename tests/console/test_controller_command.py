@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 import tomllib
 from collections.abc import Callable, Iterator
@@ -22,6 +21,7 @@ from drivers.commissioning.setting_names import Nature, keys
 from drivers.commissioning.stops import StoppingDistance
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
+from tests.console.typed_answer import answers
 from tests.drivers.commissioned import Commissioned, commissioned, of_family
 
 Console = Callable[..., Any]
@@ -167,9 +167,7 @@ def test_iron_is_not_moved_without_its_name(
     real(card, monkeypatch)
     said = console("doctor", "--prove")  # no terminal to ask at
     assert (said.code, "--yes" in said.err) == (1, True)
-    terminal = io.StringIO("lee-2001\n")
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr("sys.stdin", terminal)
+    answers(monkeypatch, "lee-2001")
     said = console("doctor", "--prove")
     assert said.code == 1
     assert "lee-2001-lathe" in said.err
@@ -188,9 +186,7 @@ def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_sto
 ) -> None:
     real(card, monkeypatch)
     assert stop_lines(console("doctor", "--json")) == {"stops_no_record": "warned"}
-    terminal = io.StringIO("lee-2001-lathe\n")
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr("sys.stdin", terminal)
+    answers(monkeypatch, "lee-2001-lathe\n")
     proven = console("doctor", "--prove", "--json")
     assert "#2J/" in card.lines
     assert (proven.code, stop_lines(proven)) == (0, {"stop_record": "holds"})

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable
 from pathlib import Path
@@ -16,6 +15,7 @@ from profiles.problem import Problem
 from tests.console.not_free import occupied
 from tests.console.test_controller_command import LANGUAGES, on_one, real
 from tests.console.test_controller_command import card as card
+from tests.console.typed_answer import answers
 from tests.drivers.commissioned import Commissioned
 
 Console = Callable[..., Any]
@@ -215,9 +215,8 @@ def test_a_machine_that_is_not_free_keeps_its_programs(
         real(card, monkeypatch, signed_for="simulator")
     elif not occupied(card, why, 1001):
         real(card, monkeypatch)
-        yes, terminal = [], io.StringIO("lathe\n")
-        monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
-        monkeypatch.setattr("sys.stdin", terminal)
+        yes = []
+        answers(monkeypatch, "lathe\n")
     card.line.heard = b""
     said = console("controller", "download", own(GOOD.replace("101", "1001")), *yes)
     assert said.code == 1, said.out

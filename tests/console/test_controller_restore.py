@@ -20,6 +20,7 @@ from profiles.problem import Problem
 from tests.console.not_free import occupied
 from tests.console.test_controller_command import LANGUAGES, on_one, real
 from tests.console.test_controller_command import card as card
+from tests.console.typed_answer import answers
 from tests.drivers.commissioned import Commissioned
 
 Console = Callable[..., Any]
@@ -97,9 +98,7 @@ def test_nothing_is_sent_to_a_machine_whose_name_was_not_typed(
     card.tell("P7=9")
     real(card, monkeypatch)
     if answer:
-        terminal = io.StringIO(answer)
-        monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)
-        monkeypatch.setattr("sys.stdin", terminal)
+        answers(monkeypatch, answer)
     said = console("controller", "restore", str(backed_up))
     assert (said.code, "P7 is '9', was '1.25'" in said.out) == (1, True)
     assert ("Type the machine name (lee-2001-lathe)" in said.err) == bool(answer)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import re
 from collections.abc import Callable
 from dataclasses import replace
@@ -23,6 +22,7 @@ from drivers.lathe.heartbeat import Heartbeat
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.console.test_identified_store import POINT, RESPONSE
+from tests.console.typed_answer import answers
 from tests.drivers.identification_bench import Stand, stand
 from tests.signed_profile import signed_copy
 
@@ -55,9 +55,7 @@ def true_position(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data
 
 
 def typed(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    terminal = io.StringIO(text)
-    monkeypatch.setattr(terminal, "isatty", lambda: True)
-    monkeypatch.setattr("sys.stdin", terminal)
+    answers(monkeypatch, text)
 
 
 @pytest.mark.first(1)

@@ -19,6 +19,7 @@ from console.tui.pace import Pace
 from console.tui.scanning.collector import Collector
 from tests.terminal import KEYS
 from tests.trainee import Trainee, console, console_at
+from tests.tui.stage import answered_age
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
 
@@ -286,6 +287,7 @@ class LoopBehind(StopDriver):
         self._pace = Pace()
         self._codes = Collector()
         self._stopped_s = float("-inf")
+        self.age, self._drops = answered_age(), False
 
     def send_message(self, message: Message) -> None:
         self._app.happened.append(f"queued {type(message).__name__}")  # type: ignore[attr-defined]

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from textual.app import App, ComposeResult
 
+from console.session.dated_input import ROW, InputAge
 from console.session.station.commands import Command, Jog
 from console.session.station.state import StationState
 from console.session.work import Work, opened
@@ -18,6 +19,7 @@ from console.tui.page import Page
 from console.tui.theme import COLOUR, DARK_THEME
 from console.tui.ui_context import UiContext, View
 from drivers.beside.side_line import SideLine
+from drivers.clock import boot_s
 from profiles.store import LoadedMachine, load_job, load_machine
 
 SIZES = ((80, 24), (100, 30), (160, 48))
@@ -25,6 +27,14 @@ FRAME_ROWS = 6
 LANGUAGES = ("en", "ko")
 MACHINE = "lee-2001-lathe"
 EXPERIMENT = "lee-2001-experiment-1"
+
+
+def answered_age() -> InputAge:
+    """The age of what comes from a terminal that has just answered."""
+    age = InputAge()
+    age.asked(1, boot_s())
+    age.answered(ROW, 1, boot_s())
+    return age
 
 
 class FixedControl:

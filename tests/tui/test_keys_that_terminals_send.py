@@ -19,6 +19,7 @@ from console.tui.keymap import PageName
 from console.tui.pace import Pace
 from console.tui.scanning.collector import Collector
 from console.tui.terminal.key_releases import KeyReleases
+from tests.tui.stage import answered_age
 from tests.tui.test_terminal_answers import ANSWERS
 
 CUTTING = Situation(page=PageName.RUN, moving=True)
@@ -87,6 +88,7 @@ class Cutting(StopDriver):
 
     def __init__(self) -> None:
         self._pace, self._codes, self._stopped_s = Pace(), Collector(), float("-inf")
+        self.age, self._drops = answered_age(), False
         self._app, self.stops = self, list[str]()  # type: ignore[assignment]
 
     def situation(self) -> Situation:
@@ -176,6 +178,7 @@ class Listening(StopDriver):
         self.fileno, self._writes = os.pipe()
         self._pieces, self.heard, self.exit_event = pieces, list[str](), threading.Event()
         self._pace, self._codes, self.releases = Pace(), Collector(), KeyReleases()
+        self.age, self._keyed, self._writer_thread = answered_age(), False, None
         os.write(self._writes, pieces[0][0])
 
     def process_message(self, message: Message) -> None:

@@ -16,7 +16,6 @@ from textual.message import Message
 from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment
-from console.session.dated_input import ROW, InputAge
 from console.session.station.state import Activity, StationState, StopState
 from console.session.work import Work, edited
 from console.text.catalogue import load
@@ -29,12 +28,11 @@ from console.tui.pace import Pace
 from console.tui.pages import run as run_page
 from console.tui.palette_list import STOPPING, Entry, entries, found
 from console.tui.scanning.collector import Collector
-from drivers.clock import boot_s
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST
 from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
-from tests.tui.stage import LANGUAGES, FixedControl, experiment
+from tests.tui.stage import LANGUAGES, FixedControl, answered_age, experiment
 
 Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 STOP = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.4)
@@ -343,9 +341,7 @@ class Terminal:
         self.now, self.heard = now, list[str]()
         self.driver = StopDriver.__new__(StopDriver)
         self.driver._pace, self.driver._stopped_s, self.driver._app = Pace(), -math.inf, self  # type: ignore[assignment]
-        self.driver._codes, self.driver.age, self.driver._drops = Collector(), InputAge(), False
-        self.driver.age.asked(1, boot_s())
-        self.driver.age.answered(ROW, 1, boot_s())
+        self.driver._codes, self.driver.age, self.driver._drops = Collector(), answered_age(), False
         monkeypatch.setattr(LinuxDriver, "process_message", lambda driver, message: self._hear(message))
 
     def _hear(self, message: Message) -> None:

@@ -150,7 +150,7 @@ def test_a_typed_path_is_offered_first(tmp_path: Path) -> None:
 
     async def scene(pilot: Pilot[None]) -> str:
         await staged.do(pilot, "inspect.import", "inspect.path")
-        staged.page.query_one(Input).value = str(elsewhere)
+        staged.page.query_one("#trace-path", Input).value = str(elsewhere)
         return await staged.do(pilot, "inspect.next")
 
     text = staged.play(scene)

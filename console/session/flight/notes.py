@@ -65,6 +65,6 @@ class Inbox:
 
 def command_words(command: Command) -> str:
     """Return a command with those of its arguments that are short."""
-    pairs = ((field.name, getattr(command, field.name)) for field in fields(command) if field.compare)
+    pairs = ((field.name, getattr(command, field.name)) for field in fields(command))
     shown = [f"{name}={value}" for name, value in pairs if isinstance(value, str | int | float)]
     return " ".join([type(command).__name__, *shown])

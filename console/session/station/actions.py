@@ -23,7 +23,7 @@ Event = tuple[str, dict[str, object]]
 def command_event(command: Command) -> dict[str, object]:
     """Return a command with those of its fields that are plain values; a job or a plan is recorded elsewhere."""
     found: dict[str, object] = {"command": type(command).__name__, "by": operator_name()}
-    for each in (each for each in fields(command) if each.compare):
+    for each in fields(command):
         value = getattr(command, each.name)
         if isinstance(value, Enum):
             found[each.name] = value.value

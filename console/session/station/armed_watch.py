@@ -53,9 +53,9 @@ def watch_armed(context: StationContext, snapshot: Snapshot) -> None:
         context.tell(armed=None, refusals=(changed,))
 
 
-def age_problem(command: Command) -> Problem | None:
-    """Return why a command is too old to be carried out, None where it may be."""
-    age_s = boot_s() - command.read_s
+def age_problem(command: Command, posted_s: float) -> Problem | None:
+    """Return why a command of a time of `boot_s` is too old to be carried out, None where it may be."""
+    age_s = boot_s() - posted_s
     return None if age_s <= OLD_S or isinstance(command, AT_ANY_AGE) else _frozen(age_s)
 
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, ClassVar, Protocol
 
-from drivers.clock import boot_s
 from drivers.cutting.bounds import Adjustable
 from drivers.lathe.snapshot import AxisName
 
@@ -30,16 +29,14 @@ LEAST_ARMED_S, MOST_ARMED_S = 10.0, 90.0
 """How long after arming a cut may be started, s: as long as its summary takes to read."""
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Command:
-    """One command; those without fields of their own differ by their class alone.
+    """One command; those without fields differ by their class alone.
 
-    `logged` is whether the log of the session has it: all that an operator orders. `read_s` is when it was read,
-    in seconds of `boot_s`: an old one is not carried out.
+    `logged` is whether the log of the session has it: all that an operator orders.
     """
 
     logged: ClassVar[bool] = True
-    read_s: float = field(default_factory=boot_s, compare=False, repr=False)
 
 
 class Verify(Command):

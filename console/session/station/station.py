@@ -46,6 +46,7 @@ from console.session.station.watches import (
     watch_poll,
 )
 from drivers.beside.side_line import Moment, SideLine
+from drivers.clock import boot_s
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.guards import unasked_motion
 from drivers.lathe.snapshot import Snapshot
@@ -64,6 +65,7 @@ class Station:
     def __init__(self, context: StationContext) -> None:
         self._context = context
         self._command: Command | None = None
+        self._posted_s = 0.0
         self._beat_s: float | None = None
         self._slot = threading.Lock()
         self._link_time = LinkTime()
@@ -189,7 +191,7 @@ class Station:
                 return self._refuse(Problem(code="session.stopped"))
             if context.side is not None and context.side.reading and not isinstance(intent, Recover):
                 return self._refuse(Problem(code="beside.reading"))
-            self._command = intent
+            self._command, self._posted_s = intent, boot_s()
             return True
 
     def _refuse(self, problem: Problem) -> bool:
@@ -227,7 +229,7 @@ class Station:
             self._pause.end()
         else:
             self._stops.commanded = command is not None
-            if command is not None and (old := age_problem(command)) is not None:
+            if command is not None and (old := age_problem(command, self._posted_s)) is not None:
                 command = None
                 self._refuse(old)
             if command is not None:
