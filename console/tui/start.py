@@ -8,6 +8,7 @@ import signal
 import sys
 import time
 from argparse import Namespace
+from collections.abc import Callable
 from contextlib import closing, suppress
 from dataclasses import replace
 from io import TextIOWrapper
@@ -25,12 +26,12 @@ from console.session.errors import SessionError
 from console.session.flight.notes import Inbox, Kind
 from console.session.flight.recorded_control import RecordedControl
 from console.session.station.link_thread import LinkThread
+from console.session.station.state import StationState
 from console.session.station.whereabouts import address_of
 from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
-from console.tui.application.published import ScreenFeed
 from console.tui.application.with_instructor import instructed
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
@@ -44,11 +45,14 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
+    from console.session.feed.observed import Observed
+    from console.session.feed.server import FeedServer
     from console.session.flight.recorder import Recorder
     from console.session.practice.begins import Begins
     from console.session.station.link.opening import Opened
     from console.session.training.attempt import Attempt
     from console.tui.practising import TakenUp
+    from console.tui.ui_context import UiContext
 
 WRONG_USAGE = 2
 QUIET_S = 2.0  # time after the end of the screen until a wait for the machine is reported
@@ -58,6 +62,42 @@ WAIT_S = 0.1
 
 SWITCH_INTERVAL_S = 0.0005
 """Longest time for the drawing thread to keep the interpreter while the link waits: watchdog and polls first."""
+
+
+class ScreenFeed:
+    """The feed of the screens, from `launch`, after the first paint, to `close`; its thread reads by reference."""
+
+    def __init__(self, link: LinkThread, machine: LoadedMachine, data: Path) -> None:
+        self._link, self._machine, self._data = link, machine.machine, data
+        self._server: FeedServer | None = None
+
+    def launch(self, ui: UiContext, state: Callable[[], StationState]) -> None:
+        """Begin to publish; returns at once."""
+        from console.session.feed.server import FeedServer  # not for the first paint
+
+        self._server = FeedServer(self._data, lambda: self._observed(ui, state()))
+        self._server.launch()
+
+    def close(self) -> tuple[Problem, ...]:
+        """End it; return why nothing was published, if so."""
+        if self._server is None:
+            return ()
+        self._server.close()
+        return self._server.problems
+
+    def _observed(self, ui: UiContext, state: StationState) -> Observed:
+        from console.session.feed.observed import Observed
+
+        work, standing = ui.work, ui.log.alarms.standing
+        return Observed(
+            state=state,
+            machine=self._machine,
+            now_s=self._link.now_s(),
+            job=None if work is None else work.job.name,
+            run_id=self._link.run_id,
+            parts=self._link.parts,
+            numbers={(entry.problem.code, entry.problem.key): entry.number for entry in standing},
+        )
 
 
 def main(options: Namespace, text: Catalogue) -> int:

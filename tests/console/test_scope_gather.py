@@ -14,7 +14,7 @@ import pytest
 from console.session.station import jogging
 from console.session.station.commands import EnableDrives, Home, Jog, Start
 from console.session.station.state import Activity
-from console.tui.scope.gathering import ScopeWork
+from console.tui.further.scope import ScopeWork
 from drivers.beside.scope_gather import Record
 from drivers.beside.scope_setup import ANGLE, Axis, Channel, Quantity, ScopeSetup, Trigger
 from drivers.beside.side_line import CancelledError

@@ -10,7 +10,7 @@ import pytest
 from console.session.station.owning import Owning
 from console.session.terminal_place import UNKNOWN, remote_client, signed_host
 from console.text.catalogue import load
-from console.tui.link.holder_lines import observing
+from console.tui.frame import observing
 from drivers.lathe.signature import BYTES
 from drivers.lathe.standing import BY_SSH
 from drivers.simulator.machine import SimulatedLathe

@@ -11,7 +11,7 @@ from console.session.station.commands import TakeControl
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.state import StationState
 from console.text.catalogue import load
-from console.tui.link.holder_lines import observing, onlookers
+from console.tui.frame import observing, onlookers
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of

@@ -24,9 +24,8 @@ from console.session.data.trace_folder import offered
 from console.session.errors import SessionError
 from console.session.station.owning import take_lock
 from console.session.work import opened, saved_as
-from console.tui.controller.watch_file import read_watch, watch_path
-from console.tui.controller.watching import WatchTable
-from console.tui.scope.record_file import records_of
+from console.tui.controller.watching import WatchTable, read_watch, watch_path
+from console.tui.further.scope import records_of
 from drivers.cutting.strategy import Strategy
 from profiles.files import made_locked, remove_all_left
 from profiles.findings import Severity

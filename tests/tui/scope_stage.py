@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from console.tui.scope.record_file import FOLDER, record_text
+from console.tui.further.scope import FOLDER, record_text
 from drivers.beside.scope_gather import Record
 from drivers.beside.scope_setup import ANGLE, Axis, Channel, Quantity, Trigger
 

@@ -23,8 +23,8 @@ from console.session.station.state import StationState
 from console.session.work import edited
 from console.text.catalogue import load
 from console.text.units import Units
+from console.tui.align.answers import clamp_answer, clamp_lines
 from console.tui.align.asked import Asked, Question
-from console.tui.align.clamp_answer import clamp_answer, clamp_lines
 from console.tui.pages.align import AlignPage
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of

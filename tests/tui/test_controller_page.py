@@ -14,7 +14,7 @@ from textual.pilot import Pilot
 from console.session.data.controller_backups import backups_of
 from console.session.station.state import Activity, StationState
 from console.tui.app import ConsoleApp
-from console.tui.controller.watch_file import read_watch, watch_path
+from console.tui.controller.watching import read_watch, watch_path
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from drivers.beside.side_line import Moment

@@ -16,7 +16,7 @@ from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity
 from console.session.work import edited, opened
 from console.tui.gate import FieldKind
-from console.tui.jobs import index, shelf
+from console.tui.jobs import shelf
 from console.tui.keymap import PageName
 from profiles.files import read_toml
 from profiles.store import BUNDLED_JOBS, LoadedJob, list_jobs, load_job
@@ -124,7 +124,7 @@ def test_of_two_thousand_jobs_a_key_reads_what_is_seen_and_each_file_is_indexed_
         return read_toml(path)
 
     monkeypatch.setattr(shelf, "load_job", counted_load)
-    monkeypatch.setattr(index, "read_toml", counted_read)
+    monkeypatch.setattr(shelf, "read_toml", counted_read)
 
     async def scene(stage: Stage) -> None:
         assert len(loads) <= 18 and reads == []  # the first frame: a screenful, and no index
@@ -152,7 +152,7 @@ def test_the_index_is_not_read_while_something_moves(
     own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(own, "flange", "S45C")
-    monkeypatch.setattr(index, "read_toml", lambda path: pytest.fail("read in motion"))
+    monkeypatch.setattr(shelf, "read_toml", lambda path: pytest.fail("read in motion"))
 
     async def scene(stage: Stage) -> None:
         await stage.act("jobs.search")

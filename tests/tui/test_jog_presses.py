@@ -8,7 +8,7 @@ import pytest
 
 from console.session.station.state import Activity, StationState
 from console.tui.align.jog_presses import JogPresses
-from console.tui.align.step_queue import HELD_UP_S, MOST_WAITING, StepQueue
+from console.tui.pages.align_jog import HELD_UP_S, MOST_WAITING, StepQueue
 from profiles.problem import Problem
 
 REST = StationState(activity=Activity.READY)

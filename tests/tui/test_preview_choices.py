@@ -20,10 +20,9 @@ from console.text.catalogue import load
 from console.tui.lines import plain
 from console.tui.pages import run as run_page
 from console.tui.pages.learn_lines import identified_words
-from console.tui.pages.preview import PreviewPage
+from console.tui.pages.preview import PreviewPage, SpeedLimits, speed_line, why_lines
 from console.tui.pages.preview_lines import findings_of
 from console.tui.pages.run import RunPage
-from console.tui.predicting.why_lines import SpeedLimits, speed_line, why_lines
 from console.tui.previewing import ChosenPath, Previewer
 from drivers.cutting.strategy import Strategy
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin

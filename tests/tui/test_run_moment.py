@@ -24,9 +24,8 @@ from console.tui.keymap import actions_of
 from console.tui.lines import line, plain
 from console.tui.pages.cut_lines import gauge
 from console.tui.pages.fields import named
-from console.tui.pages.run import RunPage
+from console.tui.pages.run import RunPage, reading_s
 from console.tui.run.error_band import band_series, error_band
-from console.tui.run.reading_time import reading_s
 from console.tui.ui_context import View
 from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.place import ProgramPlace

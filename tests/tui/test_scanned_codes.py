@@ -9,9 +9,8 @@ from textual.events import Key
 
 from console.tui.driver import Reader
 from console.tui.pace import Pace
-from console.tui.scanning.codes import LONGEST, found, job_named, shown
+from console.tui.scanning.codes import LONGEST, found, job_named, keys_of, shown
 from console.tui.scanning.collector import Collector, Scan
-from console.tui.scanning.hangul_keys import keys_of
 from profiles.problem import Problem
 from profiles.store import LibraryEntry
 

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from console.session.station.state import Activity, StationState
+from console.tui.further.scope import read_record, record_text, records_of
 from console.tui.keymap import PageName
-from console.tui.scope.averaging import over_turns
-from console.tui.scope.record_file import read_record, record_text, records_of
+from console.tui.scope.pictures import over_turns
 from console.tui.scope.set_up import ROWS, changed
 from drivers.beside.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from drivers.lathe.standing import Standing

@@ -2,24 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rich.cells import cell_len
+
 from console.session.data.controller_backups import backups_of
 from console.session.station.state import Activity, StationState
+from console.text.catalogue import Catalogue
 from console.tui.controller.errand import Errand
-from console.tui.controller.identity import Identity, identity_lines, read_identity
-from console.tui.controller.status_lines import status_lines
 from console.tui.controller.terminal import TerminalView
 from console.tui.controller.watching import WatchTable, watch_lines
-from console.tui.lines import BLANK, Line, dim, line, wrapped
+from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, line, wrapped
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.beside.permitted import Kind
 from drivers.beside.side_controller import SideController
-from drivers.beside.status_words import StatusWords, read_status
+from drivers.beside.status_words import StatusBit, StatusWords, read_status
+from drivers.errors import ControllerError
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
@@ -27,6 +31,23 @@ if TYPE_CHECKING:
 
 STATUS_PERIOD_S = 0.5
 BACKUP_ROWS = 5
+WORDS = ("TYPE", "VERSION", "DATE", "CID", "CPU", "VID", "SIZE")
+_LABEL = 22  # columns
+
+FAULTS = frozenset(
+    "negative_limit positive_limit integrated_fatal_error i2t_fault amplifier_fault fatal_following_error "
+    "phasing_error stopped_on_limit stopped_on_desired_limit runtime_error circle_radius_error resume_error "
+    "interrupt_overrun servo_error watchdog checksum_error dpram_error flash_error interrupt_warning "
+    "configuration_error phase_clock_missing fixed_buffer_full abort_input data_block_error "
+    "warning_following_error".split()
+)
+"""Bits that deserve attention where they are set."""
+
+_PLACE = 7  # columns
+Cell = tuple[str, str, Token]
+"""A bit: its place, its words, how they are shown."""
+
+_SET, _UNSET = "●", "·"
 
 
 class ViewName(StrEnum):
@@ -41,6 +62,140 @@ class ViewName(StrEnum):
 
 VIEWS = tuple(ViewName)
 _READS = ("verify", "backup", "diff")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Identity:
+    """What the controller answers; `words` by their names, those that it has. `servo_ms` from I10."""
+
+    words: dict[str, str]
+    servo_ms: float
+
+
+def read_identity(client: SideController) -> Identity:
+    """Ask for it. Raises DriverError, as `SideController.query`."""
+    words = {}
+    for word in WORDS:
+        try:
+            (answer,) = client.query(word, again=True)
+        except ControllerError:  # this family does not have it
+            continue
+        words[word] = answer.strip()
+    (servo,) = client.numbers("I10", again=True)
+    return Identity(words=words, servo_ms=servo / 8_388_608.0)
+
+
+def identity_lines(
+    found: Identity | None,
+    state: StationState,
+    machine: MachineProfile,
+    faults: int,
+    text: Catalogue,
+    width: int,
+    client: str = "",
+) -> list[Line]:
+    """Return the lines, also before anything was answered. `client`: where a terminal comes from, "" for here."""
+    controller, values = machine.controller, list[tuple[str, str]]()
+    kind = state.controller or NOTHING
+    values.append((text("controller_page.identity.controller"), kind))
+    values.append((text("controller_page.identity.address"), state.address or NOTHING))
+    profile = f"{machine.name}, {controller.family}"
+    values.append((text("controller_page.identity.profile"), profile))
+    if found is not None:
+        values += [
+            (text(f"controller_page.identity.{word.lower()}"), answer)
+            for word, answer in found.words.items()
+            if word not in ("TYPE", "VERSION")
+        ]
+        servo = f"{found.servo_ms:.4f} ms ({controller.servo_period_ms:.4f} ms)"
+        values.append((text("controller_page.identity.servo"), servo))
+    link = f"{state.round_trip_ms:.1f} ms"
+    values.append((text("controller_page.identity.round_trip"), link))
+    values.append((text("controller_page.identity.faults"), str(faults)))
+    standing = text("controller_page.identity.controls" if state.controls else "controller_page.identity.observes")
+    values.append((text("controller_page.identity.standing"), standing))
+    at = text("controller_page.identity.far", client=client) if client else text("controller_page.identity.here")
+    values.append((text("controller_page.identity.terminal"), at))
+    rows = [line(dim(fitted(label, _LABEL)), value) for label, value in values]
+    return [*rows, BLANK, *commissioned_lines(state, text, width)]
+
+
+def commissioned_lines(state: StationState, text: Catalogue, width: int) -> list[Line]:
+    """Return whether the controller is as it was commissioned, as far as it was compared."""
+    settings = state.alignment.settings
+    rows = [line((text("controller_page.commissioned"), Token.TITLE))]
+    if settings is None:
+        return [*rows, line(dim(text("controller_page.settings.unread")))]
+    if settings:
+        rows += wrapped(text("controller_page.settings.differ", count=len(settings)), width, Token.WARNING)
+        for problem in settings:
+            rows += wrapped("· " + text.problem(problem), width)
+    else:
+        rows.append(line((text("controller_page.settings.agree"), Token.OK)))
+    for problem in state.uncommissioned:
+        rows += wrapped("· " + text.problem(problem), width, Token.WARNING)
+    if not state.uncommissioned:
+        key = "simulated" if state.simulated else "recorded"
+        rows += wrapped(text(f"controller_page.stops.{key}"), width)
+    return rows
+
+
+def status_lines(words: Sequence[StatusWords], text: Catalogue, width: int, *, all_bits: bool) -> list[Line]:
+    """Return each status word with its set bits, or with all; two columns where they fit."""
+    rows: list[Line] = []
+    for each in words:
+        if rows:
+            rows.append(BLANK)
+        subject = text(f"controller_page.subject.{each.subject}")
+        rows.append(line((subject, Token.TITLE), dim(f"  {each.item}  "), each.digits))
+        bits = [bit for bit in each.bits if all_bits or bit.is_set]
+        cells = [_cell(bit, text) for bit in bits]
+        rows += _rows(cells, width)
+        if not cells:
+            rows.append(line(dim("  " + text("controller_page.no_bit"))))
+    return rows
+
+
+def bit_words(name: str, text: Catalogue) -> str:
+    """Return what a bit means, by its name in the tables of the families."""
+    axis, _, kind = name.partition("_")
+    if len(axis) == 1:
+        return text(f"bit.axis_{kind}", axis=axis.upper())
+    return text(f"bit.{name}") if name else text("controller_page.unnamed_bit")
+
+
+def _cell(bit: StatusBit, text: Catalogue) -> Cell:
+    token = Token.DIM
+    if bit.is_set:
+        token = Token.WARNING if bit.name in FAULTS else Token.TEXT
+    place = f"{bit.word}.{bit.bit:02d}"
+    words = bit_words(bit.name, text)
+    return place, f"{_SET if bit.is_set else _UNSET} {words}", token
+
+
+def _rows(cells: Sequence[Cell], width: int) -> list[Line]:
+    """Return two cells a row where both fit beside each other, else one."""
+    half = width // 2
+    rows: list[Line] = []
+    left: Cell | None = None
+    for cell in cells:
+        if left is not None and _fits(left, half) and _fits(cell, half):
+            rows.append((*_pieces(left, half), *_pieces(cell, half)))
+            left = None
+            continue
+        if left is not None:
+            rows.append(_pieces(left, width))
+        left = cell
+    return rows if left is None else [*rows, _pieces(left, width)]
+
+
+def _fits(cell: Cell, width: int) -> bool:
+    return cell_len(cell[1]) < width - _PLACE
+
+
+def _pieces(cell: Cell, width: int) -> Line:
+    place, words, token = cell
+    return dim("  " + fitted(place, _PLACE - 2)), (fitted(words, max(width - _PLACE, 1)), token)
 
 
 class ControllerViews:

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from console.session.data.kept_files import folder_name, kept, make_folder, there
 from console.session.station.state import StationState
 from console.text.catalogue import Catalogue
 from console.tui.controller.errand import Errand
-from console.tui.controller.watch_file import MOST, read_watch, watch_path, write_watch
 from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
 from console.tui.theme import Token
 from drivers.beside.permitted import Kind, watched
 from drivers.beside.side_controller import SideController
 from drivers.beside.side_line import SideLine
 from drivers.errors import ControllerError
+from profiles.files import printable, write_atomically
 from profiles.problem import Problem, ProfileError
 
 PERIOD_S = 1.0
@@ -23,6 +25,9 @@ A_LINE = 8  # items in one request
 SLOW_LINE_MS = 50.0  # where a poll takes longer, one item is asked at a time while something moves
 OLD_S = 5.0
 _ITEM, _VALUE = 14, 16
+FOLDER = "watch"
+MOST = 24  # items in a table
+_TITLE = "trilobe watch 1"
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,6 +40,32 @@ class Watched:
     refused: bool = False
     least: float | None = None
     most: float | None = None
+
+
+def watch_path(data: Path, machine: str) -> Path:
+    """Return the file of the table of a machine."""
+    return data / FOLDER / f"{folder_name(machine)}.json"
+
+
+def read_watch(path: Path) -> tuple[str, ...]:
+    """Return the items, none where there is no file.
+
+    Raises ProfileError: `watch.unreadable`, it is not such a table; or as `read_regular_file`.
+    """
+    if not there(path):
+        return ()
+    found = kept(path, "watch.unreadable")
+    items = found.get("items") if isinstance(found, dict) and found.get("schema") == _TITLE else None
+    if not isinstance(items, list) or len(items) > MOST or not all(isinstance(each, str) for each in items):
+        raise ProfileError(Problem(code="watch.unreadable", where=printable(str(path)), value=_TITLE))
+    return tuple(dict.fromkeys(items))
+
+
+def write_watch(path: Path, items: tuple[str, ...]) -> None:
+    """Write the items. Raises ProfileError: `file.not_writable`."""
+    make_folder(path.parent)
+    content = json.dumps({"schema": _TITLE, "items": list(items)}, indent=2)
+    write_atomically(path, f"{content}\n".encode(), overwrite=True, private=True)
 
 
 class WatchTable:

@@ -6,24 +6,31 @@ import sys
 from datetime import UTC, datetime
 from pathlib import Path
 
+import numpy as np
 from textual.containers import Vertical
 
-from console.session.station.state import StationState
+from console.session.data.kept_files import folder_name, make_folder, names_in
+from console.session.station.commands import Control
+from console.session.station.state import Activity, StationState
 from console.tui.controller.errand import Errand
 from console.tui.keymap import PageName, RowKey
 from console.tui.lines import Line, Sheet, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
-from console.tui.scope.gathering import ScopeWork, refusal_of
 from console.tui.scope.pictures import Sight, averaged, picture, reading_lines
-from console.tui.scope.record_file import keep_record, read_record, records_of
 from console.tui.scope.set_up import ROWS, changed, channel_words, setup_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from drivers.beside.scope_gather import Record
-from drivers.beside.scope_setup import ANGLE, Channel, ScopeSetup
-from profiles.files import printable
-from profiles.problem import Problem
+from drivers.beside.permitted import Kind
+from drivers.beside.scope_gather import Progress, Record, Scope, Seen
+from drivers.beside.scope_setup import ANGLE, Channel, ScopeSetup, Trigger, channel_of
+from drivers.beside.side_controller import SideController
+from drivers.beside.side_line import SideLine
+from profiles.arrays import Floats
+from profiles.files import printable, read_regular_file, write_atomically
+from profiles.machine import MachineProfile
+from profiles.own_values import DAMAGED_AT
+from profiles.problem import Problem, ProfileError
 
 COARSE = 20  # part of the picture that PgUp and PgDn move a cursor by
 _SETS = {"scope.up": -1, "scope.down": 1}
@@ -34,6 +41,130 @@ LIST_KEYS = (
     RowKey(action="scope.more", shown="Enter", words="key.list.open"),
     RowKey(action="scope.list", shown="o", words="key.list.close"),
 )
+
+FOLDER = "scope"
+TITLE = "# trilobe scope 1"
+CAP_BYTES = 50_000_000
+_HEAD_KEYS = ("machine", "taken", "trigger")
+_TIME_COLUMN = "time [s]"
+
+
+def refusal_of(ui: UiContext, state: StationState, *, running: bool) -> tuple[Problem, ...]:
+    """Return why nothing can be gathered now; motion is no reason, arming is: it takes the gather buffer."""
+    if running:
+        return (Problem(code="screen.scope_gathers"),)
+    if ui.control.side is None or state.activity in (Activity.CONNECTING, Activity.LOST):
+        return (Problem(code="screen.no_controller"),)
+    if not state.controls:
+        return (Problem(code="screen.observes"),)
+    if state.activity is Activity.ARMING:
+        return (Problem(code="screen.scope_arming"),)
+    return ()
+
+
+class ScopeWork:
+    """One record in the making; `progress` is replaced by the thread that makes it."""
+
+    def __init__(self, side: SideLine, machine: MachineProfile, control: Control) -> None:
+        self.client = SideController(side, Kind.GATHER)
+        self.progress = Progress("setting")
+        self._side, self._machine, self._control = side, machine, control
+
+    def record(self, setup: ScopeSetup, taken: str) -> Record:
+        """Gather; errors as `Scope.record`."""
+        with self._side.working():
+            cleaner = SideController(self._side, Kind.GATHER)
+            scope = Scope(self.client, cleaner, self._machine, self._seen, self._tell)
+            return scope.record(setup, taken)
+
+    def _tell(self, progress: Progress) -> None:
+        self.progress = progress
+
+    def _seen(self) -> Seen:
+        state = self._control.state
+        snapshot = state.snapshot
+        return Seen(
+            now_s=self._control.now_s(),
+            at_rest=not state.seen_moving and not state.may_move,
+            near_cut=state.armed is not None or state.activity in (Activity.POSITIONING, Activity.CUTTING),
+            cutting=snapshot is not None and snapshot.program_running,
+            round_trip_s=state.round_trip_ms / 1000.0,
+        )
+
+
+def keep_record(data: Path, record: Record) -> Path:
+    """Write a record into the data folder; return the file. Raises ProfileError: as `write_atomically`."""
+    folder = data / FOLDER
+    make_folder(folder)
+    stamp = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")[:-3]
+    path = folder / f"{folder_name(record.machine)}-{stamp}Z.csv"
+    write_atomically(path, record_text(record).encode("utf-8"), overwrite=False, private=True)
+    return path
+
+
+def record_text(record: Record) -> str:
+    """Return a record as CSV: times in s from the trigger, channels in m, rad, m/s, rad/s."""
+    head = [TITLE, *(f"# {key}: {printable(str(getattr(record, key)))}" for key in _HEAD_KEYS)]
+    head.append(",".join([_TIME_COLUMN, *(f"{channel.key} [{channel.si_unit}]" for channel in record.values)]))
+    columns = np.column_stack([record.times_s, *record.values.values()])
+    rows = (",".join(f"{value:.12g}" for value in row) for row in columns.tolist())
+    return "\n".join([*head, *rows]) + "\n"
+
+
+def read_record(path: Path) -> Record:
+    """Return a kept record. Raises ProfileError: `scope.unreadable`, or as `read_regular_file`."""
+    where = printable(str(path))
+    try:
+        text = read_regular_file(path, cap_bytes=CAP_BYTES).decode("utf-8")
+        lines = text.splitlines()
+        if len(lines) < 5 or lines[0] != TITLE:
+            raise ValueError(lines[0] if lines else f"{DAMAGED_AT}: 1")
+        facts = dict(line.removeprefix("# ").split(": ", 1) for line in lines[1:4])
+        if not text.endswith("\n"):  # its last number may be half of one
+            raise ValueError(f"{DAMAGED_AT}: {len(lines)}")
+        channels = [_channel(each) for each in lines[4].split(",")[1:]]
+        rows = _numbers(lines[5:], len(channels) + 1)
+        return Record(
+            machine=facts["machine"],
+            taken=facts["taken"],
+            trigger=Trigger(facts["trigger"]),
+            times_s=rows[:, 0],
+            values={channel: rows[:, place] for place, channel in enumerate(channels, start=1)},
+        )
+    except (ValueError, IndexError, KeyError) as error:
+        problem = Problem(code="scope.unreadable", where=where, value=printable(str(error), 60))
+        raise ProfileError(problem) from error
+
+
+def _numbers(lines: list[str], columns: int) -> Floats:
+    """Return the samples, a row for each. Raises ValueError: the number of the first line that is none."""
+    found = []
+    for number, each in enumerate(lines, start=6):
+        try:
+            row = [float(value) for value in each.split(",")]
+        except ValueError:
+            row = []
+        if len(row) != columns or not np.isfinite(row).all():
+            raise ValueError(f"{DAMAGED_AT}: {number}")
+        found.append(row)
+    if len(found) < 2:
+        raise ValueError(f"{DAMAGED_AT}: {len(lines) + 6}")
+    return np.array(found, dtype=np.float64)
+
+
+def records_of(data: Path) -> tuple[Path, ...]:
+    """Return the kept records, newest first by the times in their names; ProfileError `file.unreadable`."""
+    return tuple(
+        sorted(names_in(data / FOLDER, ".csv"), key=lambda path: path.stem.rpartition("-")[2], reverse=True)
+    )
+
+
+def _channel(head: str) -> Channel:
+    name, _, unit = head.partition(" ")
+    channel = channel_of(name)
+    if unit != f"[{channel.si_unit}]":
+        raise ValueError(head)
+    return channel
 
 
 class ScopePage(Page):

@@ -2,24 +2,30 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import replace
 from enum import StrEnum
+from typing import Any
 
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 from textual.widgets import Input
 
+from console.session.appearance import CHOICES, Appearance, OwnKeys, own_keys_text
+from console.session.configuration import Origin, Setting, account_file
+from console.session.kept_settings import keep_settings
+from console.text.catalogue import LANGUAGES, Catalogue
 from console.tui.gate import FieldKind
+from console.tui.key_help import words_of, written_key
 from console.tui.keymap import Action, PageName
-from console.tui.lines import Line, Sheet, clipped, line
+from console.tui.lines import BLANK, Line, Sheet, clipped, dim, fitted, line, name_in, ranged, wrapped
 from console.tui.page import Page
-from console.tui.settings import setting_lines
-from console.tui.settings.changing import SETTINGS, change, stepped, why_not_change
 from console.tui.settings.own_keys import REMAPPABLE, key_typed, why_not_key
-from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.theme import COLOUR_VARIABLE, MONO, Palette, Token
+from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable
-from profiles.problem import Problem
+from profiles.problem import Problem, ProblemError
 
 STEPS = {"settings.up": -1, "settings.down": 1}
 JUMPS = {"settings.page_up": -1, "settings.page_down": 1}
@@ -27,6 +33,186 @@ ENDS = {"settings.first": 0, "settings.last": -1}
 CHANGES = {"settings.next": 1, "settings.previous": -1}
 LONGEST_KEY = 8
 _ABOUT_ROWS = 9
+LABEL_WIDTH = 14
+LEAST_VALUE = 18
+KEY_WIDTH, PAGE_WIDTH = 7, 12
+SAMPLES = (Token.TEXT, Token.DIM, Token.ACTION, Token.WARNING, Token.ALARM, Token.BEFORE, Token.AFTER, Token.SIM)
+SETTINGS = ("language", *CHOICES, "keys")
+"""The settings of the page, in order."""
+
+FIXED = (Origin.VARIABLE, Origin.OPTION)
+"""Places that come after the file of the account: what they say cannot be changed in it."""
+
+
+def choices_of(setting: str) -> tuple[str, ...]:
+    """Return the values of a setting; none for the own keys."""
+    return LANGUAGES if setting == "language" else CHOICES.get(setting, ())
+
+
+def value_of(appearance: Appearance, setting: str) -> str:
+    """Return the value of a setting as the configuration has it."""
+    if setting == "keys":
+        return own_keys_text(appearance.keys)
+    value: str = getattr(appearance, setting)
+    return value
+
+
+def is_without_colour(palette: Palette) -> bool:
+    """Whether the terminal has no colour, so that no theme is seen."""
+    return palette[Token.TEXT] == MONO[Token.TEXT] and palette[Token.WARNING] == MONO[Token.WARNING]
+
+
+def place_of(ui: UiContext, setting: str) -> Setting | None:
+    """Return where the value of a setting comes from; None for one that is built in."""
+    if setting == "theme" and is_without_colour(ui.palette):
+        return Setting(value=None, origin=Origin.VARIABLE, place=COLOUR_VARIABLE)
+    return None if ui.configuration is None else ui.configuration.settings.get(setting)
+
+
+def why_not_change(ui: UiContext, setting: str) -> tuple[Problem, ...]:
+    """Return why a setting cannot be changed now: something moves, a cut is armed, a later place has it."""
+    if problem := locked(ui.control.state, "screen.settings_moving", "screen.settings_armed"):
+        return (problem,)
+    place = place_of(ui, setting)
+    if place is not None and place.origin in FIXED:
+        return (Problem(code="screen.setting_fixed", key=ui.text(f"settings.{setting}"), value=place.place),)
+    return ()
+
+
+def stepped(ui: UiContext, setting: str, by: int) -> Appearance:
+    """Return the appearance with the next or previous value of a setting."""
+    values = choices_of(setting)
+    place = values.index(value_of(ui.appearance, setting)) + by
+    chosen: dict[str, Any] = {setting: values[place % len(values)]}
+    return replace(ui.appearance, **chosen)
+
+
+def change(ui: UiContext, setting: str, appearance: Appearance) -> None:
+    """Show another appearance at once, and keep the setting; what cannot be kept is said, and stays shown."""
+    ui.appear(appearance)
+    if ui.configuration is None:  # a page without a console around it
+        return
+    path = account_file(os.environ)
+    if path is None:
+        ui.said = (Problem(code="data.no_home", value=str(os.getuid())), Problem(code="screen.setting_not_kept"))
+        return
+    value = value_of(appearance, setting)
+    try:
+        keep_settings(path, {setting: value or None})
+    except ProblemError as error:
+        ui.said = (*error.problems, Problem(code="screen.setting_not_kept"))
+        return
+    settings = {**ui.configuration.settings, setting: Setting(value=value, origin=Origin.FILE, place=str(path))}
+    if not value:
+        del settings[setting]
+    ui.configuration = replace(ui.configuration, settings=settings)
+
+
+def setting_rows(ui: UiContext, selected: int, width: int) -> list[Line]:
+    """Return a row for each setting: its name, its value, and where that comes from."""
+    text, rows = ui.text, list[Line]()
+    for number, setting in enumerate(SETTINGS):
+        chosen = number == selected
+        mark = ("▸ ", Token.ACTION) if chosen else dim("  ")
+        place = place_words(ui, setting, max(width - LABEL_WIDTH - LEAST_VALUE - 6, 8))
+        value = value_words(ui, setting)
+        head: Line = (
+            mark,
+            (fitted(text(f"settings.{setting}"), LABEL_WIDTH), Token.STRONG if chosen else Token.DIM),
+            (f" {value} ", Token.SELECTED if chosen else Token.TEXT),
+        )
+        rows.append(ranged(head, line(dim(f" {place}")), width))
+    return rows
+
+
+def value_words(ui: UiContext, setting: str) -> str:
+    """Return the value of a setting in words."""
+    if setting == "keys":
+        count = len(ui.appearance.keys)
+        return ui.text("settings.keys_count", count=count) if count else ui.text("settings.no_keys")
+    place = place_of(ui, setting)
+    if place is not None and place.value is None:  # without colour
+        return ui.text("settings.value.theme.mono")
+    return ui.text(f"settings.value.{setting}.{value_of(ui.appearance, setting)}")
+
+
+def place_words(ui: UiContext, setting: str, width: int) -> str:
+    """Return where a value comes from, in this many cells; a fixed one is called so."""
+    place = place_of(ui, setting)
+    if place is None or place.origin is Origin.BUILT_IN:
+        return ui.text("settings.built_in")
+    if place.origin in FIXED:
+        return ui.text("settings.fixed", place=place.place)
+    return name_in(printable(place.place), width, tail_fraction=0.7)
+
+
+def about_lines(ui: UiContext, setting: str, width: int) -> list[Line]:
+    """Return what a setting does, and its values; the themes with the colours that mean something."""
+    text = ui.text
+    rows = wrapped(text(f"settings.about.{setting}"), width)
+    if setting == "theme":
+        rows += [BLANK, *_samples(text, width)]
+    present = value_of(ui.appearance, setting)
+    values = [
+        (f" {text(f'settings.value.{setting}.{each}')} ", Token.SELECTED if each == present else Token.DIM)
+        for each in choices_of(setting)
+    ]
+    return [*rows, *([BLANK, tuple(values)] if values else [])]
+
+
+def _samples(text: Catalogue, width: int) -> list[Line]:
+    pieces: list[Line] = [((f" {text(f'settings.sample.{token.name.lower()}')} ", token),) for token in SAMPLES]
+    rows: list[Line] = [BLANK]
+    for piece in pieces:
+        if sum(len(words) for words, _ in (*rows[-1], *piece)) > width:
+            rows.append(BLANK)
+        rows[-1] = (*rows[-1], *piece)
+    return rows
+
+
+def key_rows(text: Catalogue, own: OwnKeys, selected: int | None, width: int) -> list[Line]:
+    """Return a row for each action: its own key, its key, its page, and what it does."""
+    rows = []
+    for number, action in enumerate(REMAPPABLE):
+        chosen = number == selected
+        mine = own.get(action.id)
+        mark = ("▸ ", Token.ACTION) if chosen else dim("  ")
+        page = text("settings.every_page") if action.page is None else text(f"page.{action.page}")
+        head: Line = (
+            mark,
+            (fitted("" if mine is None else written_key(mine), KEY_WIDTH), Token.KEY),
+            (fitted(action.shown, KEY_WIDTH), Token.DIM),
+            (fitted(page, PAGE_WIDTH), Token.DIM),
+        )
+        token = Token.SELECTED if chosen else Token.TEXT
+        room = max(width - 2 - 2 * KEY_WIDTH - PAGE_WIDTH, 8)
+        rows.append((*head, (fitted(words_of(text, action), room), token)))
+    return rows
+
+
+def key_head(text: Catalogue) -> Line:
+    """Return the head of the columns."""
+    return (
+        dim("  "),
+        dim(fitted(text("settings.own_key"), KEY_WIDTH)),
+        dim(fitted(text("settings.our_key"), KEY_WIDTH)),
+        dim(fitted(text("settings.page"), PAGE_WIDTH)),
+        dim(text("settings.action")),
+    )
+
+
+def key_about(text: Catalogue, action: Action, own: OwnKeys, width: int) -> list[Line]:
+    """Return what the selected action does in full, and its keys."""
+    mine = own.get(action.id)
+    key = "settings.has_key" if mine else "settings.has_none"
+    told = text(key, key=written_key(mine or ""), ours=action.shown)
+    return [*wrapped(words_of(text, action), width), BLANK, *wrapped(told, width, Token.DIM)]
+
+
+def window(rows: Sequence[Line], selected: int, height: int) -> tuple[int, list[Line]]:
+    """Return the rows around the selected one that fit, and how many are above them."""
+    first = min(max(selected - height // 2, 0), max(len(rows) - height, 0))
+    return first, list(rows[first : first + max(height, 0)])
 
 
 class Mode(StrEnum):
@@ -144,8 +330,8 @@ class SettingsPage(Page):
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what the selected setting or action is, uncut."""
         if self._mode is Mode.SETTINGS:
-            return setting_lines.about_lines(self.ui, self._shown_setting, width)
-        return setting_lines.key_about(self.ui.text, self._chosen, self.ui.appearance.keys, width)
+            return about_lines(self.ui, self._shown_setting, width)
+        return key_about(self.ui.text, self._chosen, self.ui.appearance.keys, width)
 
     @property
     def field(self) -> FieldKind:
@@ -205,17 +391,17 @@ class SettingsPage(Page):
     def _show_settings(self) -> None:
         text, width = self.ui.text, max(self._list.size.width, 1)
         machine = printable(self.ui.machine.machine.name)
-        self._list.show(setting_lines.setting_rows(self.ui, self._setting, width), text("page.settings"), machine)
-        about = setting_lines.about_lines(self.ui, self._shown_setting, max(self._about.size.width, 1))
+        self._list.show(setting_rows(self.ui, self._setting, width), text("page.settings"), machine)
+        about = about_lines(self.ui, self._shown_setting, max(self._about.size.width, 1))
         shown = clipped(about, self._about.size.height, text("panel.more"))
         self._about.show(shown, text(f"settings.{self._shown_setting}"))
 
     def _show_keys(self) -> None:
         text, own, (width, height) = self.ui.text, self.ui.appearance.keys, self._keys.size
         chosen = None if self._mode is Mode.SETTINGS else self._action
-        rows = setting_lines.key_rows(text, own, chosen, width)
-        self._above, shown = setting_lines.window(rows, self._action, max(height - 1, 1))
+        rows = key_rows(text, own, chosen, width)
+        self._above, shown = window(rows, self._action, max(height - 1, 1))
         place = text("settings.place", place=self._action + 1, all=len(rows))
-        self._keys.show([setting_lines.key_head(text), *shown], text("settings.keys"), place)
-        about = setting_lines.key_about(text, self._chosen, own, max(self._key.size.width, 1))
+        self._keys.show([key_head(text), *shown], text("settings.keys"), place)
+        about = key_about(text, self._chosen, own, max(self._key.size.width, 1))
         self._key.show(clipped(about, self._key.size.height, text("panel.more")), text("settings.action"))

@@ -3,31 +3,61 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
 
+from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 from textual.geometry import Size
 
-from console.session.data.health import kept_tests
-from console.session.station.commands import ReadLoop
+from console.session.data.health import KeptHealth, kept_tests
+from console.session.station import jogging
+from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
 from console.session.trial.proposal import GainFacts, gain_facts
+from console.session.trial.standing import Gains, StandingTrial, listed
+from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, clipped, dim, line
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    Sheet,
+    clipped,
+    dim,
+    entitle,
+    fitted,
+    hanging,
+    line,
+    to_the_right,
+    wrapped,
+)
 from console.tui.page import Page
+from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
-from console.tui.tuning.arming import ARMED_S, KINDS, ArmedTest, arm_reasons, command_of, holds, moment_of
-from console.tui.tuning.gain_lines import gain_proposal_lines
-from console.tui.tuning.health_lines import armed_lines
-from console.tui.tuning.health_panels import HealthPanels, Tests
+from console.tui.tuning.health_lines import (
+    armed_lines,
+    figure_lines,
+    kind_lines,
+    other_gain_lines,
+    step_picture,
+    trend_lines,
+)
 from console.tui.tuning.loop_facts import LoopFacts, loop_facts
 from console.tui.tuning.loop_lines import loop_lines, reason_lines
 from console.tui.tuning.panels import WIDE, LoopPanels, TuneView
 from console.tui.tuning.problem_lines import problem_lines
-from console.tui.tuning.trial_keys import APPLY, REVERT, AskedGains, asked, trial_reasons
-from console.tui.tuning.trial_lines import asked_lines, trial_lines, trial_warning
 from console.tui.ui_context import UiContext, View, refusal, waiting
-from drivers.identification.request import AMPLITUDE_UM
+from drivers.cutting.strategy import Strategy
+from drivers.identification.health import HealthRequest, health_problems
+from drivers.identification.request import AMPLITUDE_UM, IdentificationRequest, request_problems
+from drivers.identification.rig import homed
+from profiles.axis.loop_design import DESIGN_GAIN_MARGIN, DESIGN_SENSITIVITY
+from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, LoopMargins
+from profiles.axis.servo_gains import shown_names, stated_settings
+from profiles.files import printable
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 STEPS = {"tune.up": -1, "tune.down": 1, "tune.first": -sys.maxsize, "tune.last": sys.maxsize}
@@ -39,6 +69,288 @@ BEFORE_A_TEST = {
     "machine.tool_in_part": "away",
 }
 """What comes before a test, by the reason why it cannot be armed."""
+
+APPLY, REVERT = "tune.apply", "tune.revert"
+KINDS = ("health", "pvt", "cam", "timebase")
+"""A health test, or an identification of one of these paths."""
+
+ARMED_S = 20.0  # within which F6 starts what F5 has armed
+NAME_WIDTH, LABEL_WIDTH, VALUE_WIDTH = 10, 26, 14
+DATE = len("2001-11-30 14:05")
+Tests = tuple[KeptHealth, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AskedGains:
+    """Gains that the next press of the same key writes until `until_s`, machine time; `before` are those now."""
+
+    action: str
+    until_s: float
+    moment: tuple[object, ...]
+    before: Gains
+    after: Gains
+
+    def holds(self, action: str, state: StationState, now_s: float) -> bool:
+        """Whether this press of a key is the second one, with everything as it was."""
+        return self.action == action and now_s <= self.until_s and self.moment == _trial_moment(state)
+
+    @property
+    def command(self) -> Command:
+        """What is written."""
+        return ApplyGains(settings=self.after, shown=self.before) if self.action == APPLY else RevertGains()
+
+
+def trial_reasons(
+    action: str, state: StationState, facts: GainFacts | Problems | None, *, shown: bool
+) -> tuple[Problem, ...]:
+    """Return why gains cannot be written now; `shown` is whether the proposal is in front of the operator."""
+    if reasons := refusal(state, action):
+        return reasons
+    if state.armed is not None or state.activity is not Activity.READY:
+        return (Problem(code="screen.tune_gains_armed"),)
+    if state.snapshot is None or not state.snapshot.loops_open:
+        return (Problem(code="screen.tune_drives_on"),)
+    if action == REVERT:
+        return () if state.trial is not None else (Problem(code="trial.none", key=state.machine),)
+    if state.tool_loop is None:
+        return (Problem(code="screen.tune_unread"),)
+    if not shown or facts is None:
+        return (Problem(code="screen.tune_look_first"),)
+    found = facts.proposal if isinstance(facts, GainFacts) else None
+    if found is None or found.settings == found.present:
+        return (Problem(code="screen.tune_no_proposal"),)
+    return ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ArmedTest:
+    """A test that may be started until `until_s`, machine time, while nothing happens at the machine."""
+
+    kind: str
+    until_s: float
+    moment: tuple[object, ...]
+
+
+def moment_of(state: StationState) -> tuple[object, ...]:
+    """Return what must stay as it is from F5 to F6."""
+    on = state.snapshot is not None and state.snapshot.loops_closed
+    return state.activity, state.stop is None, state.standing, on, state.tested, state.alignment.clamping
+
+
+def holds(armed: ArmedTest | None, state: StationState, now_s: float) -> bool:
+    """Whether a test may still be started."""
+    return armed is not None and now_s <= armed.until_s and armed.moment == moment_of(state)
+
+
+def command_of(kind: str) -> Command:
+    """Return the command that starts a test."""
+    if kind == KINDS[0]:
+        return CheckHealth(step_um=HealthRequest().step_um)
+    return IdentifyTool(path=Strategy(kind))
+
+
+def arm_reasons(kind: str, state: StationState, machine: MachineProfile) -> tuple[Problem, ...]:
+    """Return why a test cannot be armed now; the machine asks everything again before it moves."""
+    if reasons := refusal(state, "tune.arm"):
+        return reasons
+    if state.armed is not None or state.activity is not Activity.READY:
+        return (Problem(code="screen.tune_cut_armed"),)
+    snapshot = state.snapshot
+    if snapshot is None or not snapshot.loops_closed:
+        return (Problem(code="alignment.drives_off"),)
+    if not homed(snapshot):
+        return (Problem(code="alignment.not_homed"),)
+    if jogging.tool_in_part(snapshot, machine, state.alignment):
+        return (Problem(code="machine.tool_in_part"),)
+    if kind == KINDS[0]:
+        return health_problems(HealthRequest(), machine)
+    return request_problems(IdentificationRequest(path=Strategy(kind)), machine)
+
+
+def asked(action: str, state: StationState, facts: GainFacts | Problems | None, now_s: float) -> AskedGains | None:
+    """Return what a first press asks for."""
+    moment, until_s = _trial_moment(state), now_s + ARMED_S
+    trial = state.trial
+    if action == REVERT and trial is not None:
+        return AskedGains(action=action, until_s=until_s, moment=moment, before=trial.found, after=trial.before)
+    if action == APPLY and isinstance(facts, GainFacts) and facts.proposal is not None:
+        found = facts.proposal
+        after = tuple((name, float(value)) for name, value in found.settings.items())
+        before = tuple(found.present.items())
+        return AskedGains(action=action, until_s=until_s, moment=moment, before=before, after=after)
+    return None
+
+
+def _trial_moment(state: StationState) -> tuple[object, ...]:
+    return *moment_of(state), state.tool_loop, state.trial
+
+
+def gain_proposal_lines(facts: GainFacts, text: Catalogue, width: int) -> list[Line]:
+    """Return everything, the settings first: at 80 columns the last lines are in the list of messages."""
+    found, plant = facts.proposal, facts.known.loop.plant
+    date = printable(facts.known.date.replace("T", " ")[:DATE])
+    of = text("tune_page.plant_measured", date=date) if date else text("tune_page.plant_profile")
+    a, b = f"a {plant.acceleration_per_v:.4g} m/s2/V", f"b {plant.damping_per_s:.4g} 1/s"
+    rests = hanging(dim("  "), f"{of}: {a}, {b}, {1000 * plant.delay_s:.3g} ms", width)
+    asked = text(
+        "tune_page.asked",
+        gain=f"{DESIGN_GAIN_MARGIN:g}",
+        phase=f"{LEAST_PHASE_MARGIN_DEG:g}",
+        sensitivity=f"{DESIGN_SENSITIVITY:g}",
+    )
+    rests += hanging(dim("  "), asked, width, Token.DIM)
+    if found is None:
+        told = [line for problem in facts.reasons for line in wrapped(text.problem(problem), width, Token.WARNING)]
+        return told + rests
+    lines = [row for each in facts.notes for row in hanging(("· ", Token.WARNING), text.problem(each), width)]
+    lines.append(_gain_row("", text("tune_page.present"), text("tune_page.proposed"), head=True))
+    for name, was, value in found.changes:
+        lines.append(_gain_row(name, f"{was:.11g}", f"{value:.11g}"))
+    gains = found.gains.at_rest
+    for key, value in (("kp", gains.kp_v_per_m), ("ki", gains.ki_v_per_m_s), ("kd", gains.kd_v_s_per_m)):
+        unit = {"kp": "v_per_m", "ki": "v_per_m_s", "kd": "v_s_per_m"}[key]
+        lines.append(_gain_row(f"tool.gain_{key}_{unit}", "", f"{value:.4g}"))
+    for key, before, after in _margin_rows(found.before, found.after):
+        lines.append(_gain_row(text(f"tune_page.{key}"), before, after))
+    lines += _stiffness_rows(facts, text)
+    return [*lines, *hanging(("▶ ", Token.ACTION), text("tune_page.how_to_apply"), width), *rests]
+
+
+def _margin_rows(before: LoopMargins, after: LoopMargins) -> list[tuple[str, str, str]]:
+    def shown(margins: LoopMargins) -> dict[str, str]:
+        if not margins.stable:
+            return {}
+        values = {
+            "gain_margin": (margins.gain_margin, ""),
+            "phase_margin": (margins.phase_margin_deg, "°"),
+            "delay_margin": (margins.delay_margin_ms, " ms"),
+            "sensitivity": (margins.sensitivity_peak, ""),
+            "bandwidth": (margins.bandwidth_hz, " Hz"),
+        }
+        return {key: f"{value:.3g}{unit}" for key, (value, unit) in values.items() if value is not None}
+
+    keys = ("gain_margin", "phase_margin", "delay_margin", "sensitivity", "bandwidth")
+    return [(key, shown(before).get(key, NOTHING), shown(after).get(key, NOTHING)) for key in keys]
+
+
+def _stiffness_rows(facts: GainFacts, text: Catalogue) -> list[Line]:
+    """Return how far a force pushes the tool, um/N, at most and at the lobe, and the friction that trips it."""
+    if facts.stiffness is None:
+        return []
+    before, after = facts.stiffness
+    lobe = text("tune_page.compliance_at", hz=f"{before.hz[0]:g}")
+    return [
+        _gain_row(
+            text("tune_page.compliance"), f"{before.most_um_per_n:.2f} um/N", f"{after.most_um_per_n:.2f} um/N"
+        ),
+        _gain_row(lobe, f"{before.um_per_n[0]:.2f} um/N", f"{after.um_per_n[0]:.2f} um/N"),
+        _gain_row(text("tune_page.trips"), f"{facts.trips_n[0]:.1f} N", f"{facts.trips_n[1]:.1f} N"),
+    ]
+
+
+def _gain_row(label: str, present: str, proposed: str, *, head: bool = False) -> Line:
+    values = to_the_right(present, VALUE_WIDTH), to_the_right(proposed, VALUE_WIDTH)
+    return line(
+        dim(f"  {fitted(label, LABEL_WIDTH)}"), dim(values[0]), (values[1], Token.DIM if head else Token.TEXT)
+    )
+
+
+class HealthPanels(Vertical):
+    """Everything that is shown of the tests."""
+
+    DEFAULT_CSS = """
+    HealthPanels {
+        height: 1fr; width: 1fr;
+        #tune-upper { height: 1fr; width: 1fr; }
+        #tune-figures { width: 57; height: 1fr; }
+        #tune-step { width: 1fr; height: 1fr; }
+        #tune-trend { height: 6; }
+    }
+    HealthPanels.-tall #tune-trend { height: 40%; }
+    """
+
+    def __init__(self, ui: UiContext) -> None:
+        palette = ui.palette
+        self._text, self._stated = ui.text, stated_settings(ui.machine.machine)
+        self.figures = Sheet(palette, id="tune-figures", classes="panel")
+        self.step = TraceView(palette=palette, id="tune-step", classes="panel")
+        self.trend = Sheet(palette, id="tune-trend", classes="panel")
+        super().__init__(Horizontal(self.figures, self.step, id="tune-upper"), self.trend, id="tune-tests")
+
+    @property
+    def sizes(self) -> tuple[Size, ...]:
+        """The sizes by which lines are broken."""
+        return (self.figures.size, self.trend.size)
+
+    def lay_out(self, size: Size) -> None:
+        """Give the trend more room on a tall terminal."""
+        self.set_class(size.height >= 30, "-tall")
+
+    def show(self, tests: Tests | Problems | None, selected: int, armed: Sequence[Line], kind: str) -> None:
+        """Show the tests; in the place of the figures what F6 will do, where a test is armed.
+
+        Before the first test they say what one of this `kind` does.
+        """
+        text, size = self._text, self.figures.size
+        width = max(size.width, 1)
+        kept = [each for each in tests or () if isinstance(each, KeptHealth)]
+        problems = [each for each in tests or () if isinstance(each, Problem)]
+        test = kept[selected] if selected < len(kept) else None
+        before = kept[selected + 1].result if selected + 1 < len(kept) else None
+        lines = list(armed) or problem_lines(problems, text, width) or figure_lines(test, before, text, width)
+        lines = lines or kind_lines(kind, text, width, step_um=AMPLITUDE_UM)
+        if test is not None and not armed:
+            lines += other_gain_lines(test, self._stated, text, width)
+        if tests is None:
+            lines = [line(dim(text("tune_page.computing")))]
+        title = "tune_page.armed" if armed else "tune_page.figures"
+        self.figures.show(clipped(lines, size.height, text("panel.more")), text(title))
+        self.step.show(step_picture(None if test is None else test.result, before, text.units))
+        entitle(self.step, text("tune_page.step"))
+        trend = self.trend.size
+        self.trend.show(trend_lines(kept, selected, text, trend.width, trend.height), text("tune_page.trend"))
+
+
+def asked_lines(asked: AskedGains, text: Catalogue, width: int, left_s: float) -> list[Line]:
+    """Return what the next press of the same key writes."""
+    key = "apply" if asked.action == APPLY else "revert"
+    first = text(f"tune_page.ask.{key}", seconds=f"{left_s:.0f}")
+    lines = hanging(("▶ ", Token.ACTION), first, width, Token.ACTION)
+    changes = [
+        f"{name} {was:.11g} → {value:.11g}"
+        for (name, was), (_, value) in zip(asked.before, asked.after, strict=True)
+        if was != value
+    ]
+    lines += hanging(dim("  "), ", ".join(changes) or text("tune_page.ask.nothing"), width)
+    return [*lines, *hanging(dim("  "), text("tune_page.ask.how"), width, Token.DIM), BLANK]
+
+
+def trial_lines(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]:
+    """Return what was there before, what was applied, and what stands, where gains are on trial."""
+    date, by = printable(trial.date.replace("T", " ")[:DATE]), printable(trial.by, 30)
+    token = Token.WARNING
+    heading = text("tune_page.on_trial" if trial.whole else "tune_page.trial_broken", date=date, by=by)
+    lines = hanging(("! ", token), heading, width, token)
+    if not trial.whole:
+        lines += [row for each in trial.problems for row in wrapped(text.problem(each), width, token)]
+    columns = (text("tune_page.before"), text("tune_page.applied"), text("tune_page.in_controller"))
+    lines.append(line(dim(_trial_row("", *columns))))
+    before, proposed, found = dict(trial.before), dict(trial.proposed), dict(trial.found)
+    for name in shown_names(before, proposed, found):
+        other = found[name] not in (before[name], proposed[name])
+        row = _trial_row(name, *(f"{each[name]:.11g}" for each in (before, proposed, found)))
+        lines.append(line((row, token if other else Token.TEXT)))
+    return [*lines, BLANK]
+
+
+def trial_warning(trial: StandingTrial, text: Catalogue, width: int) -> list[Line]:
+    """Return the one sentence for the other views."""
+    key = "tune_page.on_trial_short" if trial.whole else "tune_page.trial_broken_short"
+    return hanging(("! ", Token.WARNING), text(key, names=listed(trial.found)), width, Token.WARNING)
+
+
+def _trial_row(name: str, *values: str) -> str:
+    return fitted(f"  {name}", NAME_WIDTH) + "".join(to_the_right(value, VALUE_WIDTH) for value in values)
 
 
 class TunePage(Page):

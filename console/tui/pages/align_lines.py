@@ -17,11 +17,18 @@ from console.session.cut.alignment import (
     step_problems,
     table_problems,
 )
+from console.session.cut.jaw_by_indicator import (
+    READINGS,
+    RESULTS,
+    allowed_spread_deg,
+    mean_deg,
+    results_deg,
+    spread_deg,
+)
 from console.session.station.jogging import clears_tables, counts_per_unit, over_part, tool_in_part, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.text.units import Units
-from console.tui.align.jaw_lines import flank_lines
 from console.tui.align.left_part import left_word
 from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
@@ -211,6 +218,34 @@ def why_lines(
     if is_valid(state.alignment, job) and waiting(state) not in _NO_ADVICE:
         return _stamps(text, state, job, machine, width, height)
     return clipped(_missing(text, state, job, machine, width), height, text("panel.more"))
+
+
+def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> list[Line]:
+    """Return the readings, nothing before the first one."""
+    flanks = alignment.flanks
+    if not flanks:
+        return []
+    results = results_deg(flanks)
+    rows = []
+    for place, result in enumerate(results):
+        first, second = flanks[2 * place : 2 * place + 2]
+        rows.append(line(f"{place + 1}: {first:.2f} {second:.2f} → {result:.2f}°"))
+    if len(flanks) % 2:
+        rows.append(line(f"{len(results) + 1}: {flanks[-1]:.2f} …"))
+    if len(results) < RESULTS:
+        return [
+            *rows,
+            *wrapped(text("align_page.flanks_next", count=len(flanks), of=READINGS), width, Token.STRONG),
+        ]
+    spread, most = spread_deg(results), allowed_spread_deg(job)
+    within = most is None or spread <= most
+    words = text(
+        "align_page.flanks_result",
+        angle=f"{mean_deg(results):.2f}°",
+        spread=f"{spread:.2f}°",
+        most="∞" if most is None else f"{most:.2f}°",
+    )
+    return [*rows, *wrapped(words, width, Token.OK if within else Token.WARNING)]
 
 
 def _missing(

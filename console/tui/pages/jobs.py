@@ -3,32 +3,220 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
 
 from textual.widget import Widget
 from textual.widgets import Input
+from textual.widgets.input import Selection
 
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.job_files import import_folder, offered_jobs
+from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, opened
 from console.tui.gate import FieldKind
 from console.tui.jobs import changes
-from console.tui.jobs.entry import JobsEntry, Typing
-from console.tui.jobs.panels import JobsPanels, Listed
-from console.tui.jobs.refusals import CHANGES, ENDS, OPENS, PAGES, READS, STEPS, refused_now
 from console.tui.jobs.shelf import Shelf, listed_jobs
 from console.tui.keymap import PageName
-from console.tui.lines import Line, line
+from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
 from console.tui.page import Page
-from console.tui.pages.jobs_lines import summary_lines, visible
+from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
 from console.tui.scanning.codes import found
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, locked
+from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.job import Job
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
+
+OPENS = "screen.open_moving", "screen.open_armed"
+CHANGES = "screen.jobs_moving", "screen.jobs_armed"  # what is written to disk waits for rest
+ENDS = {"jobs.first": -1, "jobs.last": 1}
+PAGES = {"jobs.page_up": -1, "jobs.page_down": 1}
+STEPS = {"jobs.up": -1, "jobs.down": 1}
+READS = ("jobs.open", "jobs.copy", "jobs.new", "jobs.search", "jobs.sort", "jobs.export")
+"""Actions that change nothing on disk, but for the copy of an export."""
+
+_MOVES = (*STEPS, *PAGES, *ENDS)
+_OPENING = ("jobs.open", "jobs.copy", "jobs.new")
+_OF_IMPORTS = ("jobs.open", "jobs.path", "jobs.back", "jobs.import")
+_REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
+    "jobs.rename": changes.rename_refused,
+    "jobs.delete": changes.delete_refused,
+    "jobs.note": lambda _, entry: changes.own_or_refused(entry),
+    "jobs.tags": lambda _, entry: changes.own_or_refused(entry),
+}
+_PATH_CAP_CHARACTERS = 1000
+
+
+class Typing(StrEnum):
+    """What is typed."""
+
+    NOTHING = "nothing"
+    SEARCH = "search"
+    NAME = "name"
+    NOTE = "note"
+    TAGS = "tags"
+    PATH = "path"
+
+
+class JobsEntry(Input):
+    """One line of free text over the heading of the list; hidden while nothing is typed."""
+
+    DEFAULT_CSS = """
+    JobsEntry {
+        layer: entry; position: absolute; display: none; width: 50%; height: 1; offset: 3 1;
+        background: $background; color: $foreground;
+    }
+    """
+
+    def __init__(self) -> None:
+        super().__init__(id="jobs-entry", compact=True, select_on_focus=False)
+        self.cursor_blink = False
+        self.typing = Typing.NOTHING
+
+    def open(self, typing: Typing, value: str) -> None:
+        """Begin with this text, the cursor behind it; the next characters are for the entry.
+
+        The words of a search are selected: a character begins another search, an arrow key keeps them.
+        """
+        self.typing = typing
+        self.max_length = _PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
+        self.value = value
+        begin = 0 if typing is Typing.SEARCH else len(value)
+        self.selection = Selection(begin, len(value))
+        self.display = True
+        self.keep_focus()
+
+    def keep_focus(self) -> None:
+        """Take the focus again, which a list in place of the page has taken."""
+        if self.typing is not Typing.NOTHING and self.screen.focused is not self:
+            self.screen.set_focus(self, scroll_visible=False)
+
+    def close(self) -> str:
+        """End the entry, and return what was typed."""
+        typed = self.value.strip()
+        if self.typing is not Typing.NOTHING:
+            self.typing = Typing.NOTHING
+            self.display = False
+            self.screen.set_focus(None)
+        return typed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listed:
+    """What is listed: jobs on their shelf or, with `importing`, files; and what is typed beside them."""
+
+    shelf: Shelf
+    importing: bool
+    typing: Typing
+    simulated: bool
+
+
+def refused_now(ui: UiContext, view: View, action: str, shelf: Shelf, *, importing: bool) -> tuple[Problem, ...]:
+    """Return why an action can do nothing now, or nothing to the selected job; empty where it can."""
+    if importing and action not in (*_MOVES, *_OF_IMPORTS):
+        return (Problem(code="screen.jobs_list_first"),)
+    if action == "jobs.path" and not importing:
+        return (Problem(code="screen.jobs_import_only"),)
+    changing = action not in (*_MOVES, *READS, "jobs.back")
+    if action in _OPENING or changing:
+        if refused := locked(view.state, *(OPENS if action in _OPENING else CHANGES)):
+            return (refused,)
+    entry = shelf.entry
+    if entry is None or importing:
+        return ()
+    loaded = shelf.load(entry) if action in ("jobs.open", "jobs.copy") else None
+    return loaded if isinstance(loaded, tuple) else _change_refused(ui, action, entry)
+
+
+def _change_refused(ui: UiContext, action: str, entry: LibraryEntry) -> tuple[Problem, ...]:
+    try:
+        if refuses := _REFUSES.get(action):
+            refuses(ui, entry)
+    except ProfileError as error:
+        return tuple(error.problems)
+    return ()
+
+
+class JobsPanels:
+    """The table of jobs and the summary of the selected one; painted where something has changed."""
+
+    def __init__(self, ui: UiContext) -> None:
+        self._ui = ui
+        self.table = Sheet(ui.palette, classes="table")
+        self.summary = Sheet(ui.palette, classes="summary")
+        self._shown: object = None
+
+    def forget(self) -> None:
+        """Paint again at the next time, whatever has changed."""
+        self._shown = None
+
+    def jobs(self, listed: Listed) -> JobList:
+        """Return the list as its lines take it."""
+        shelf, work = listed.shelf, self._ui.work
+        return JobList(
+            entries=shelf.entries,
+            selected=shelf.selected,
+            load=shelf.load,
+            results=shelf.results,
+            simulated=listed.simulated,
+            open_path=None if work is None else work.loaded.path,
+        )
+
+    def paint(self, listed: Listed) -> None:
+        """Paint both panels."""
+        work, shelf, title = self._ui.work, listed.shelf, self._title(listed)
+        sizes = self.table.size, self.summary.size
+        opened_now = None if work is None else (work.loaded.path, work.edited)
+        reading = self._ui.text("jobs_page.reading") if shelf.is_reading else ""
+        shown = (shelf.entries, shelf.selected, title, reading, listed.typing, opened_now, sizes)
+        if shown == self._shown:
+            return
+        self._shown, jobs, entry, text = shown, self.jobs(listed), shelf.entry, self._ui.text
+        edited = work is not None and entry is not None and work.edited and work.loaded.path == entry.path
+        size, hidden = self.summary.size, reading or hidden_words(jobs, text, self.table.size.height)
+        rows = table_lines(jobs, text, *self.table.size)
+        if not jobs.entries and (listed.importing or shelf.words):
+            rows = wrapped(text("jobs_page.no_imports" if listed.importing else "jobs_page.no_match"), size.width)
+        if listed.typing is not Typing.NOTHING:
+            rows = [BLANK, *(rows[1:] if jobs.entries else rows)]
+        self.table.show(rows, name_in(title, max(self.table.size.width - 4, 1), tail_fraction=0.5), hidden)
+        rows = summary_lines(jobs, text, *size, edited=edited)
+        if entry is not None and not isinstance(shelf.load(entry), LoadedJob):  # it cannot be used
+            rows = clipped(rows, size.height, text("panel.more"))
+        self.summary.show(rows, name_in(printable(entry.name), size.width - 4) if entry else "")
+
+    def _title(self, listed: Listed) -> str:
+        text, shelf = self._ui.text, listed.shelf
+        if listed.importing:
+            return text("jobs_page.imports", count=len(shelf.all))
+        title = text("jobs_page.title", count=len(shelf.all))
+        if shelf.words:
+            title = text("jobs_page.title_found", count=len(shelf.entries), all=len(shelf.all))
+        words = f"/{printable(shelf.words)}" if shelf.words else ""
+        return " · ".join(filter(None, (title, words, text(f"jobs_page.sorted.{shelf.order}"))))
+
+    def next_words(self, listed: Listed, state: StationState) -> str:
+        """Return how to open the selected job, or why it cannot be."""
+        text, entry, typing = self._ui.text, listed.shelf.entry, listed.typing
+        refused = locked(state, *OPENS)
+        if typing is not Typing.NOTHING:
+            return text(f"jobs_page.next.{typing}")
+        if listed.importing:
+            return text("jobs_page.next.import" if entry else "jobs_page.next.import_none")
+        if refused is not None:
+            return text("jobs_page.next.moving") if state.moving else text("jobs_page.next.armed")
+        if entry is None:
+            return text("jobs_page.next.no_match" if listed.shelf.words else "jobs_page.next.none")
+        if not isinstance(listed.shelf.load(entry), LoadedJob):
+            return text("jobs_page.next.unreadable")
+        return text("jobs_page.next.open", name=printable(entry.name))
+
 
 _ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
 _FAR = 1_000_000

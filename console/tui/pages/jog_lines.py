@@ -14,7 +14,6 @@ import numpy as np
 from console.session.station.jogging import STEPS_DEG, STEPS_MM, Steps, longest_toward_mm, stopping_distance
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.align.dial_lines import contact_line, dial_line
 from console.tui.align.hold_run import Overrun
 from console.tui.align.travel_lines import moving_words, speed_line, travel_lines
 from console.tui.lines import BLANK, Line, Piece, dim, first_fitting, line, ranged, to_the_right, width_of, wrapped
@@ -22,7 +21,7 @@ from console.tui.plot.canvas import BrailleCanvas
 from console.tui.plot.cell_view import Cells
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import Dials, WorkshopView
 from profiles.machine import MachineProfile
 
 _RUNG_WIDTH = 7
@@ -32,6 +31,9 @@ LEAST_ROWS, LEAST_COLUMNS = 4, 9
 _RIM, _JAW, _JAW_1 = 0, 1, 2
 _JAW_FRACTION = 0.5  # fraction of the radius to which a jaw reaches from the rim
 _BESIDE = 3  # columns to the right of the rim, for the mark
+CELLS = 13  # of the indicator dial: from its one end to the other, 0 in the middle
+RANGE_UM = 500.0
+_SIM: Piece = ("SIM ", Token.SIM)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,6 +160,38 @@ def _rounded_up(value: float, decimals: int) -> str:
     if not math.isfinite(value):
         return "∞"
     return f"{math.ceil(value * 10**decimals - 1e-6) / 10**decimals:.{decimals}f}"
+
+
+def dial_line(text: Catalogue, dials: Dials) -> Line:
+    """Return the indicator at the mark, drawn, with its reading."""
+    if dials.indicator_um is None:
+        return (_SIM, *_scale(None), dim(" " + text("align_page.dial.free")))
+    reading_mm = dials.indicator_um / 1000.0
+    pushed = text.units.show(reading_mm, "mm", 3, "+")
+    if abs(dials.indicator_um) >= RANGE_UM:
+        pushed = text("align_page.dial.end")
+    return (_SIM, *_scale(dials.indicator_um), *line(" " + pushed))
+
+
+def contact_line(text: Catalogue, dials: Dials) -> Line:
+    """Return whether the tool is heard on the part and its current, or what the micrometer reads."""
+    if dials.micrometer_mm is not None:
+        return line(_SIM, text("align_page.micrometer", value=text.units.show(dials.micrometer_mm, "mm", 3)))
+    current = text("align_page.current", value=f"{dials.tool_current_percent:.0f}")
+    if dials.contact:
+        return line(_SIM, ("● " + text("align_page.contact"), Token.STRONG), ", " + current)
+    return line(_SIM, "○ " + text("align_page.no_contact"), dim(", " + current))
+
+
+def _scale(reading_um: float | None) -> Line:
+    """Return the scale, with the needle unless the stylus is free."""
+    cells = ["─"] * CELLS
+    cells[0], cells[CELLS // 2], cells[-1] = "├", "┼", "┤"
+    if reading_um is None:
+        return (dim("".join(cells)),)
+    share = (max(-RANGE_UM, min(reading_um, RANGE_UM)) + RANGE_UM) / (2.0 * RANGE_UM)
+    at = round(share * (CELLS - 1))
+    return (dim("".join(cells[:at])), ("●", Token.STRONG), dim("".join(cells[at + 1 :])))
 
 
 def seen_lines(text: Catalogue, jog: JogView, width: int) -> list[Line]:

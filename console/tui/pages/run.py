@@ -3,11 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import ClassVar
+
+from rich.cells import cell_len
 
 from console.session.cut.compensated import with_news
 from console.session.station.adjusting.holding import hold_refusal
 from console.session.station.commands import (
+    LEAST_ARMED_S,
+    MOST_ARMED_S,
     Adjust,
     Arm,
     Command,
@@ -21,20 +26,23 @@ from console.session.station.jogging import clears_tables, no_retract
 from console.session.station.state import Activity
 from console.session.versioning.cut_from import changed_since_opened
 from console.session.work import Work
-from console.tui.keymap import PageName, actions_of
-from console.tui.lines import BLANK, Line, line, wrapped
+from console.text.catalogue import Catalogue
+from console.tui.align.jog_presses import JogPresses
+from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.keymap import Action, PageName, actions_of
+from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
 from console.tui.page import Page
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import live_lines
+from console.tui.pages.fields import named
 from console.tui.pages.run_next import Phase, in_part, next_word, phase_of, way_out
 from console.tui.pages.stop_lines import lost_lines, stop_lines
-from console.tui.run.adjust_keys import AdjustKeys
 from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, allowed, armed_bounds
 from console.tui.run.error_band import error_band
 from console.tui.run.moment_lines import moment_in_full
 from console.tui.run.panels import WIDEST_FACT, RunPanels
-from console.tui.run.reading_time import reading_s
-from console.tui.run.why_lines import why_lines
+from console.tui.terminal.key_releases import Stroke
+from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.bounds import Adjustable
 from drivers.cutting.strategy import Strategy
@@ -42,6 +50,62 @@ from profiles.problem import Problem
 
 _ADJUSTS = {"run.more": 1, "run.less": -1}  # steps by a press
 LEAST_POLAR_ROWS = 24  # rows of the page from which there is room for the polar plot below the other one
+CELLS_A_SECOND = 12.0
+"""Reading slowly, as figures are compared: 140 English words, or 330 Korean syllables, a minute."""
+
+FIND_S = 5.0  # to look from the key to the summary, and back to the key
+
+
+def reading_s(rows: Sequence[Line]) -> float:
+    """Return how long these rows take to read, s, between the bounds of an arming."""
+    cells = sum(cell_len("".join(piece.split())) for row in rows for piece, _ in row)
+    return min(max(FIND_S + cells / CELLS_A_SECOND, LEAST_ARMED_S), MOST_ARMED_S)
+
+
+def why_lines(
+    text: Catalogue, actions: tuple[Action, ...], why_not: Callable[[str], tuple[Problem, ...]], width: int
+) -> list[Line]:
+    """Return each action that is refused now with its reasons; nothing where none is."""
+    rows = [row for action in actions for row in _of_action(text, action, why_not(action.id), width)]
+    return [BLANK, line((text("run_page.why_not"), Token.TITLE)), *rows] if rows else []
+
+
+def _of_action(text: Catalogue, action: Action, reasons: tuple[Problem, ...], width: int) -> Iterator[Line]:
+    if not reasons:
+        return
+    yield line((f"✗ {action.shown} {text(f'key.{action.id}')}", Token.WARNING))
+    for problem in dict.fromkeys(reasons):
+        yield from hanging(dim("  "), text.problem(named(problem, text)), width)
+
+
+class AdjustKeys:
+    """Which presses of + and - are steps. Times are of any monotonic clock."""
+
+    def __init__(self) -> None:
+        self._presses, self._strokes = JogPresses(), ReportedStrokes()
+        self.held = False
+
+    def forget(self) -> None:
+        """Drop a press that waits for its decision: another key was pressed, or the cut is over."""
+        self._presses.forget()
+        self.held = False
+
+    def press(self, action: str, stroke: Stroke | None, now_s: float) -> list[str]:
+        """Note a press; return the actions that are known by now to be steps, in the order of their presses."""
+        before = self.due(now_s)
+        if stroke is not None:
+            self._presses.forget()
+            finger = self._strokes.is_finger(stroke, now_s)
+            self.held = not finger
+        else:
+            finger = self._presses.press(action, now_s)
+            self.held = self._presses.held
+        return [*before, action] if finger else before
+
+    def due(self, now_s: float) -> list[str]:
+        """Return the action of a press that no repeat followed, once."""
+        action = self._presses.due(now_s)
+        return [] if action is None else [action]
 
 
 class RunPage(Page):

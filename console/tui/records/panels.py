@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -11,27 +12,46 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from console.text.catalogue import Catalogue
-from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, hanging, line, ranged, wrapped
+from console.text.units import Units
+from console.tui.lines import (
+    BLANK,
+    NOTHING,
+    Line,
+    Sheet,
+    clipped,
+    dim,
+    entitle,
+    fitted,
+    hanging,
+    line,
+    name_in,
+    ranged,
+    to_the_right,
+    wrapped,
+)
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.plot.frame import nice_limits
-from console.tui.plot.polar_view import PolarView
-from console.tui.plot.run_chart_view import RunChartView
+from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
+from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.beside import Problems
-from console.tui.records.chart_lines import chart_lines, chart_picture, chart_title
-from console.tui.records.compared_lines import Pair, pair_caption, pair_lines, polar_of
-from console.tui.records.job_chart import JobChart
+from console.tui.records.job_chart import Figure, JobChart, NoClaim
 from console.tui.records.list_lines import RunList, hidden_words, local, nothing_lines, run_lines, title_words
 from console.tui.records.listing import Listing, Wanted
-from console.tui.records.opened_run import OpenedRun
+from console.tui.records.opened_run import OpenedRun, RecordedTrace
 from console.tui.records.reading import Opened
-from console.tui.records.run_lines import story_lines
+from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.files import printable
+from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
+from profiles.own_values import number
 
 Found = Listing | Opened | JobChart | Problems | None
 _PAGE_LEAST = 1
+_LABEL_LEAST = 13  # columns
+_MARKS = {True: "✓", False: "✗", None: "·"}
+MOST_NAMED = 8  # parts beyond the limits that are named
 
 
 class Mode(StrEnum):
@@ -66,6 +86,210 @@ class RoundnessPanel(Horizontal):
         self.facts = Sheet(palette, id="records-facts", classes="panel")
         self.left = Vertical(self.polar, self.caption, id="records-left", classes="panel")
         super().__init__(self.left, self.facts, id="records-run")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pair:
+    """Two opened runs: the one that was marked, and the one that was opened beside it."""
+
+    marked: OpenedRun
+    other: OpenedRun
+
+    @property
+    def sides(self) -> tuple[OpenedRun, OpenedRun]:
+        """Both, the marked one first."""
+        return self.marked, self.other
+
+
+def polar_of(traces: Sequence[tuple[RecordedTrace | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
+    """Return what is plotted, with jaw 1 of all at the angle of the last; each with its token, or dashed."""
+    shown = [(trace, token, dashed) for trace, token, dashed in traces if trace is not None]
+    jaw_1_deg = shown[-1][0].jaw_1_deg if shown else None
+    polar = [
+        PolarTrace(
+            angle_deg=trace.angle_deg + _turn_deg(trace, jaw_1_deg),
+            deviation_um=trace.profile_um,
+            token=token,
+            dashed=dashed,
+        )
+        for trace, token, dashed in shown
+    ]
+    return polar, [] if jaw_1_deg is None else [Mark(angle_deg=jaw_1_deg, label="1")]
+
+
+def _turn_deg(trace: RecordedTrace, jaw_1_deg: float | None) -> float:
+    return 0.0 if jaw_1_deg is None or trace.jaw_1_deg is None else jaw_1_deg - trace.jaw_1_deg
+
+
+def pair_caption(pair: Pair, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
+    """Return the legend of the two traces, and their scale."""
+    rows = []
+    for run, key in zip(pair.sides, (BEFORE_KEY, AFTER_KEY), strict=True):
+        part = run.product
+        ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
+        token = Token.BEFORE if run is pair.marked else Token.AFTER
+        rows.append(
+            ranged(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
+        )
+    scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
+    untied = any(run.trace is not None and run.trace.jaw_1_deg is None for run in pair.sides)
+    note = text("records_page.not_turned") if untied else text("records_page.turned")
+    return [*rows, ranged(line(dim(note)), line(dim(" " + scale)), width)]
+
+
+def pair_lines(pair: Pair, text: Catalogue, width: int) -> list[Line]:
+    """Return the table of both runs, the most important rows first."""
+    column = max((width - _LABEL_LEAST) // 2, 8)
+    label = max(width - 2 * column, 1)
+    rows = []
+    for name, values in _rows(pair, text):
+        cells = "".join(to_the_right(name_in(value, column - 1), column) for value in values)
+        same = values[0] == values[1]
+        rows.append(line(dim(fitted(name, label)), (cells, Token.DIM if same else Token.TEXT)))
+    return rows
+
+
+def _rows(pair: Pair, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
+    """Return each row of the table with the values of both."""
+    marked, other = (_values(run, text) for run in pair.sides)
+    names = [*marked, *(name for name in other if name not in marked)]
+    return [(name, (marked.get(name, NOTHING), other.get(name, NOTHING))) for name in names]
+
+
+def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
+    row, part, job, units = run.story.row, run.product, run.job, text.units
+    values = {units.unit("um"): local(row.started)[5:], text("records_page.job"): printable(row.job)}
+    if part is not None:
+        values["RONt"] = f"{units.figure(part.ront_um, 'um', 2)} {_MARKS[part.passed]}"
+        for name in ("RONp", "RONv", "RONq"):
+            values[name] = _shown(part.data.get(f"{name}_um"), lambda value: units.figure(value, "um", 2))
+        if part.diameter_mm is not None:
+            values[f"D {units.unit('mm')}"] = units.figure(part.diameter_mm, "mm", 3)
+        harmonics = {text("inspect_page.harmonic", n=n): um_pp for n, um_pp in jaw_harmonics(part, run)}
+        values |= {name: units.figure(um_pp, "um", 2) for name, um_pp in harmonics.items()}
+    values[text("records_page.ended")] = text(f"records_page.how.{row.ended.how}")
+    values[text("records_page.made")] = made_of(row, text)
+    values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), _one)
+    values[f"{text('records_page.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
+    if job is not None:
+        values["rpm"] = f"{job.spindle_speed_rpm:.0f}"
+        values[text("records_page.depth_mm")] = units.figure(job.depth_of_cut_mm, "mm", 3)
+    values[text("records_page.of.alarms")] = str(len(run.story.alarms))
+    values[text("records_page.machine")] = printable(row.machine)
+    values[text("records_page.operator")] = printable(row.operator or NOTHING)
+    return values
+
+
+def _one(value: float) -> str:
+    return f"{value:.1f}"
+
+
+def _shown(value: object, form: Callable[[float], str]) -> str:
+    try:
+        return form(number(value))
+    except (TypeError, ValueError):
+        return NOTHING
+
+
+def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
+    """Return the chart as it is drawn, in these units; a limit below 0 of what cannot be below is left out."""
+    size, begins = units.size("um"), float(chart.numbers[chart.begins]) if chart.numbers else 0.0
+    levels = [
+        Level(value=value / size, name="tol", token=Token.WARNING)
+        for value in (chart.lower_um, chart.upper_um)
+        if value is not None
+    ]
+    if chart.limits is not None:
+        found = chart.limits
+        if chart.figure is not Figure.RONT or found.lower > 0.0:
+            levels.append(Level(value=found.lower / size, name="LCL", token=Token.DIM, begins=begins, dashed=True))
+        levels.append(Level(value=found.upper / size, name="UCL", token=Token.DIM, begins=begins, dashed=True))
+        levels.append(Level(value=found.mean / size, name="avg", token=Token.RING, begins=begins))
+    values = [each / size for each in chart.values_um]
+    return ChartPicture(
+        numbers=chart.numbers, values=values, beyond=chart.beyond, levels=levels, unit=units.unit("um")
+    )
+
+
+def chart_title(chart: JobChart, text: Catalogue) -> str:
+    """Return whose parts are charted."""
+    figure = text(f"records_page.chart.{chart.figure}")
+    return f"{figure} · {printable(chart.parts.job, 30)} · {printable(chart.parts.strategy, 12)}"
+
+
+def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
+    """Return what the chart says, the most important first."""
+    if not chart.values_um:
+        said = "no_parts" if not chart.parts.points else "no_diameters"
+        return wrapped(text(f"records_page.chart.{said}"), width)
+    lines = _limit_lines(chart, text, width)
+    lines += _claim_lines(chart, text, width)
+    lines += _lobe_lines(chart, text, width)
+    count, dates = len(chart.values_um), {"first": _date(chart.first), "last": _date(chart.last)}
+    lines += wrapped(text("records_page.chart.parts", count=count, **dates), width, Token.DIM)
+    if chart.begins:
+        lines += wrapped(text("records_page.chart.alike", count=chart.alike), width, Token.DIM)
+    if chart.parts.others:
+        lines += wrapped(text("records_page.chart.others", count=chart.parts.others), width, Token.DIM)
+    return lines
+
+
+def _limit_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
+    limits = chart.limits
+    if limits is None:
+        few = text("records_page.chart.no_limits", count=chart.alike, least=LEAST_CHART)
+        return wrapped(few, width)
+    found = {"mean": limits.mean, "lower": limits.lower, "upper": limits.upper}
+    facts = {name: text.units.figure(value, "um", 2) for name, value in found.items()}
+    if chart.figure is Figure.RONT and limits.lower <= 0.0:
+        facts["lower"] = "0"
+    lines = wrapped(text("records_page.chart.limits", **facts), width)
+    if not chart.beyond:
+        return [*lines, line(dim(text("records_page.chart.none_beyond")))]
+    named = [str(chart.numbers[place]) for place in chart.beyond]
+    more = "" if len(named) <= MOST_NAMED else " …"
+    which = ", ".join(named[-MOST_NAMED:]) if not more else "… " + ", ".join(named[-MOST_NAMED:])
+    beyond = text("records_page.chart.beyond", count=len(named), which=which)
+    return [*lines, *hanging(("✗ ", Token.WARNING), beyond, width, Token.WARNING)]
+
+
+def _claim_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
+    """Return the indices with the number of parts and their interval, or why none is claimed."""
+    found = chart.capability
+    if found is not None:
+        return wrapped(capability_words(found, text), width, Token.STRONG)
+    facts = {"count": chart.alike, "least": LEAST_PARTS, "beyond": len(chart.beyond)}
+    said = text(f"records_page.chart.claim.{chart.no_claim or NoClaim.LATER}", **facts)
+    return hanging(dim("Cpk – "), said, width)
+
+
+def capability_words(found: Capability, text: Catalogue) -> str:
+    """Return the indices of a process with their 95 % intervals and the number of parts."""
+    said = []
+    if found.cp is not None and found.cp_low is not None and found.cp_high is not None:
+        said.append(f"Cp {found.cp:.2f} ({found.cp_low:.2f} – {found.cp_high:.2f})")
+    said.append(f"Cpk {found.cpk:.2f} ({found.cpk_low:.2f} – {found.cpk_high:.2f})")
+    return f"{' · '.join(said)} {text('records_page.chart.confidence', count=found.parts)}"
+
+
+def _lobe_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
+    found = chart.lobe
+    if found is None:
+        if chart.no_claim is NoClaim.LATER:
+            return []
+        few = text("records_page.chart.no_trend", least=LEAST_TREND)
+        return wrapped(few, width, Token.DIM)
+    rising = "rising" if found.per_part > 0.0 else "falling"
+    slope, half = text.units.figure(found.per_part, "um", 3, "+"), text.units.figure(found.half_width, "um", 3)
+    facts = {"slope": slope, "half": half, "count": found.parts}
+    said = text(f"records_page.chart.{rising if found.significant else 'steady'}", **facts)
+    return wrapped(said, width, Token.WARNING if found.significant and found.per_part > 0.0 else Token.TEXT)
+
+
+def _date(date: object) -> str:
+    from datetime import datetime
+
+    return date.astimezone().strftime("%Y-%m-%d") if isinstance(date, datetime) and date.year > 1 else NOTHING
 
 
 class RecordsPanels:

@@ -5,19 +5,24 @@ from __future__ import annotations
 from collections.abc import Sequence
 from enum import StrEnum
 
+import numpy as np
 from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
-from console.tui.plot.trace_view import TraceView
+from console.tui.plot.frame import nice_limits
+from console.tui.plot.trace_view import Mark, Series, TracePicture, TraceView
 from console.tui.records.beside import Problems
-from console.tui.tuning.bode import bode_pictures
-from console.tui.tuning.loop_facts import LoopFacts
+from console.tui.theme import Token
+from console.tui.tuning.loop_facts import Curve, LoopFacts
 from console.tui.tuning.loop_lines import heading, legend, loop_lines, reason_lines, response_lines
 from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
 
 WIDE = 130  # columns from which plots and texts stand side by side
+POINT, PAPER = "•", "✗"
+X_LIMITS = (0.0, 3.0)  # 1 to 1000 Hz
+_LEAST_DB, _LEAST_DEG = -30.0, -270.0
 
 
 class TuneView(StrEnum):
@@ -27,6 +32,34 @@ class TuneView(StrEnum):
     BODE = "bode"
     TESTS = "tests"
     GAINS = "gains"
+
+
+def bode_pictures(facts: LoopFacts, selected: Curve | None) -> tuple[TracePicture, TracePicture]:
+    """Return gain in dB and phase in degrees over the frequency; what is far below the band is not shown."""
+    return _picture(facts, selected, "gain_db", "dB", _LEAST_DB), _picture(
+        facts, selected, "phase_deg", "°", _LEAST_DEG
+    )
+
+
+def _picture(facts: LoopFacts, selected: Curve | None, name: str, unit: str, least: float) -> TracePicture:
+    def values(curve: Curve) -> np.ndarray:
+        found: np.ndarray = getattr(curve, name)
+        return found
+
+    model = values(facts.model)
+    # Far above the bandwidth there is nothing to see: the limits are those of the band, and of what was measured.
+    shown = [model[model >= least]] + [values(each) for each in (selected, facts.paper) if each is not None]
+    every = np.concatenate(shown)
+    limits = nice_limits(max(float(every.min()), least), float(every.max()))
+    marks = []
+    if facts.paper is not None:
+        marks.append(Mark(x=np.log10(facts.paper.hz), y=values(facts.paper), sign=PAPER, token=Token.MARK))
+    if selected is not None:
+        marks.append(Mark(x=np.log10(selected.hz), y=values(selected), sign=POINT, token=Token.BEFORE))
+    series = [Series(x=np.log10(facts.model.hz), y=model, token=Token.AFTER)]
+    return TracePicture(
+        series=series, x_limits=X_LIMITS, y_limits=limits, y_unit=unit, x_unit="Hz", decades=True, marks=marks
+    )
 
 
 class LoopPanels(Horizontal):

@@ -1,1 +1,0 @@
-"""What the page Preview explains on demand: the band, the highest safe speed, the inverted response."""
