@@ -1,4 +1,4 @@
-"""Acceptance numbers from the simulated lathe: 1 and 5 to 9 of the twelve."""
+"""Acceptance numbers from a simulated lathe in this process: 1 and 5 to 9 of the twelve."""
 
 from __future__ import annotations
 

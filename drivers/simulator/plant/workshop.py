@@ -152,7 +152,11 @@ class PartIndicator:
 
 
 class TipPath:
-    """Machine counts of tool, spindle and carriage to radius and Z of the tip, and turns since the index."""
+    """Machine counts of tool, spindle and carriage to radius and Z of the tip, and turns since the index.
+
+    Exact where it matters, a bound elsewhere: far from everything neither the radial error of the spindle nor that
+    of the scale has to be computed for each servo cycle.
+    """
 
     def __init__(self, machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> None:
         self._true = true
