@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 from benchmarks.command_rate import connect, said
 from drivers.lathe.stop import KILL_ALL
-from drivers.link.pace import CHARACTER_BITS as CHARACTER_BITS
+from drivers.link.serial import CHARACTER_BITS as CHARACTER_BITS
 from drivers.pmac.ethernet import Direction, Request, RequestCode
 
 CHUNK = 4096

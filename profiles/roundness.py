@@ -5,7 +5,7 @@ limacon model (deviation = R + x cos + y sin), which holds while eccentricity^2 
 part of known radius is taken about its own centre. Names after ISO 12181-1 (RONt, RONp, RONv, RONq; LSC: least
 squares circle, MZC: minimum zone, MCC: minimum circumscribed, MIC: maximum inscribed) and ISO 16610-21 (the
 Gaussian filter, here for a closed profile: no end effects). Where a circle may slide (MCC and MIC of an oval)
-the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.exchange`.
+the position with the least RONt is taken, then the one nearest to LSC: see `profiles.metrology.circles`.
 """
 
 from __future__ import annotations

@@ -14,11 +14,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import replace
 
-from drivers.commissioning.reading import read_gathering, read_settings
+from drivers.commissioning.reading import LISTING_TIMEOUT_S, ask_or_none, read_gathering, read_settings
 from drivers.errors import DriverError, RefusedError
 from drivers.identification.cam_path import CamPath
 from drivers.identification.excitation import Excitation
-from drivers.identification.kept_table import kept_table
 from drivers.identification.measuring import measure
 from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
@@ -26,8 +25,10 @@ from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, I
 from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
+from drivers.pmac.client import PmacClient
 from drivers.pmac.compensation.table import step_counts
-from drivers.pmac.compensation.table_text import table_lines
+from drivers.pmac.compensation.table_text import read_table, table_lines
+from drivers.pmac.language.errors import PmacError
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.compensations.path import delayed
 from profiles.problem import Problem, ProblemError
@@ -66,6 +67,25 @@ def take_up(rig: Rig) -> None:
     except BaseException as error:
         _leave_at_rest(rig, error)
         raise
+
+
+def kept_table(client: PmacClient, motor: int) -> tuple[str, ...]:
+    """Return the lines that send the table of a motor again; empty where it has none.
+
+    A cut by `cam` leaves its table in the controller, switched off; a table may be another host's, too.
+
+    Raises RefusedError: `identify.in_use`, one that is not understood; it stays. LinkError: the link broke.
+    """
+    definition = ask_or_none(client, f"#{motor}LIST COMP DEF")
+    if not definition:
+        return ()
+    listed = client.question(f"#{motor}LIST COMP", LISTING_TIMEOUT_S)
+    try:
+        table = read_table([f"#{motor} DEFINE COMP {definition[0].strip()}", *listed], client.dialect.motor_count)
+    except PmacError as unknown:
+        problem = Problem(code="identify.in_use", where=client.link.address, key=f"#{motor} COMP")
+        raise RefusedError(problem) from unknown
+    return tuple(table_lines(table))
 
 
 def identify(

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from drivers.errors import LinkError
 from drivers.placed import Placed
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.plcs.plc import Addressed
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.card.motor import Motor
@@ -15,13 +18,16 @@ from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.card.stretch import Loaded
 from drivers.simulator.card.watchdog import Background
+from drivers.simulator.commands.line import commands
+from drivers.simulator.commands.status import ACTIONS
+from drivers.simulator.context import ALL_CARDS, Context
 from drivers.simulator.faults.board import FaultBoard
 from drivers.simulator.faults.catalogue import AXES, refusal
 from drivers.simulator.faults.effects import FaultTarget
 from drivers.simulator.faults.fault_line import inject_words, words_of
 from drivers.simulator.faults.lines import Lines
-from drivers.simulator.hosts.port import Port
-from drivers.simulator.hosts.program_voice import speak
+from drivers.simulator.hosts import replies
+from drivers.simulator.hosts.port import WORK_PER_TURN, Port
 from drivers.simulator.plant.collision import Collision
 from drivers.simulator.plant.dials import ShopDials
 from drivers.simulator.plant.drives import build_drives
@@ -33,6 +39,49 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.traces import Trace
+
+COMMANDS_PER_CYCLE = 16  # maximum program commands per background cycle, fewer when they are costly
+
+
+def speak(controller: Controller, ports: Sequence[Port]) -> None:
+    """Execute the programs' requests since the last cycle: CMD, and messages to all hosts, SEND."""
+    pending, messages = controller.host.pending_commands, controller.host.host_messages
+    if not pending and not messages:
+        return
+    done = work = 0
+    while pending and done < COMMANDS_PER_CYCLE and work < WORK_PER_TURN:
+        said, cost = _command(controller, *pending.popleft())
+        done, work = done + 1, work + cost
+        if said:
+            _announce(said, ports)
+    while messages:
+        text, _ = messages.popleft()
+        _announce(replies.message(text, replies.wording(controller.variables)), ports)
+
+
+def _command(controller: Controller, text: str, port: str, addressed: Addressed) -> tuple[bytes, int]:
+    """Execute a command as from a host; return the cost, and the output, data only for a named port."""
+    motor, system = addressed.motor, addressed.system
+    context = Context(controller, motor_number=motor, system_number=system, card_number=ALL_CARDS)
+    try:
+        if len(text) == 1 and ord(text) < ord(" "):
+            action = ACTIONS.get(ord(text))
+            report = action(context) if action is not None else None
+            context.lines += [report] if report is not None else []
+        else:
+            for _ in commands(text, context):
+                pass
+    except PmacError as refusal:
+        how = replies.wording(controller.variables)
+        # With I6 = 2 only hosts get error messages.
+        return b"" if how.errors == 2 else replies.refused(refusal.code, how), context.work
+    how = replies.wording(controller.variables)
+    return b"".join(replies.message(line, how) for line in context.lines if port), context.work
+
+
+def _announce(said: bytes, ports: Sequence[Port]) -> None:
+    for port in ports:
+        port.announce(said)
 
 
 class SimulatedLathe:

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 import console as package
-from console.cli.part.move_lines import PlainNumber
+from console.cli.part.check_program_report import PlainNumber
 from console.text.catalogue import load
 from console.text.columns import broken, cell_width
 from drivers.pmac.analysis.findings import Code, Said

@@ -10,10 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.phase_times import CutPhase
 from console.session.cut.telemetry import phase_of
 from console.session.station.commands import Start
-from console.session.station.progress import CutProgress, CutStage
+from console.session.station.progress import CutPhase, CutProgress, CutStage
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.compensations.path import LobedPath
 from tests.console.floor import experiment_1, set_up_once

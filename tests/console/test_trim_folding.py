@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from console.session.learning.trim_folding import TrimFolding
+from console.session.learning.learning import TrimFolding
 
 
 def test_with_three_jaws_all_of_a_trim_goes_into_the_table() -> None:

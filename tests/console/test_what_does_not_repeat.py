@@ -13,7 +13,7 @@ from typing import Any
 
 import pytest
 
-from console.cli.machine import run_report
+from console.cli.machine import run_cut
 from console.session.cut.run import plan_run
 from console.session.learning import learning
 from console.session.learning.order_learning import LearnHow
@@ -120,6 +120,6 @@ def test_the_report_says_what_of_an_order_no_learning_removes(language: str) -> 
     part: Any = SimpleNamespace(certificate=certificate, trim_short={2: 7.1})
     none: Any = None
     result = LearnResult(plan=plan, before=none, floor=none, parts=(part,))
-    oval, fifth = run_report._own(result, load(language))
+    oval, fifth = run_cut._own(result, load(language))
     assert all(figure in oval for figure in ("10.96", "11.66", "0.74", " 8 um"))
     assert all(figure in fifth for figure in ("2.68", "2.92")) and " 8 um" not in fifth

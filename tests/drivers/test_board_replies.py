@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.link.board_replies import Asked, BoardReplies
+from drivers.link.ethernet import Asked, BoardReplies
 
 LONGEST = 1400
 

@@ -11,9 +11,14 @@ import pytest
 from drivers.commissioning.check import Check
 from drivers.commissioning.fingerprint import fingerprint_problems, ours, read_fingerprint
 from drivers.commissioning.proofs.bench import names_of
-from drivers.commissioning.proofs.motion import pvt_rounding
-from drivers.commissioning.proofs.proving import prove, servo_rate
-from drivers.commissioning.proofs.tables import compensation_edge, roll_over, table_zero
+from drivers.commissioning.proofs.proving import (
+    compensation_edge,
+    prove,
+    pvt_rounding,
+    roll_over,
+    servo_rate,
+    table_zero,
+)
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.stop import StoppedError

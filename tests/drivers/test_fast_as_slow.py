@@ -25,7 +25,7 @@ from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.card.stretch import Stretch
 from drivers.simulator.commands import line
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant import tip_path, workshop
+from drivers.simulator.plant import workshop
 from drivers.simulator.plant.axis import Ends, NoisyScale, Scale
 from drivers.simulator.plant.collision import CollisionWatch
 from drivers.simulator.plant.driven_mass import DrivenMass
@@ -176,7 +176,7 @@ def slowly(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[], None]]:
         patch(blocks, "WORTH", math.inf)
         patch(moves, "WORTH", math.inf)
         patch(workshop, "LEAST_TIMES", math.inf)
-        patch(tip_path, "FAR_MM", math.inf)
+        patch(workshop, "FAR_MM", math.inf)
 
     yield take_away
 
@@ -267,7 +267,7 @@ def test_a_cut_under_load_is_the_same_at_any_speed(slowly: Callable[[], None]) -
 def test_far_outside_only_the_ends_of_a_path_are_exact() -> None:
     machine = compact_machine().machine
     true = plant_named("steady", machine, 7)
-    path = tip_path.TipPath(machine, true, RadialError(1.2, Random(1)))
+    path = workshop.TipPath(machine, true, RadialError(1.2, Random(1)))
     blocks = [([37.0 * k + n for n in range(11)], [40.0 * n for n in range(11)], [0.0] * 11) for k in range(4)]
     exact = [radius for block in blocks for radius in path.track(block, 0.0).radius_mm]
     near, far = (path.samples(blocks, outside_mm)[0].tolist() for outside_mm in (1000.0, 0.0))

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.link.pace import Pace
+from drivers.link.serial import Pace
 
 STOP_WITHIN_S = 0.020
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from drivers.commissioning.own_variables import OwnVariables
+from drivers.commissioning.downloadable import OwnVariables
 from drivers.lathe.signature import ITEMS
 from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import DIALECTS

@@ -11,9 +11,8 @@ import pytest
 
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.jaws import ring_overtone
 from drivers.simulator.plant.presets import BUNDLED, plant_named
-from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal, ring_overtone
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.traces import Trace

@@ -7,7 +7,7 @@ from contextlib import contextmanager, suppress
 
 from drivers.errors import DriverError
 from drivers.link.base import StopWay
-from drivers.link.board_replies import Asked, BoardReplies
+from drivers.link.ethernet import Asked, BoardReplies
 from drivers.pmac.client import PmacClient
 from drivers.pmac.ethernet import Direction, MalformedRequestError, Request, RequestCode, take_request
 from drivers.pmac.framing import FramingError, Reply, ReplyReader

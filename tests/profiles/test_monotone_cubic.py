@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from profiles.axis.monotone_cubic import monotone_cubic
+from profiles.axis.response import monotone_cubic
 
 
 @settings(max_examples=60)

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
-from profiles.metrology.exchange import HANDFUL
+from profiles.metrology.circles import CIRCLES, HANDFUL, Contact, limacon_circle
 from profiles.metrology.geometric import geometric_circle
 from profiles.problem import ProfileError
 from profiles.roundness import evaluate

@@ -20,7 +20,7 @@ import pytest
 
 from console.text.catalogue import load
 from drivers.errors import LinkError
-from drivers.link import connection, ethernet, serial_opening
+from drivers.link import connection, ethernet, serial
 from drivers.link.address import (
     EthernetAddress,
     SerialAddress,
@@ -165,7 +165,7 @@ def test_an_unusual_speed_is_had_and_read_back(device: str) -> None:
     """76 800 is one of the speeds that a PMAC can be set to, and none of those that systems have names for."""
     link = open_link(SerialAddress(device=device, baud_rate=76_800))
     line = os.open(device, os.O_RDWR | os.O_NOCTTY)
-    assert serial_opening.speed_of(line) == 76_800
+    assert serial.speed_of(line) == 76_800
     os.close(line)
     link.close()
 
@@ -175,7 +175,7 @@ def test_a_line_that_stays_at_another_speed_is_refused(
     device: str, monkeypatch: pytest.MonkeyPatch, speed: int, taken: bool
 ) -> None:
     """A driver keeps what it can do without a word; two in a hundred are what characters survive."""
-    monkeypatch.setattr(serial_opening, "speed_of", lambda line: speed)
+    monkeypatch.setattr(serial, "speed_of", lambda line: speed)
     address = SerialAddress(device=device)
     if taken:
         open_link(address).close()

@@ -289,8 +289,8 @@ def test_a_simulator_that_dies_is_told_by_line_and_channel(simulator: SimulatorP
 def test_a_simulator_that_does_not_answer_is_given_up_and_ended(
     simulator: SimulatorProcess, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("drivers.simulator.hosts.child.REQUEST_TIMEOUT_S", 0.3)
-    monkeypatch.setattr("drivers.simulator.hosts.child.END_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("drivers.simulator.hosts.process.REQUEST_TIMEOUT_S", 0.3)
+    monkeypatch.setattr("drivers.simulator.hosts.process.END_TIMEOUT_S", 0.3)
     pid = pid_of(simulator)
     os.kill(pid, signal.SIGSTOP)
     began = time.monotonic()

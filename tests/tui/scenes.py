@@ -19,7 +19,6 @@ from textual.pilot import Pilot
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
 from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned_job, clamping_of
-from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
 from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
@@ -31,7 +30,7 @@ from console.session.station.alarms import FAULT, Alarms, Priority, cleared, rai
 from console.session.station.alarms import seen as seen_alarms
 from console.session.station.history.alarm_history import Instant
 from console.session.station.history.session_log import SessionLog, command_entry, with_state
-from console.session.station.progress import CutProgress, CutStage, Synchronisation
+from console.session.station.progress import AxisToGo, CutPhase, CutProgress, CutStage, PhaseLeft, Synchronisation
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited
 from console.text.catalogue import load

@@ -7,7 +7,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from console.session.cut.phase_times import AxisToGo, CutPhase, PhaseLeft
 from console.session.station.commands import (
     LEAST_ARMED_S,
     MOST_ARMED_S,
@@ -17,7 +16,7 @@ from console.session.station.commands import (
     HoldFeed,
     ResumeFeed,
 )
-from console.session.station.progress import CutStage
+from console.session.station.progress import AxisToGo, CutPhase, CutStage, PhaseLeft
 from console.session.station.state import StationState
 from console.text.catalogue import load
 from console.tui.keymap import actions_of

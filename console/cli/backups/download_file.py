@@ -6,17 +6,18 @@ from argparse import Namespace
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.cli.backups.downloaded_source import Source, read_source
 from console.cli.backups.way_back import kept_before, read_whole, sending, sent_then_read, undo_command
 from console.cli.library import profile_of, refuse_unsigned
 from console.cli.machine import card_access
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.machine.check_report import check_fields, check_lines
 from console.cli.output import agreed, show
-from console.cli.part.check_program_report import finding_fields, finding_lines
+from console.cli.part.check_program_report import finding_fields, finding_lines, finding_sentence
+from console.cli.part.program_file import checked_file, read_file
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
 from drivers.commissioning.check import Check
+from drivers.commissioning.downloadable import badly_formed, refusals
 from drivers.commissioning.downloading import (
     Change,
     differing,
@@ -26,10 +27,17 @@ from drivers.commissioning.downloading import (
     sent_lines,
 )
 from drivers.errors import RefusedError
+from drivers.pmac.analysis.findings import ProgramFinding
+from drivers.pmac.analysis.program import refused_findings
+from drivers.pmac.buffer_text import BufferKind, TextBuffer
 from profiles.files import printable
+from profiles.findings import Severity
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 WIDTH = 80
+MOST_SAID = 20
+"""Reasons that are named one by one."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -39,6 +47,53 @@ class _Downloaded:
     changes: tuple[Change, ...]
     kept: Path | None = None
     left: tuple[Check, ...] = ()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """What a file has to send, and the warnings and notices of its check."""
+
+    buffers: tuple[TextBuffer, ...]
+    findings: tuple[ProgramFinding, ...]
+
+    @property
+    def programs(self) -> tuple[int, ...]:
+        """The numbers of its motion programs."""
+        return tuple(each.number for each in self.buffers if each.kind is BufferKind.PROGRAM)
+
+
+def read_source(path: Path, machine: MachineProfile, text: Catalogue) -> Source:
+    """Read a file and check it; nothing is sent.
+
+    Raises:
+        ProblemError: as `checked_file`.
+        RefusedError: `download.check`, what the check refuses; and the codes of `refusals` and `badly_formed`.
+    """
+    where = printable(str(path))
+    read, refused = read_file(path, machine)
+    findings = tuple(refused_findings(refused))
+    if any(buffer.kind is BufferKind.PROGRAM for buffer in read.source.buffers):
+        findings = checked_file(path, machine).findings
+    outside = {line.place for line in read.source.outside}
+    problems = [
+        *refusals(read.source, where, machine.controller.family),
+        *(
+            Problem(code="download.check", where=where, value=finding_sentence(finding, text))
+            for finding in findings
+            if finding.severity is Severity.REFUSAL and not (finding.lines and outside.issuperset(finding.lines))
+        ),
+    ]
+    problems = problems or list(badly_formed(read.source.buffers, where))
+    _refuse(problems, where)
+    return Source(buffers=read.source.buffers, findings=findings)
+
+
+def _refuse(said: list[Problem], where: str) -> None:
+    if len(said) > MOST_SAID:
+        more = Problem(code="download.more", where=where, value=str(len(said) - MOST_SAID))
+        said = [*said[:MOST_SAID], more]
+    if said:
+        raise RefusedError(*said)
 
 
 def download_file(options: Namespace, text: Catalogue) -> int:

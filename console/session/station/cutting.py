@@ -15,23 +15,27 @@ from console.session.cut.retracting import (
     retracted_by_distance,
 )
 from console.session.cut.run import planned, refuse_unplannable
+from console.session.cut.simulated_parts import LatheParts, lathe_setup
+from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_part, tool_lobe_event
+from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
 from console.session.learning.history import history_of
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
-from console.session.station.adjusting.passing_on import Adjusting, left_behind
-from console.session.station.commands import Arm, ClearTables, Disarm, HoldFeed, Retract, Start
+from console.session.station.adjusting.refusals import beyond, stepped
+from console.session.station.commands import Adjust, Arm, ClearTables, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems
-from console.session.station.history.cut_record import open_record
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress, CutStage, CutWatch
 from console.session.station.state import Activity, Armed, TouchedBlank
+from drivers.cutting.bounds import REAL_TIME, UNTRIMMED, Adjustable, Adjusted, Bounds, Changed, Trim
+from drivers.cutting.cut_program import CutProgram
 from drivers.cutting.feed_hold import HoldState
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import CutPlan, first_spindle_counts
@@ -42,10 +46,179 @@ from drivers.lathe.snapshot import Snapshot
 from profiles.axis.response import ServoResponse
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.path import CutPath
+from profiles.fingerprint.readings import readings_text
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
-from profiles.store import LoadedJob
+from profiles.store import LoadedJob, job_text
+
+
+def open_record(context: StationContext, command: Arm, plan: CutPlan, made: MadeWith) -> None:
+    """Open the record of the cut that has been armed, and end the one before."""
+    context.end_record()
+    job, machine, jaw = command.job, context.loaded_machine, context.state.alignment.jaw
+    touched, simulated = context.state.alignment.touch_off, context.cut_context.simulated
+    facts = _facts(context, command)
+    context.open_record(begin_record(context.records, facts, machine, plan, simulated=simulated))
+    context.log_command(command)
+    context.note(
+        "armed",
+        force_n=job.chucking_force_n,
+        jaw_1_deg=None if jaw is None else jaw.angle_deg,
+        zero_radius_mm=None if touched is None else touched.zero_radius_mm,
+        calibrations=calibrations_of(machine),
+        **made.event(),
+    )
+
+
+def _lathe(context: StationContext) -> dict[str, object]:
+    """Return which simulated lathe it is, and which part of it is in the chuck where they differ."""
+    shop = context.shop
+    if shop is None:
+        return {}
+    parts = LatheParts(lathe=shop.which, part=shop.parts) if shop.parts_differ else None
+    return lathe_setup(shop.which, parts)
+
+
+def _facts(context: StationContext, command: Arm) -> RunFacts:
+    """Return what the run rests on: the job as it is cut, and the alignment, with the times of its stamps."""
+    job, loaded, alignment = command.job, command.loaded, context.state.alignment
+    clamping, jaw, touched = alignment.clamping, alignment.jaw, alignment.touch_off
+    learned = command.compensation
+    return RunFacts(
+        job=job,
+        job_sha256=command.job_sha256,
+        job_text=loaded.text if loaded is not None and loaded.job == job and loaded.text else job_text(job),
+        stage=Stage(command.stage).value,
+        compensation=None if learned is None else learned.version,
+        controller=context.state.controller or None,
+        job_path=None if loaded is None else loaded.path,
+        setup={
+            "force_n": job.chucking_force_n,
+            "clamped_at": None if clamping is None else clamping.at,
+            "jaw_1_deg": None if jaw is None else jaw.angle_deg,
+            "jaw_1_at": None if jaw is None else jaw.at,
+            "zero_radius_mm": None if touched is None else touched.zero_radius_mm,
+            "touch_off_at": None if touched is None else touched.at,
+            "aligned": True,
+            "calibrations": calibrations_of(context.loaded_machine),
+            "inverted": MODEL if command.inverts is None else command.inverts.name,
+            "indicated": None if alignment.readings is None else readings_text(alignment.readings),
+            "address": context.state.address,
+            **_lathe(context),
+        },
+    )
+
+
+class Adjusting:
+    """The changes of one cut. `changed_mm` is where the first was made, mm behind the face; None without any."""
+
+    def __init__(self, context: StationContext, bounds: Bounds) -> None:
+        self.changed_mm: float | None = None
+        self._context, self._bounds = context, bounds
+        self._last = Adjusted(bounds=bounds)
+        self._applied = UNTRIMMED
+        self._told: Problem | None = None
+
+    @property
+    def adjusted(self) -> Adjusted:
+        """What was commanded, and the trim that the controller reports."""
+        program = self._context.lathe.program
+        return Adjusted(
+            override_percent=program.override.commanded,
+            trim=program.live_trim.asked,
+            applied=program.live_trim.applied,
+            bounds=self._bounds,
+        )
+
+    def pass_on(self) -> None:
+        """Pass on what the operator has asked for, in the order of the presses, and note what was applied.
+
+        Raises SessionError: `record.lost`. StoppedError, LinkError: as any command of a cut.
+        """
+        context = self._context
+        while context.adjust_asked:
+            self._pass_on(context.adjust_asked.popleft())
+        self._note_applied(context.lathe.program)
+
+    def _pass_on(self, asked: Adjust) -> None:
+        context, program = self._context, self._context.lathe.program
+        value = stepped(asked, self.adjusted.value_of(asked.what))
+        refused = beyond(asked.what, value, self._bounds)
+        if refused is not None:  # several presses between two polls
+            self._refuse((refused,))
+            return
+        cut = context.state.cut
+        z_mm = 0.0 if cut is None else cut.z_mm
+        try:
+            if asked.what is Adjustable.OVERRIDE:
+                program.override.command(round(value))
+            else:
+                program.live_trim.ask(_with(program.live_trim.asked, asked.what, value))
+        except RefusedError as error:  # another console controls the machine: nothing was sent
+            self._refuse(tuple(error.problems))
+            return
+        if self.changed_mm is None:
+            self.changed_mm = z_mm
+        self._last = self.adjusted
+        context.note("adjusted", what=asked.what.value, value=value, z_mm=z_mm)
+
+    def _refuse(self, problems: tuple[Problem, ...]) -> None:
+        self._context.log_refusal(problems)
+        self._context.tell(refusals=problems)
+
+    def _note_applied(self, program: CutProgram) -> None:
+        trim = program.live_trim
+        if trim.applied == trim.asked != self._applied:
+            self._applied = trim.applied
+            cut = self._context.state.cut
+            z_mm = 0.0 if cut is None else cut.z_mm
+            self._context.note(
+                "trimmed", gain_percent=trim.applied.gain_percent, phase_deg=trim.applied.phase_deg, z_mm=z_mm
+            )
+        if trim.problem is not None and trim.problem != self._told:
+            self._refuse((trim.problem,))
+        self._told = trim.problem
+
+    def made(self, made: MadeWith) -> MadeWith:
+        """Return how the part was made, with what was changed while it was cut."""
+        changed = self.changed
+        return made if changed is None else replace(made, changed=_words(changed))
+
+    @property
+    def changed(self) -> Changed | None:
+        """What was changed by now; None where nothing was."""
+        if self.changed_mm is None:
+            return None
+        return Changed(override_percent=self._last.override_percent, trim=self._last.trim, from_mm=self.changed_mm)
+
+
+def _with(trim: Trim, what: Adjustable, value: float) -> Trim:
+    if what is Adjustable.GAIN:
+        return replace(trim, gain_percent=value)
+    return replace(trim, phase_deg=value)
+
+
+def _words(changed: Changed) -> str:
+    """Return the last values in the notation of the record, and from where on something was changed."""
+    trim = changed.trim
+    last = f"override {changed.override_percent} %, gain {trim.gain_percent:+g} %, phase {trim.phase_deg:+g} deg"
+    return f"{last}, changed from Z {changed.from_mm:.1f} mm on"
+
+
+def left_behind(context: StationContext) -> float | None:
+    """Take over an override that was left on the controller, as by a lost link; return it, None for real time.
+
+    A controller that is held (0 %) is not ours to release.
+    """
+    snapshot = context.state.snapshot
+    if snapshot is None or not snapshot.at_rest or snapshot.override_percent < 1.0:
+        return None
+    percent = snapshot.override_percent
+    if abs(percent - REAL_TIME) <= 0.5:
+        return None
+    context.lathe.program.override.commanded = round(percent)
+    return percent
 
 
 def arm(context: StationContext, command: Arm) -> None:

@@ -5,14 +5,18 @@ A refusal is a `SessionError` and leaves the machine alone; on any other error t
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 from console.session.cut.alignment import clamped, force_problems, table_problems
 from console.session.cut.engine import tool_clear
 from console.session.cut.interlocks import of_job
 from console.session.cut.retracting import refuse_unless_still
+from console.session.data import health, identified
+from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError, refuse
 from console.session.practice.begins import Begins
 from console.session.station import commands, jogging
@@ -34,11 +38,18 @@ from console.session.station.readings import (
 )
 from console.session.station.state import Activity
 from console.session.station.targets import GO_TO, distance_to, target_problems
-from console.session.station.tuning import check_tool, identify_tool, read_loop
 from drivers.errors import ControllerError
+from drivers.identification.health import HealthRequest, check_health
+from drivers.identification.identify import identify, origin_of
+from drivers.identification.request import IdentificationRequest
+from drivers.identification.result import Origin
+from drivers.identification.rig import Rig
+from drivers.identification.tool_loop import read_tool_loop
+from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import AxisName
+from drivers.pmac.client import PmacClient
 from drivers.pmac.programs.setup import cut_setup
-from profiles.problem import Problem
+from profiles.problem import Problem, ProfileError
 
 OWNER_CODES = ("owner.held", "owner.beside", OUSTED, *NOBODYS, "owner.observer", "owner.free")
 """Alarms that taking control settles."""
@@ -218,6 +229,69 @@ def measure(context: StationContext, _: commands.Measure) -> None:
         context.lathe.switch_off()
     refuse_unless_still(context.lathe, context.clock)
     measure_simulated(context)
+
+
+def read_loop(context: StationContext, _: commands.ReadLoop) -> None:
+    """Read gains and servo period of the tool. Nothing moves, nothing is written."""
+    client = _client(context)
+    motor = context.loaded_machine.machine.tool.motor
+    context.tell(tool_loop=read_tool_loop(client, client.dialect, motor, context.local_time()))
+
+
+def check_tool(context: StationContext, command: commands.CheckHealth) -> None:
+    """Test the tool at its zero, and keep the result."""
+    request = HealthRequest(step_um=command.step_um)
+
+    def work(rig: Rig, origin: Origin) -> Path:
+        return health.store(context.records, check_health(rig, request, origin, utc_now()))
+
+    _tested(context, work)
+
+
+def identify_tool(context: StationContext, command: commands.IdentifyTool) -> None:
+    """Identify the tool on one path, and keep its response."""
+    request = IdentificationRequest(path=command.path)
+
+    def work(rig: Rig, origin: Origin) -> Path:
+        return identified.store(context.records, identify(rig, request, origin, utc_now()))
+
+    _tested(context, work)
+
+
+def _tested(context: StationContext, work: Callable[[Rig, Origin], Path]) -> None:
+    """Refuse what must not be, work, and tell the file."""
+    client, lathe = _client(context), context.lathe
+    snapshot, machine = lathe.snapshot(), context.loaded_machine.machine
+    if not context.state.simulated:
+        refuse(safety_problems(machine, snapshot.inputs))
+    if jogging.tool_in_part(snapshot, machine, context.state.alignment):
+        raise SessionError(Problem(code="machine.tool_in_part"))
+    _load_numerics()
+    rig, (version, kind) = Rig(client=client, lathe=lathe, clock=context.clock), context.state.firmware
+    with _profile_errors_refuse():
+        origin = origin_of(rig, version=version, kind=kind, simulated=context.state.simulated)
+        context.tell(tested=work(rig, origin).name)
+
+
+@contextmanager
+def _profile_errors_refuse() -> Iterator[None]:
+    """Data that cannot be evaluated or kept are no reason to stop: where the tool moved it has been stopped."""
+    try:
+        yield
+    except ProfileError as error:
+        raise SessionError(*error.problems) from error
+
+
+def _load_numerics() -> None:
+    """Load what evaluates the samples while nothing moves yet: its import holds up this thread."""
+    import scipy.signal
+    import scipy.stats  # noqa: F401
+
+
+def _client(context: StationContext) -> PmacClient:
+    if context.client is None:
+        raise SessionError(Problem(code="session.lost"))
+    return context.client
 
 
 HANDLERS: dict[type[Any], tuple[Activity, Callable[[StationContext, Any], None]]] = {

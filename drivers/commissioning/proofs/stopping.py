@@ -9,14 +9,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator
 from contextlib import suppress
-from dataclasses import KW_ONLY, dataclass, replace
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, JudgedAxis
-from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, air_cut, air_cut_lines, lobe_ends
+from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, Begin, air_cut, air_cut_lines, lobe_ends
 from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
-from drivers.commissioning.proofs.guarded import TRIES, Guarded
 from drivers.commissioning.reading import holds_program
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
@@ -25,11 +24,12 @@ from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.link.base import StopWay
 from drivers.pmac.analysis.units import unit_of
-from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED
+from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.watch import (
     LOOK_EVERY_S,
     Look,
+    Watch,
     WatchdogProof,
     kept,
     proof_problems,
@@ -37,7 +37,7 @@ from drivers.pmac.heartbeat.watch import (
     rests,
     withhold,
 )
-from drivers.pmac.heartbeat.watchdog import SERVO_PERIOD, SYSTEM, WATCHDOG_MS
+from drivers.pmac.heartbeat.watchdog import PERIOD_MS, SERVO_PERIOD, SYSTEM, WATCHDOG_MS
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
 from profiles.problem import Problem
@@ -52,6 +52,9 @@ OBEY_LIMIT_S = 0.6  # timeout for a motion to obey; by then its watchdog, which 
 LEAST_SPEED = 0.75  # fraction of its speed at which a motion is at speed, from two polls over a slow line
 POLLS_FOR_SPEED = 5  # polls to reach speed: a delayed host or controller gets a little longer
 RUNNING_OUT_S, SELDOM_S = 1.0, 0.02  # what still moves after this time is polled less often
+TIMEOUT_S = 60.0
+TRIES = 3  # a delayed host finds its motion ended by the controller, and begins it anew this often at most
+HOMING_ORDER = ("tool", "carriage", "spindle")
 
 
 @dataclass(frozen=True, slots=True)
@@ -183,6 +186,98 @@ class MeasuredStops:
 
     entries: tuple[StopEntry, ...] = ()
     checks: tuple[Check, ...] = ()
+
+
+@dataclass(kw_only=True)
+class Guarded:
+    """The driven axes of a controller whose heartbeat is in order. `starts` is where they were homed, counts.
+
+    Every method that moves raises `DriverError`: `machine.timeout`, somebody has stopped, or the link broke.
+    """
+
+    bench: ProofRig
+    i10: float
+    starts: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def axes(self) -> tuple[JudgedAxis, ...]:
+        """The axes that the controller moves."""
+        return self.bench.judged.driven_axes
+
+    @property
+    def watch(self) -> Watch:
+        """The monitor of all their motors."""
+        bench = self.bench
+        motors = tuple(axis.motor for axis in self.axes)
+        return Watch(bench.client, bench.clock, bench.dialect, motors, bench.see_owner)
+
+    @property
+    def keeper(self) -> Keeper:
+        """The watchdog lines."""
+        return Keeper(dialect=self.bench.dialect, i10=self.i10)
+
+    def inwards(self, axis: JudgedAxis) -> int:
+        """Return the direction away from the home end, +1 or -1: the free travel."""
+        return -1 if self.bench.judged.of_motor(axis, 23) > 0.0 and axis.name != "spindle" else 1
+
+    def begin(self, name: str) -> Begin:
+        """Return where an axis was homed, and the direction of free travel."""
+        axis = next(each for each in self.axes if each.name == name)
+        return Begin(self.starts[name], self.inwards(axis))
+
+    def close(self) -> None:
+        """Close every loop at its present position."""
+        for axis in self.axes:
+            self.bench.move(f"#{axis.motor}J/")
+        self.bench.settle()
+        self.bench.moving = False
+
+    def home(self) -> None:
+        """Home each axis, the tool first, so that it is retracted when another one moves."""
+        for axis in sorted(self.axes, key=lambda axis: HOMING_ORDER.index(axis.name)):
+            self.starts[axis.name] = self._homed(axis)
+
+    def back(self) -> None:
+        """Return tool and carriage to where they were homed, the tool first."""
+        for axis in self.axes:
+            if axis.name != "spindle":
+                self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)
+
+    def _homed(self, axis: JudgedAxis) -> float:
+        def done(look: Look) -> bool:
+            flags = look.flags[axis.motor]
+            return "home_complete" in flags and "home_search" not in flags
+
+        look = self._go(f"#{axis.motor}HM", axis, done)
+        return float(round(look.positions[axis.motor]))
+
+    def _go(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look:
+        for _ in range(TRIES):
+            look = self._once(line, axis, done)
+            if look is not None:
+                return look
+        raise self._timeout(axis)
+
+    def _once(self, line: str, axis: JudgedAxis, done: Callable[[Look], bool]) -> Look | None:
+        """Move, and renew the watchdog until done; None when the controller has ended the motion."""
+        bench, watch, keeper = self.bench, self.watch, self.keeper
+        polls: list[Look] = []
+        end_s = bench.clock.now_s() + TIMEOUT_S
+        bench.move(f"{keeper.jog_line()} {line}")
+        while not (polls and (polls[-1].lost or (rests(polls) and done(polls[-1])))):
+            bench.clock.wait(PERIOD_MS / 1000.0)
+            bench.stop.check()
+            watch.renew(keeper)
+            polls.append(watch.look())
+            if bench.clock.now_s() > end_s:
+                raise self._timeout(axis)
+        watch.client.request(f"{NOTHING_GUARDED} {LOSS_SEEN}")
+        bench.moving = polls[-1].lost  # ended by the controller, it may not rest yet
+        return None if polls[-1].lost else polls[-1]
+
+    def _timeout(self, axis: JudgedAxis) -> DriverError:
+        self.bench.stop.stop(REASON)
+        return DriverError(Problem(code="machine.timeout", key=axis.name, value=f"{TIMEOUT_S:g} s"))
 
 
 def prove_stops(bench: ProofRig) -> MeasuredStops:

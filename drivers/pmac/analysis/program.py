@@ -6,33 +6,37 @@ would change them.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from itertools import pairwise
 
-from drivers.pmac.absent_words import absent_word
-from drivers.pmac.analysis.explanation import ZigZag, explain, find_zigzag
+from drivers.pmac.analysis.explanation import KEPT_ENOUGH, ZigZag, explain, find_zigzag
 from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
-from drivers.pmac.analysis.limits import limit_findings
-from drivers.pmac.analysis.moves import MoveAnalysis, analyse_moves
-from drivers.pmac.analysis.path import path_findings
+from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.start import Start, start_counts, start_of
-from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.subject import Subject, moves
 from drivers.pmac.analysis.synchronism import synchronism_findings
 from drivers.pmac.analysis.tables import table_findings
-from drivers.pmac.analysis.timeline import Timeline
+from drivers.pmac.analysis.timeline import SAME_COUNTS, Timeline
 from drivers.pmac.analysis.timing import rounding_findings, timing_findings
+from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
-from drivers.pmac.dialect import DIALECTS
+from drivers.pmac.dialect import DIALECTS, Setting
 from drivers.pmac.language.arithmetic import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
 from drivers.pmac.program_text import OnLine, ProgramText, RefusedLine, read_program
+from drivers.pmac.requests import HomeRequest, TriggerRequest
 from drivers.pmac.settings import settings_with
 from profiles.findings import Severity, worst
 from profiles.machine import MachineProfile
+
+_ROUNDING = 1e-9
 
 
 def _flow_findings(subject: Subject, refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
@@ -64,6 +68,42 @@ def _without_result(place: int, detail: str) -> ProgramFinding:
 def refused_findings(refused: Iterable[RefusedLine]) -> list[ProgramFinding]:
     """Return the lines of a text that the controller refuses, as findings."""
     return [_refused(line) for line in refused]
+
+
+_ABSENT = (
+    ("LEARN", "LEARN"),
+    ("PRELUDE", "PRELUDE"),
+    ("DISPLAY", r".*DISP(LAY)?[\d,.]*[IPQM]\d"),
+    ("CC0 to CC3", r"CC[0-3]"),
+    ("CCR", "CCR"),
+    ("TSELECT", r"TSEL(ECT)?"),
+    ("TINIT", "TINIT"),
+    ("ADIS, AROT, IDIS, IROT", r"(A|I)(DIS|ROT)"),
+    ("altered destination (!)", r"[A-CU-Z]*!"),
+    ("rotary buffers (ROT)", r"((OPEN|DEF(INE)?|DEL(ETE)?)(BIN)?|)ROT(ARY)?(\d|$)"),
+    ("compiled PLCs (PLCC)", r".*PLCC\d"),
+    ("DEFINE of TBUF, TCOMP, BLCOMP, TRACE", r"DEF(INE)?(TBUF|TCOMP|BLCOMP|TRACE)"),
+    ("LOCK, UNLOCK", r"(UN)?LOCK[\dP]"),
+    ("SETPHASE", "SETPHASE"),
+    ("further words of the MACRO ring", r"STN|MACRO(SLV|STASCII|MST|AUX|ASCII)|MS(\$\$\$|SAV)|MFLUSH"),
+    ("TIME, TODAY, UPDATE", r"TIME=?|TODAY|UPDATE"),
+    ("LIST LINK", "LISTLINK"),
+)
+_FOUND = re.compile(r", found (.+)$")
+
+
+def absent_word(text: str, detail: str) -> str:
+    """Return the word because of which a line was refused, "" where it is none of those.
+
+    `detail` is the reason of the refusal: it ends with what was found where a word was expected.
+    """
+    found = _FOUND.search(detail)
+    for part in (found[1] if found else "", text):
+        typed = "".join(part.split()).upper()
+        for name, pattern in _ABSENT:
+            if re.match(pattern, typed):
+                return name
+    return ""
 
 
 def _refused(line: RefusedLine) -> ProgramFinding:
@@ -162,6 +202,226 @@ def check_program(
         findings=tuple(sorted(findings, key=lambda finding: finding.severity.rank, reverse=True)),
         explanation=explain(subject, zigzag),
     )
+
+
+def path_findings(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
+    """Return the problems of the motors' paths."""
+    findings = [*_lost_strokes(subject), *_one_sided(subject, zigzag), *_straight_circles(subject)]
+    # The end of a program is known only when it was followed to its end.
+    return [*findings, *_end(subject)] if subject.walk.ending is Ending.FINISHED else findings
+
+
+def _lost_strokes(subject: Subject) -> list[ProgramFinding]:
+    """Find moves that reverse short of both ends: for each commanded distance, the most frequent actual one."""
+    grouped: dict[tuple[int, float], list[tuple[MoveAnalysis, MotorMove]]] = {}
+    for before, move in pairwise(subject.moves):
+        for index, motor in enumerate(move.motors):
+            if motor.turns and before.motors[index].turns and before.blended:
+                grouped.setdefault((index, _rounded(abs(motor.commanded))), []).append((move, motor))
+    findings = []
+    for (index, stroke), found in grouped.items():
+        made = [_rounded(abs(motor.made)) for _, motor in found]
+        usual = max(set(made), key=made.count)
+        if stroke > SAME_COUNTS and usual < KEPT_ENOUGH * stroke:
+            findings.append(_lost(subject, index, stroke, usual, [move for move, _ in found]))
+    return findings
+
+
+def _lost(subject: Subject, index: int, stroke: float, made: float, found: list[MoveAnalysis]) -> ProgramFinding:
+    motor = subject.walk.motors[index]
+    return finding(
+        Code.STROKE_LOST,
+        subject.lines(found),
+        motor=motor,
+        stroke_counts=stroke,
+        made_counts=made,
+        **shown_length(subject.machine, motor, stroke),
+        made_length=shown_length(subject.machine, motor, made)["length"],
+        kept_percent=100.0 * made / stroke,
+        moves=len(found),
+    )
+
+
+def _one_sided(subject: Subject, zigzag: ZigZag | None) -> list[ProgramFinding]:
+    """Find a zig-zag that starts from one of its ends: its middle is half a stroke off the starting point."""
+    if zigzag is None or zigzag.index != subject.tool:
+        return []
+    first = zigzag.moves[0].motors[zigzag.index]
+    values = {
+        "begins_counts": zigzag.begins_at,
+        "middle_counts": first.target - 0.5 * first.commanded,
+        "deeper_um": subject.um(0.5 * first.commanded),
+    }
+    return [finding(Code.ONE_SIDED, subject.lines(zigzag.moves), **values)]
+
+
+def _straight_circles(subject: Subject) -> list[ProgramFinding]:
+    """Find arcs that are made as LINEAR moves, because segmentation is off."""
+    steps = subject.walk.steps
+    found = [move for move in subject.moves if move.mode == "CIRCLE" and steps[move.step].segment_ms <= 0.0]
+    if not found:
+        return []
+    variable = f"I{subject.walk.variables.dialect.index(Setting.SEGMENT_MS)}"
+    return [finding(Code.CIRCLE_STRAIGHT, subject.lines(found), moves=len(found), variable=variable)]
+
+
+def _end(subject: Subject) -> list[ProgramFinding]:
+    """Check the tool's last move: positive is infeed, and after the cut only retraction is right."""
+    tool = subject.tool
+    if tool is None:
+        return []
+    return _plunge(subject, tool) or _left_deeper(subject, tool)
+
+
+def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
+    commanded = [move for move in subject.moves if moves(move, tool)]
+    if not subject.cut or commanded[-1].number <= subject.cut[-1].number:
+        return []
+    last = commanded[-1]
+    motor = last.motors[tool]
+    deepest = max(move.motors[tool].target for move in subject.cut)
+    if motor.commanded <= 0.0 or motor.target <= deepest:
+        return []
+    per_mm = subject.machine.tool.counts_per_mm
+    mm, deeper_mm = motor.commanded / per_mm, (motor.target - deepest) / per_mm
+    return [finding(Code.PLUNGE, subject.lines([last]), counts=motor.commanded, mm=mm, deeper_mm=deeper_mm)]
+
+
+def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
+    """Find a tool that ends further in than it started, whatever moved it there."""
+    walk = subject.walk
+    deeper = walk.steps[-1].at[tool] - walk.start[tool]
+    if deeper <= SAME_COUNTS:
+        return []
+    commanded = [move.step for move in subject.moves if moves(move, tool)]
+    homed = [
+        place
+        for place, step in enumerate(walk.steps)
+        if isinstance(step.request, TriggerRequest)
+        or (isinstance(step.request, HomeRequest) and walk.motors[tool] in step.request.motors)
+    ]
+    last = walk.steps[max(commanded + homed)]
+    lines = (subject.place_of(last.program, last.line),)
+    return [finding(Code.ENDS_DEEPER, lines, counts=deeper, mm=deeper / subject.machine.tool.counts_per_mm)]
+
+
+def _rounded(counts: float) -> float:
+    """Return a distance without arithmetic rounding, so that like distances are equal."""
+    return float(f"{counts:.9g}")
+
+
+def limit_findings(subject: Subject) -> list[ProgramFinding]:
+    """Return what exceeds a limit; 0 in a variable is no limit."""
+    findings: list[ProgramFinding] = []
+    for index, motor in enumerate(subject.walk.motors):
+        findings += _position(subject, index, motor)
+        findings += _velocity(subject, index, motor)
+    return [*findings, *_tool(subject), *_spindle(subject), *_jaws(subject)]
+
+
+def _position(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
+    """Check Ix13 and Ix14, the software limits: the controller stops everything there."""
+    lowest, highest = subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
+    findings = []
+    for number, reached, beyond in ((13, highest, 1.0), (14, lowest, -1.0)):
+        limit = subject.setting(motor, number)
+        if limit and beyond * (reached - limit) > _ROUNDING * abs(limit):
+            first = [move for move in subject.moves if beyond * (move.motors[index].target - limit) > 0.0][:1]
+            lines, name = subject.lines(first), f"I{motor}{number}"
+            found = finding(Code.BEYOND_LIMIT, lines, motor=motor, variable=name, counts=reached, limit=limit)
+            findings.append(found)
+    return findings
+
+
+def _velocity(subject: Subject, index: int, motor: int) -> list[ProgramFinding]:
+    """Check Ix16, which does not limit every mode."""
+    limit = subject.setting(motor, 16)
+    speeds = [(move.motors[index].peaks.velocity, move) for move in subject.moves if move.mode != "RAPID"]
+    fast = [(speed, move) for speed, move in speeds if _over(speed, limit)]
+    if not fast:
+        return []
+    most, lines = max(speed for speed, _ in fast), subject.lines(move for _, move in fast)
+    variable = f"I{motor}16"
+    return [finding(Code.TOO_FAST, lines, motor=motor, variable=variable, counts_per_ms=most, limit=limit)]
+
+
+def _tool(subject: Subject) -> list[ProgramFinding]:
+    if subject.tool is None:
+        return []
+    tool, index = subject.machine.tool, subject.tool
+    per_mm = tool.counts_per_mm
+
+    def acceleration_m_per_s2(motor: MotorMove) -> float:
+        return 1000.0 * motor.peaks.acceleration / per_mm
+
+    def force_n(motor: MotorMove) -> float:
+        speed_mm_per_s = 1000.0 * motor.peaks.velocity / per_mm
+        damping_n = tool.damping_n_s_per_m * speed_mm_per_s / 1000.0
+        return tool.moving_mass_kg * acceleration_m_per_s2(motor) + damping_n
+
+    fastest = tool.encoder_max_acceleration_m_per_s2
+    return [
+        *_above(subject, index, Code.ACCELERATION_OVER_ENCODER, acceleration_m_per_s2, fastest),
+        *_above(subject, index, Code.FORCE_OVER_DRIVE, force_n, tool.peak_force_n),
+        *_travel(subject, index, per_mm, (tool.travel_min_mm, tool.travel_max_mm)),
+    ]
+
+
+def _spindle(subject: Subject) -> list[ProgramFinding]:
+    if subject.spindle is None:
+        return []
+    spindle, index = subject.machine.spindle, subject.spindle
+
+    def speed_rpm(motor: MotorMove) -> float:
+        return subject.rpm(motor.peaks.velocity)
+
+    def torque_n_m(motor: MotorMove) -> float:
+        return spindle.inertia_kg_m2 * motor.peaks.acceleration / spindle.counts_per_rev * 1e6 * math.tau
+
+    return [
+        *_above(subject, index, Code.SPEED_OVER_SPINDLE, speed_rpm, spindle.max_speed_rpm),
+        *_above(subject, index, Code.TORQUE_OVER_SPINDLE, torque_n_m, spindle.peak_torque_n_m),
+    ]
+
+
+def _jaws(subject: Subject) -> list[ProgramFinding]:
+    """Check that the carriage with the tool on it stays clear of the jaws."""
+    if subject.carriage is None:
+        return []
+    carriage = subject.machine.carriage
+    nearest_mm = carriage.jaw_face_mm - carriage.jaw_clearance_mm
+    limits = (carriage.travel_min_mm, min(nearest_mm, carriage.travel_max_mm))
+    return _travel(subject, subject.carriage, carriage.counts_per_mm, limits)
+
+
+def _travel(subject: Subject, index: int, per_mm: float, limits_mm: tuple[float, float]) -> list[ProgramFinding]:
+    """Check the machine's mechanical ends, where the controller's limits do not come first."""
+    findings = []
+    motor, ends = subject.walk.motors[index], subject.timeline.extent(index, 0.0, subject.timeline.ends_ms)
+    for limit_mm, reached, beyond in zip(limits_mm, ends, (-1.0, 1.0), strict=True):
+        reached_mm = reached / per_mm
+        guarded = subject.setting(motor, 13 if beyond > 0.0 else 14)
+        caught = guarded and beyond * (reached - guarded) > 0.0
+        if beyond * (reached_mm - limit_mm) > _ROUNDING and not caught:
+            targets = ((move.motors[index].target / per_mm, move) for move in subject.moves)
+            first = [move for target_mm, move in targets if beyond * (target_mm - limit_mm) > 0.0][:1]
+            lines = subject.lines(first)
+            findings.append(finding(Code.BEYOND_TRAVEL, lines, motor=motor, mm=reached_mm, limit_mm=limit_mm))
+    return findings
+
+
+def _above(
+    subject: Subject, index: int, code: Code, quantity: Callable[[MotorMove], float], limit: float
+) -> list[ProgramFinding]:
+    high = [move for move in subject.moves if _over(quantity(move.motors[index]), limit)]
+    if not high:
+        return []
+    worst = max(quantity(move.motors[index]) for move in high)
+    return [finding(code, subject.lines(high), motor=subject.walk.motors[index], value=worst, limit=limit)]
+
+
+def _over(value: float, limit: float) -> bool:
+    return 0.0 < limit < value * (1.0 - _ROUNDING)
 
 
 def _all_findings(subject: Subject, text: ProgramText, zigzag: ZigZag | None) -> list[ProgramFinding]:

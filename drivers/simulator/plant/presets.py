@@ -8,17 +8,17 @@ tool may be given as a value, instead of a factor. A file may begin from a bundl
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from random import Random, SystemRandom
 from typing import Any
 
-from drivers.simulator.plant.spreads import drawn, spread_fields
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, set_up_by_hand
 from drivers.simulator.plant.which_lathe import IDEAL, MOUNTED, which_lathe
 from profiles.axis.notch import Reading
-from profiles.fields import Field, Kind, flatten, read_fields, schema_problem, spelled
+from profiles.fields import Field, Kind, fault, flatten, read_fields, schema_problem, spelled
 from profiles.files import printable, read_toml
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -108,6 +108,46 @@ PLANT_FIELDS = (
 """Every key of a plant with its limits."""
 
 SPREAD = "spread"
+WIDEST_SD = 3.0  # no value is further from that of the file: a lathe in 370 would be
+
+
+def spread_fields(fields: tuple[Field, ...]) -> tuple[Field, ...]:
+    """Return what a table of standard deviations may hold: one for each number of a plant, in its unit."""
+    return tuple(
+        replace(each, above=None, at_least=0.0, at_most=_width(each), default=0.0, optional=False)
+        for each in fields
+        if each.kind is Kind.NUMBER
+    )
+
+
+def drawn(
+    values: Mapping[str, Any], sd: Mapping[str, float], fields: tuple[Field, ...], seed: int
+) -> dict[str, Any]:
+    """Return the values of one lathe: each normal about that of its file, again until it is within its limits.
+
+    Each key has random numbers of its own, so that another key in the file leaves them as they are.
+    """
+    found = dict(values)
+    known = {each.key: each for each in fields}
+    for key, width in sd.items():
+        if width > 0.0:
+            found[key] = _drawn(known[key], values[key], width, Random(f"{seed} {key} of the plant"))
+    return found
+
+
+def _drawn(field: Field, mean: float, sd: float, random: Random) -> float:
+    while True:
+        value = random.gauss(mean, sd)
+        if abs(value - mean) <= WIDEST_SD * sd and not fault(field, value):
+            return value
+
+
+def _width(field: Field) -> float:
+    """Return the range of a field: both of its bounds are numbers."""
+    low = field.at_least if field.above is None else field.above
+    return (field.at_most or math.inf) - (low or 0.0)
+
+
 SPREAD_FIELDS = spread_fields(PLANT_FIELDS)
 
 

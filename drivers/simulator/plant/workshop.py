@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
+from itertools import chain
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,12 +15,11 @@ from numpy.typing import NDArray
 from drivers.simulator.plant.collision import CollisionWatch, Track, clamped
 from drivers.simulator.plant.dials import AtTheChuck
 from drivers.simulator.plant.drives import Drives
-from drivers.simulator.plant.part_indicator import FromJaw, PartIndicator
+from drivers.simulator.plant.spindle import RadialError
 from drivers.simulator.plant.tip_load import CELLS, Stock, cutting_torque_n_m, material_of
-from drivers.simulator.plant.tip_path import Block, TipPath
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import LATHE
-from drivers.simulator.plant.workpiece import ANGLES, CHUNK, Blank, Workpiece
+from drivers.simulator.plant.workpiece import ANGLES, CHUNK, OVERLAP, Blank, Workpiece
 from drivers.simulator.plant.workshop_view import Truth, WorkshopView
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import NO_LOBE, Job
@@ -34,10 +34,16 @@ MID_LENGTH = 0
 SAME_PLACE_MM = 1e-6
 LEAST_TIMES = 2  # how often a block that repeats itself is processed
 Floats = NDArray[np.float64]
-
-
 JAWS = 3  # of a chuck that has not held a part yet
 FREE = "free"  # off the lathe, and put on the gauge by hand
+LEAST_PLACES, PLACES_A_LOBE = 16, 5  # enough for the second harmonic of the lobe, too
+FORCE_DIGITS = 10  # N: to that a hand would state the force of finger-tight
+
+Surface = Callable[[float], float]
+"""How far out the clamped surface is, um, at an angle of the part from the spindle index, deg."""
+FAR_MM = 0.5  # much more than the tip moves in some servo cycles: a cubic through such places stays outside
+ROUNDING_MM = 1e-6
+Block = tuple[Sequence[float], Sequence[float], Sequence[float]]  # tool, spindle and carriage, machine counts
 
 
 class Gauge:
@@ -84,6 +90,136 @@ class Gauge:
             LATHE: self._lathe,
         }
         return Trace(angle_deg=angle_deg, deviation_um=read_um, meta=meta)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FromJaw:
+    """Places that count from jaw 1, which is at this angle of the spindle."""
+
+    places: int
+    jaw_1_deg: float
+
+
+class PartIndicator:
+    """The indicator on the part, read finger-tight and at full force at the same places.
+
+    The stylus is set to the mark by eye, once for a lathe. The part is turned by hand, once round each way, so
+    that the play of the dial pulls both ways.
+    """
+
+    def __init__(self, true: TrueParameters) -> None:
+        self._chance = true.chance("part indicator")
+        self._noise_um, self._play_um = true.indicator_noise_um, 0.5 * true.indicator_backlash_um
+        self._graduation_um = true.indicator_graduation_um
+        self._off_deg = self._chance.gauss(0.0, true.gauge_mark_sd_deg)
+        if true.parts_before:
+            self._chance = true.chance_of_part("part indicator")
+        self._finger_fraction = true.finger_force_fraction
+
+    def readings(
+        self, finger: Surface, full: Surface, jaws: int, force_n: float, from_jaw_1: FromJaw | None = None
+    ) -> ClampReadings:
+        """Return the readings of both states, each once round and back.
+
+        With `from_jaw_1` they are at that number of places, which count from jaw 1, and once round alone.
+        """
+        places = max(LEAST_PLACES, PLACES_A_LOBE * jaws) if from_jaw_1 is None else from_jaw_1.places
+        jaw_1_deg = 0.0 if from_jaw_1 is None else from_jaw_1.jaw_1_deg
+        once = [360.0 * place / places for place in range(places)]
+        angles = once if from_jaw_1 is not None else [*once, *reversed(once)]
+        at = [angle + jaw_1_deg for angle in angles]
+        said_n = FORCE_DIGITS * round(self._finger_fraction * force_n / FORCE_DIGITS)
+        return ClampReadings(
+            angle_deg=tuple(angles),
+            finger_um=self._read(finger, at),
+            full_um=self._read(full, at),
+            from_jaw_1=from_jaw_1 is not None,
+            graduation_um=self._graduation_um or None,
+            finger_force_n=said_n or None,
+            simulated=True,
+        )
+
+    def _read(self, surface: Surface, angles: Sequence[float]) -> tuple[float, ...]:
+        """Return what the dial shows at the angles, in turn; it begins in the middle of its play."""
+        shown, found = surface(angles[0] + self._off_deg), []
+        for angle in angles:
+            pushed = surface(angle + self._off_deg)
+            shown = min(max(shown, pushed - self._play_um), pushed + self._play_um)
+            read = shown + (self._chance.gauss(0.0, self._noise_um) if self._noise_um else 0.0)
+            step = self._graduation_um
+            found.append(step * round(read / step) if step else read)
+        return tuple(found)
+
+
+class TipPath:
+    """Machine counts of tool, spindle and carriage to radius and Z of the tip, and turns since the index.
+
+    Exact where it matters, a bound elsewhere: far from everything neither the radial error of the spindle nor that
+    of the scale has to be computed for each servo cycle.
+    """
+
+    def __init__(self, machine: MachineProfile, true: TrueParameters, wander: RadialError | None) -> None:
+        self._true = true
+        self.drifted_mm = 0.0  # how much further in the machine has brought the tip since it was cold
+        self._wander = wander
+        self._cycle_ms = machine.controller.servo_period_ms
+        self._turns_per_count = 1.0 / (machine.spindle.counts_per_rev * true.belt_ratio)
+        self._mm_per_carriage_count = 1.0 / machine.carriage.counts_per_mm
+        self._mm_per_tool_count = 1.0 / machine.tool.counts_per_mm
+        most_wander_mm = wander.most_mm if wander is not None else 0.0
+        self._most_off_mm = most_wander_mm + abs(true.scale_error_um) / 1000.0 + ROUNDING_MM
+
+    @property
+    def _home_mm(self) -> float:
+        return self._true.home_radius_mm - self.drifted_mm
+
+    def track(self, block: Block, end_ms: float) -> Track:
+        """Return the path in a block of servo cycles."""
+        tool, spindle, carriage = block
+        per_turn, per_z, wander = self._turns_per_count, self._mm_per_carriage_count, self._wander
+        turns = [y * per_turn for y in spindle]
+        radius_mm = self.tips_mm(tool)
+        if wander is not None:
+            radius_mm = [tip - wander.at_mm(turn) for tip, turn in zip(radius_mm, turns, strict=True)]
+        z_mm = [z * per_z for z in carriage]
+        return Track(radius_mm=radius_mm, turns=turns, z_mm=z_mm, end_ms=end_ms, cycle_ms=self._cycle_ms)
+
+    def tips_mm(self, counts: Sequence[float]) -> list[float]:
+        """Return the radius of the tool tip at a reading of the tool's scale."""
+        true, per_mm, home_mm = self._true, self._mm_per_tool_count, self._home_mm
+        if not true.scale_error_um:
+            return [home_mm - x * per_mm for x in counts]
+        return [home_mm - x * per_mm - true.scale_wrong_mm(x * per_mm) for x in counts]
+
+    def least_radius_mm(self, tool: Sequence[float]) -> float:
+        """Return a radius that is not above that of the tip anywhere in a block."""
+        return self._home_mm - max(tool) * self._mm_per_tool_count - self._most_off_mm
+
+    def most_z_mm(self, carriage: Sequence[float]) -> float:
+        """Return the largest Z in a block."""
+        return max(carriage) * self._mm_per_carriage_count
+
+    def samples(self, blocks: Sequence[Block], outside_mm: float) -> tuple[Floats, Floats, Floats]:
+        """Return radius, turns and Z of many blocks; inexact only where all that is far outside `outside_mm`.
+
+        Its ends are exact, for what joins on to them.
+        """
+        # All the numbers at once: an array for each of the short tracks would cost more than the cut itself.
+        tool, spindle, carriage = (
+            np.fromiter(chain.from_iterable([block[axis] for block in blocks]), np.float64) for axis in range(3)
+        )
+        turns = spindle * self._turns_per_count
+        if self._true.scale_error_um:
+            radius_mm = np.array(self.tips_mm(tool.tolist()))
+        else:
+            radius_mm = self._home_mm - tool * self._mm_per_tool_count
+        if self._wander is not None:
+            far = float(radius_mm.min()) - self._wander.most_mm - FAR_MM > outside_mm and len(tool) > 2 * OVERLAP
+            exact = (slice(OVERLAP), slice(-OVERLAP, None)) if far else (slice(None),)
+            for part in exact:
+                # Python's own sine, as `track` has it: another may differ in the last bit.
+                radius_mm[part] -= [self._wander.at_mm(turn) for turn in turns[part].tolist()]
+        return radius_mm, turns, carriage * self._mm_per_carriage_count
 
 
 class SimulatedWorkshop:
