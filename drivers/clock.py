@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 import time
+import weakref
 from collections.abc import Callable
 from typing import Protocol
 
@@ -16,6 +18,42 @@ FROZEN_S = 2.0
 def boot_s() -> float:
     """Return the time since the computer was started, also while it was suspended, in which no program runs."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
+
+
+class FreezeWatch:
+    """Notices when this process did not run for long: it was stopped, or its computer was suspended.
+
+    `froze_s` is how long, 0.0 if it did not since `forget`. A thread looks, and so does whoever asks: right after
+    a pause it is not known which thread runs first.
+    """
+
+    LOOK_S = 0.2
+
+    def __init__(self) -> None:
+        self._lock, self._froze_s, self._ran_s = threading.Lock(), 0.0, boot_s()
+        threading.Thread(target=_watch, args=(weakref.ref(self),), name="freezes", daemon=True).start()
+
+    @property
+    def froze_s(self) -> float:
+        """How long this process did not run, s."""
+        with self._lock:
+            now_s = boot_s()
+            if now_s - self._ran_s > FROZEN_S:
+                self._froze_s = now_s - self._ran_s
+            self._ran_s = now_s
+            return self._froze_s
+
+    def forget(self) -> None:
+        """Let what begins now not be judged by what was before."""
+        if self.froze_s:
+            self._froze_s = 0.0
+
+
+def _watch(watched: weakref.ref[FreezeWatch]) -> None:
+    while (freezes := watched()) is not None:
+        _ = freezes.froze_s
+        del freezes
+        time.sleep(FreezeWatch.LOOK_S)
 
 
 class Clock(Protocol):

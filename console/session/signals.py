@@ -1,11 +1,9 @@
-"""What ends a command: signals, and a pause in which it did not run. Each first stops a machine that is ours."""
+"""Signals that end the console: each first stops the machine, where this console controls it."""
 
 from __future__ import annotations
 
 import signal
-import threading
 import time
-import weakref
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,17 +11,12 @@ from types import FrameType
 
 from console.session.ending_signal import has_come
 from console.session.errors import Interrupted
-from drivers.clock import FROZEN_S, boot_s
+from drivers.clock import FreezeWatch
 from drivers.ending_signals import ENDING_SIGNALS
 from drivers.lathe.stop import StopPath
 
 LEAVE_WITHIN_S = 6.0
 """How long to wait for rest once this process is asked to end: a supervisor kills it after ten."""
-
-FROZEN = "console stood still"
-"""Reason of the stop after a pause: consent that was given before it is no consent to move now."""
-
-LOOK_S = 0.2  # period in which a pause is looked for; the controller has ended any motion by then
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,20 +46,14 @@ class Interruption:
         self.reason: str | None = None
         self.hurried_s: float | None = None
         self._guarded: _Guarded | None = None
-        self._holds = self._frozen = False
+        self._holds = False
+        self._freezes: FreezeWatch | None = None
 
     def install(self) -> None:
         """Install the signal handlers, and watch for a pause in which this process does not run."""
+        self._freezes = FreezeWatch()
         for number in ENDING_SIGNALS:
             signal.signal(number, self._handle)
-        threading.Thread(target=_watch, args=(weakref.ref(self),), name="pause", daemon=True).start()
-
-    def wake(self) -> None:
-        """Stop a real machine after a pause, and any that is guarded later; called from another thread."""
-        self._frozen, guarded = True, self._guarded
-        if guarded is not None and guarded.now_s is not None:
-            not_ours = guarded.anothers() or guarded.changing()
-            (guarded.stop.note if not_ours else guarded.stop.stop)(FROZEN)
 
     def guard(
         self,
@@ -81,8 +68,8 @@ class Interruption:
         With `now_s`, machine time, the wait for its rest ends when there is no time for it.
         """
         self._guarded = _Guarded(stop=stop, anothers=anothers, changing=changing, now_s=now_s)
-        if self._frozen and now_s is not None:
-            self.reason = self.reason or FROZEN
+        if now_s is not None:
+            stop.freezes = self._freezes
         if self.reason is not None:
             self.end(self.reason)
 
@@ -127,14 +114,3 @@ class Interruption:
 
     def _handle(self, number: int, _: FrameType | None) -> None:
         self.end(has_come(number))
-
-
-def _watch(watched: weakref.ref[Interruption]) -> None:
-    ran_s = boot_s()
-    while (interruption := watched()) is not None:
-        now_s = boot_s()
-        if now_s - ran_s > FROZEN_S:
-            interruption.wake()
-        ran_s = now_s
-        del interruption
-        time.sleep(LOOK_S)

@@ -89,8 +89,8 @@ class Sending:
 
         Raises:
             StoppedError: before or after it.
-            RefusedError: `machine.hands_in`, and those of `refuse_unless_owner` and `refuse_unsafe`; nothing was
-                sent. `link.line_differs`, `link.line_unproven`: nothing was executed.
+            RefusedError: `machine.hands_in`, `session.frozen`, and those of `refuse_unless_owner` and
+                `refuse_unsafe`; nothing was sent. `link.line_differs`, `link.line_unproven`: nothing was executed.
             LinkError: the link broke; `link.line_in_part`.
         """
         self._refuse_now()
@@ -135,6 +135,7 @@ class Sending:
 
     def _refuse_now(self) -> None:
         self._stop.check()
+        self._stop.refuse_frozen()
         self.refuse_unless_owner()
         if self._stop.inside_guard:
             raise RefusedError(self._problem("machine.hands_in"))

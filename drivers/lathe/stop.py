@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from drivers.clock import FreezeWatch
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.link.base import Link, StopWay
 from profiles.problem import Problem
@@ -38,7 +39,8 @@ class StopPath:
     the link accepted the last stop.
 
     `leave_by_s` is the deadline of a process that has to exit, in machine time, for the wait for rest.
-    `given_up` is whether that wait failed, after the time allowed after a control-K or at the deadline.
+    `given_up` is whether that wait failed, after the time allowed after a control-K or at the deadline. With
+    `freezes` no motion is begun by a process that was frozen since its command was given.
     """
 
     def __init__(self, link: Link) -> None:
@@ -51,6 +53,7 @@ class StopPath:
         self._sent: list[None] = []
         self.delivered, self.given_up = True, False
         self.leave_by_s = math.inf
+        self.freezes: FreezeWatch | None = None
         self._killed_at = self._proven = self._released = 0
 
     @property
@@ -134,6 +137,11 @@ class StopPath:
         reason = self.reason
         if reason is not None:
             raise StoppedError(Problem(code="machine.stopped", value=reason))
+
+    def refuse_frozen(self) -> None:
+        """Refuse to begin a motion after a pause of this process. Raises RefusedError: `session.frozen`."""
+        if self.freezes is not None and (froze_s := self.freezes.froze_s):
+            raise RefusedError(Problem(code="session.frozen", value=f"{froze_s:.1f} s"))
 
     def _send(self, reason: str, *, kill: bool) -> None:
         self._begun.append(reason)

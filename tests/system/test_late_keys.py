@@ -21,6 +21,7 @@ pytestmark = [pytest.mark.system, pytest.mark.timeout(240)]
 NOTHING_S = 4.0
 """Time in which whatever a late key started would be seen."""
 
+DROPPED = ("screen.keys_late", "screen.keys_late_armed", "session.frozen")
 Delay = Callable[..., None]
 
 
@@ -67,9 +68,7 @@ def aligned(data: Path, length_mm: float = 4.0) -> Iterator[Trainee]:
 def says_so(trainee: Trainee) -> None:
     """One line says that something was dropped: by the keys, or by the pause of the polls."""
     trainee.terminal.wait_for(
-        lambda text: any(
-            re.search(trainee._pattern(f"problem.{code}"), text) for code in ("screen.keys_late", "session.frozen")
-        ),
+        lambda text: any(re.search(trainee._pattern(f"problem.{code}"), text) for code in DROPPED),
         5.0,
     )
 
@@ -124,7 +123,39 @@ def test_no_home_search_and_no_step_begins_by_a_late_key(delay: Delay, for_s: fl
         trainee.sees("problem.screen.jog_not_enabled")
 
 
-@delays
+@pytest.mark.parametrize("for_s", [4.0, pytest.param(8.0, marks=pytest.mark.long)])
+def test_a_console_that_is_frozen_on_the_way_to_the_start_begins_no_cut(for_s: float, tmp_path: Path) -> None:
+    """Whatever the controller has ended of the approach meanwhile: of what was left of it nothing is begun."""
+    with aligned(tmp_path) as trainee:
+        trainee.press("5")
+        trainee.sees("run_page.next.arm")
+        trainee.press("f5")
+        trainee.sees("run_page.next.armed")
+        trainee.press("f6")
+        trainee.sees("activity.positioning")
+        frozen(trainee, for_s)
+        ends_s = time.monotonic() + 2.0 * NOTHING_S
+        while time.monotonic() < ends_s:
+            assert not re.search(trainee._pattern("activity.cutting"), trainee.terminal.row(0)), (
+                trainee.terminal.text
+            )
+            time.sleep(0.02)
+
+
+def test_a_console_that_is_frozen_while_it_arms_is_not_armed_behind_it(tmp_path: Path) -> None:
+    with aligned(tmp_path) as trainee:
+        trainee.press("5")
+        trainee.sees("run_page.next.arm")
+        trainee.press("f5")
+        trainee.sees("activity.arming")
+        frozen(trainee, 3.0, "f6")
+        says_so(trainee)
+        trainee.sees("activity.ready", 20.0)
+        time.sleep(1.0)
+        trainee.sees("run_page.next.arm", 1.0)
+
+
+@pytest.mark.parametrize(("delay", "for_s"), [(held, 1.0), (frozen, 3.0), (held, 3.0)])
 def test_a_stop_that_waited_still_stops(delay: Delay, for_s: float, tmp_path: Path) -> None:
     with console(tmp_path, "en", 80, 24) as terminal:
         trainee = console_at(terminal)

@@ -66,14 +66,18 @@ class PollPause:
         self._context, self._awake_s, self._last_s = context, float("-inf"), 0.0
         self._polled = self._now()
 
-    def end(self) -> None:
-        """Note the end of a command, which polls as it needs."""
+    def end(self, froze_s: float = 0.0) -> None:
+        """Note the end of a command, which polls as it needs; disarm if this process was frozen within it."""
         self._polled = self._now()
+        self._judge(froze_s)
 
     def see(self) -> None:
         """Note a poll; after a pause disarm."""
         pause_s = self._pause_s()
         self._polled = self._now()
+        self._judge(pause_s)
+
+    def _judge(self, pause_s: float) -> None:
         if pause_s > FROZEN_S:
             self._awake_s, self._last_s = self._context.screen_s(), pause_s
             if self._context.state.armed is not None:

@@ -228,13 +228,15 @@ class Station:
             self._reconnecting.settled()
             self._pause.end()
         else:
-            self._stops.commanded = command is not None
+            self._stops.commanded, freezes = command is not None, context.lathe.stop.freezes
             if command is not None and (old := age_problem(command, self._posted_s)) is not None:
                 command = None
                 self._refuse(old)
             if command is not None:
+                if freezes is not None:
+                    freezes.forget()
                 self._carry_out(command)
-                self._pause.end()
+                self._pause.end(froze_s=0.0 if freezes is None else freezes.froze_s)
             else:
                 self._guarded(self._poll)
         armed = context.state.armed

@@ -101,11 +101,10 @@ class ListeningApp(LeavingApp):
         from console.session.station.commands import Disarm  # not for the first paint
 
         self.put_down()
-        if self.ui.control.state.armed is not None:
-            self.ui.control.post(Disarm())
+        armed = self.ui.control.state.armed is not None and self.ui.control.post(Disarm())
         code, value = "screen.keys_undated", ""
         if math.isfinite(late.age_s):
-            code, value = "screen.keys_late", f"{late.age_s:.1f} s"
+            code, value = "screen.keys_late_armed" if armed else "screen.keys_late", f"{late.age_s:.1f} s"
         self.ui.say_until_key(Problem(code=code, value=value, limit=f"{OLD_S:g} s"))
         self.tick()
 

@@ -16,7 +16,7 @@ from console.session.station.reaching import Reached, commissioning, reach
 from console.session.station.station import Station
 from drivers.beside.heard import Heard
 from drivers.beside.side_line import SideLine
-from drivers.clock import RealClock, TrainingClock
+from drivers.clock import FreezeWatch, RealClock, TrainingClock
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress
@@ -60,6 +60,7 @@ def open_machine(
 
     heard = Heard((trained or RealClock()).now_s)
     reached = reach(machine, address, data, tracing, tell, heard, trained)
+    reached.stop.freezes = FreezeWatch()
     context = _context(reached, machine, data, heard, begins, trained)
     context.tell(address=reached.address)
     for problem in warnings_of(machine):
