@@ -81,7 +81,8 @@ class Field:
         if self.choices:
             return " | ".join(self.choices)
         if self.kind in (Kind.TEXT, Kind.TEXTS):
-            return f"<= {self.longest} characters, one line"
+            texts = '["...", ...], each ' if self.kind is Kind.TEXTS else ""
+            return f"{texts}<= {self.longest} characters, one line"
         bounds = (("> ", self.above), (">= ", self.at_least), ("< ", self.below), ("<= ", self.at_most))
         return " ".join(filter(None, (", ".join(f"{s}{b:g}" for s, b in bounds if b is not None), self.unit)))
 

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from console.cli.feed import metrics
+from console.session.exchange.following import Follower
 from console.session.feed.feed_state import FeedState
 from console.session.feed.place import claimed
 from console.session.feed.report import line_of
@@ -159,3 +160,25 @@ def test_a_slow_or_endless_client_of_metrics_holds_up_nobody(
             each.close()
     finally:
         server.close()
+
+
+def test_a_line_with_the_name_of_another_machine_takes_nobody_away(tmp_path: Path) -> None:
+    codes: list[str] = []
+    with publishing(tmp_path, SOUND, broken=False) as publish:
+        wanted = Follower(
+            tmp_path,
+            10.0,
+            lambda state: state.machine == SOUND.machine,
+            lambda problem: codes.append(problem.code),
+        )
+        assert [heard.state.machine for heard in wanted.settle()] == [SOUND.machine]
+        publish(replace(SOUND, machine="another"))
+        while not codes:
+            wanted.wait(0.1)
+        publish(replace(SOUND, activity="homing"))
+        until_s = time.monotonic() + TIMEOUT_S
+        while all(heard.state.activity != "homing" for heard in wanted.heard()) and time.monotonic() < until_s:
+            wanted.wait(0.1)
+        assert [heard.state.activity for heard in wanted.heard()] == ["homing"]
+        wanted.close()
+    assert codes == ["feed.not_one"]

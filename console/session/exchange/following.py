@@ -127,6 +127,9 @@ class Follower:
     def _take(self, path: Path, stream: Stream) -> None:
         try:
             for state in stream.take():
+                if not self._wanted(state) and path in self.newest:  # a console stays at its machine
+                    self._complain(not_one(path, state.machine))
+                    continue
                 if not self._wanted(state):
                     self._drop(path)
                     self._left.add(path)
