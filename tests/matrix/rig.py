@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from console.session.data import record_file
+from console.session.data import record_file, record_schema
 from console.session.data.run_log import RunLog
 from console.session.station.context import StationContext
 from console.session.station.owning import Owning
@@ -88,6 +88,7 @@ def record_in_memory(folder: Path, until_s: float, *, checked: bool = False) -> 
     path.touch()
     path.with_name(f"{path.name}-wal").touch()
     database = sqlite3.connect(":memory:", isolation_level=None)
+    record_schema.create(database)
     record_file._made_ready(database, path, checked=checked)
     return database
 
