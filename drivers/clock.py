@@ -53,7 +53,8 @@ class FreezeWatch:
 
     def forget(self) -> None:
         """Let what begins now not be judged by what was before."""
-        if self.froze_s:
+        _ = self.froze_s
+        with self._lock:
             self._froze_s = 0.0
 
 

@@ -4,18 +4,7 @@ from __future__ import annotations
 
 import time
 
-from console.session.station.commands import (
-    Acknowledge,
-    Command,
-    DisableDrives,
-    Disarm,
-    EndCut,
-    HoldFeed,
-    ReadLoop,
-    Recover,
-    TakeControl,
-    Verify,
-)
+from console.session.station import commands
 from console.session.station.context import StationContext
 from drivers.clock import FROZEN_S, OLD_S, boot_s
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, Snapshot
@@ -24,15 +13,15 @@ from profiles.problem import Problem
 OVERRIDE_BAND_PERCENT = 0.5
 AWAKE_S = 0.5  # time after a pause in which what waited through it may still be read
 AT_ANY_AGE = (
-    Acknowledge,
-    DisableDrives,
-    Disarm,
-    EndCut,
-    HoldFeed,
-    ReadLoop,
-    Recover,
-    TakeControl,
-    Verify,
+    commands.Acknowledge,
+    commands.DisableDrives,
+    commands.Disarm,
+    commands.EndCut,
+    commands.HoldFeed,
+    commands.ReadLoop,
+    commands.Recover,
+    commands.TakeControl,
+    commands.Verify,
 )
 """Commands that move nothing, or end a motion."""
 
@@ -53,14 +42,14 @@ def watch_armed(context: StationContext, snapshot: Snapshot) -> None:
         context.tell(armed=None, refusals=(changed,))
 
 
-def age_problem(command: Command, posted_s: float) -> Problem | None:
+def age_problem(command: commands.Command, posted_s: float) -> Problem | None:
     """Return why a command of a time of `boot_s` is too old to be carried out, None where it may be."""
     age_s = boot_s() - posted_s
     return None if age_s <= OLD_S or isinstance(command, AT_ANY_AGE) else _frozen(age_s)
 
 
 class PollPause:
-    """Time without a poll of the idle machine; after it nothing is armed, and no undated order is obeyed."""
+    """Pauses of the polls of an idle machine, or of this process: nothing stays armed through one."""
 
     def __init__(self, context: StationContext) -> None:
         self._context = context
