@@ -8,6 +8,8 @@ from typing import Any, cast
 import pytest
 
 from console.session.cut import run as run_module
+from console.session.cut.run import CutOutcome
+from console.session.stages import Stage
 from console.session.station.progress import CutPhase, PhaseClock, planned_phases
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.stop import StopPath, StoppedError
@@ -22,7 +24,9 @@ def test_a_stop_after_the_reference_part_begins_no_second_one(
     monkeypatch: pytest.MonkeyPatch, stopped: bool
 ) -> None:
     """A stop that comes while the first part is measured: nothing of the first cut refuses it."""
-    stop, opened, cut = StopPath(cast(Any, SimpleNamespace(send_urgent=lambda _: None))), [], []
+    stop = StopPath(cast(Any, SimpleNamespace(send_urgent=lambda _: None)))
+    opened: list[None] = []
+    cut: list[str] = []
 
     def open_machine() -> Any:
         opened.append(None)
@@ -32,10 +36,10 @@ def test_a_stop_after_the_reference_part_begins_no_second_one(
         cut.append(name.name)
         if stopped:
             stop.stop("ctrl-c")
-        return run_module.CutOutcome(trace=None, figures=cast(Any, None), collisions=())
+        return CutOutcome(trace=None, figures=cast(Any, None), collisions=())
 
     monkeypatch.setattr(run_module, "cut_part", cut_part)
-    plan: Any = SimpleNamespace(job=None, reference=object(), cut=object(), stage=run_module.Stage.FULL)
+    plan: Any = SimpleNamespace(job=None, reference=object(), cut=object(), stage=Stage.FULL)
     if not stopped:
         run_module.run(plan, open_machine, lambda *_: None)
         assert (cut, len(opened)) == (["before", "after"], 2)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
+from drivers.cutting.feed_hold import FeedHold
 from drivers.cutting.guarding import cut_guard
+from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
-from drivers.errors import LinkError
+from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.lathe.drift import rest_limits
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
-from drivers.lathe.standstill import HomeSearch
+from drivers.lathe.standstill import HomeSearch, prove_rest
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from tests.drivers.conftest import JobMaker
@@ -24,9 +28,15 @@ RESTING = frozenset({"activated", "amplifier_enabled", "desired_velocity_zero"})
 
 def polled(at_s: float = 0.0, **axes: AxisState) -> Snapshot:
     still = AxisState(position=0.0, following_error=0.0, flags=IN_CUT)
-    states = {name.value: axes.get(name.value, still) for name in AxisName}
     return Snapshot(
-        asked_s=at_s, at_s=at_s, program_running=True, runtime_error=False, override_percent=100.0, **states
+        asked_s=at_s,
+        at_s=at_s,
+        program_running=True,
+        runtime_error=False,
+        override_percent=100.0,
+        tool=axes.get("tool", still),
+        spindle=axes.get("spindle", still),
+        carriage=axes.get("carriage", still),
     )
 
 
@@ -54,7 +64,7 @@ def test_a_running_cut_may_leave_its_plan_by_its_margins(
         for beyond, codes in ((0.9, []), (1.1, ["cut.outside_plan"])):
             at = {**inside, axis: planned[motors[axis]] + way * beyond * margin_counts}
             states = {name.value: commanded(counts) for name, counts in at.items()}
-            found = cut_guard(plan, machine)(polled(**states))
+            found = cut_guard(plan, machine)(polled(0.0, **states))
             assert [problem.code for problem in found] == codes, (axis, way, beyond)
 
 
@@ -78,6 +88,37 @@ def test_a_home_search_with_a_zero_is_over_in_position_and_not_by_its_rests() ->
     assert searched(*[zero] * 5) == [False] * 5
     assert searched(zero | {"in_position"}) == [True]
     assert searched(zero | {"in_position", "home_search"}) == [False]
+
+
+def test_every_poll_of_a_stopped_machine_ends_its_watchdog_and_a_failed_one_stops_again(
+    machine: MachineProfile,
+) -> None:
+    """The second poll fails: the stop is sent again, and three polls behind a first one have to report rest."""
+    resting = AxisState(position=0.0, following_error=0.0, flags=RESTING | {"in_position"})
+    polls = iter([True, False, True, True, True, True])
+    clock: Any = SimpleNamespace(at_s=0.0)
+    clock.now_s = lambda: clock.at_s
+    stop: Any = SimpleNamespace(mark=1, leave_by_s=100.0, killed=False, given_up=False, proven=False, repeats=0)
+    clock.wait = lambda seconds: setattr(clock, "at_s", clock.at_s + seconds)
+    stop.repeat = lambda: setattr(stop, "repeats", stop.repeats + 1)
+    stop.rest_proven = lambda mark: setattr(stop, "proven", mark == 1)
+
+    def poll_once(_: float) -> Snapshot:
+        clock.at_s += 0.1
+        if not next(polls):
+            raise DriverError(Problem(code="link.timeout"))
+        return replace(polled(clock.at_s, tool=resting, spindle=resting, carriage=resting), program_running=False)
+
+    poller = SimpleNamespace(poll_once=poll_once, quick_timeout_s=0.1)
+    ended: list[float] = []
+    prove_rest(
+        cast(Any, poller),
+        cast(Any, stop),
+        cast(Any, clock),
+        rest_limits(machine),
+        lambda: ended.append(clock.at_s),
+    )
+    assert (len(ended), stop.repeats, stop.proven, list(polls)) == (5, 1, True, [])
 
 
 class Queried:
@@ -130,3 +171,22 @@ def test_a_missing_reply_is_left_to_the_next_round_and_a_lost_link_is_not(code: 
     for _ in range(13):
         read()
     assert queried.queries == 2
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda client, sending, stop: FeedOverride(client, sending, stop).command(90),
+        lambda client, sending, _: FeedHold(client, sending).ask(),
+    ],
+)
+def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
+    """Neither its speed nor its end: nothing reaches the controller."""
+    queried, stop = Queried(), SimpleNamespace(check=lambda: None)
+
+    def refuse_unless_owner() -> None:
+        raise RefusedError(Problem(code="owner.observer"))
+
+    with pytest.raises(RefusedError):
+        ask(queried, SimpleNamespace(refuse_unless_owner=refuse_unless_owner), stop)
+    assert queried.queries == 0
