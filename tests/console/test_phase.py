@@ -61,6 +61,7 @@ def test_the_limits_of_the_jobs_of_the_paper() -> None:
         (12.0, 13.0, 1.4, False),  # a tool that is jammed is known to nothing
         (-1.6, 0.1, 1.4, False),
         (40.0, 0.1, None, True),
+        (0.0, 0.0, 0.4, True),  # on its path, however narrow the limit
     ],
 )
 def test_out_of_phase_is_surely_beyond_the_limit(
