@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from console.session.cut.alignment import HANDED_OVER, NOT_KEPT, handed_over
+from console.session.cut.telemetry import lag_left_um_pp
 from console.session.station.alarms import (
     COLLISION_CODES,
     HOME_LOST,
@@ -137,13 +138,18 @@ def watch_loss(context: StationContext, snapshot: Snapshot) -> None:
 
 
 def watch_phase(context: StationContext) -> None:
-    """Report once per cut that tool and lobe are out of phase, or that the spindle has stopped."""
-    cut = context.state.cut
+    """Report once a cut that the tool is too far off its path for the part, or that the spindle stands."""
+    cut, plan = context.state.cut, context.plan
     if cut is None or cut.stage is not CutStage.CUT:
         return
-    if cut.in_phase is False:
-        limit = f"± {cut.phase_limit_deg:.2g} deg"
-        context.alarm_once(Problem(code="cut.out_of_phase", limit=limit), Priority.MEDIUM)
+    if cut.in_phase is False and cut.lag_deg is not None and plan is not None:
+        problem = Problem(
+            code="cut.out_of_phase" if cut.lag_deg > 0.0 else "cut.tool_leads",
+            key=f"{lag_left_um_pp(plan.target, cut.lag_deg):.1f} um",
+            value=f"{abs(cut.lag_deg):.1f} deg",
+            limit=f"± {cut.phase_limit_deg:.1f} deg",
+        )
+        context.alarm_once(problem, Priority.MEDIUM)
     elif cut.is_lost:
         context.alarm_once(Problem(code="cut.spindle_stands"))
 
