@@ -124,17 +124,13 @@ class UiContext:
 
     def stop(self, reason: str) -> None:
         """Stop the machine; no step of a jog key follows. Also called from the thread that reads the terminal."""
-        try:
-            self.control.stop(reason)
-        finally:
-            self.queued = False
+        self.control.stop(reason)
+        self.queued = False
 
     def kill(self, reason: str) -> None:
         """Open every loop of the machine, as `stop`."""
-        try:
-            self.control.kill(reason)
-        finally:
-            self.queued = False
+        self.control.kill(reason)
+        self.queued = False
 
     def say_until_key(self, problem: Problem) -> None:
         """Show until the next key a text that holds in any state, such as why the machine is being stopped."""

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
+from console.session.cut.telemetry import NO_LAG, Lag
 from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted, Changed
 from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
 from drivers.cutting.live_trim import trim_um
@@ -228,7 +229,7 @@ class CutProgress:
     held_left_s: float | None = None
     adjusted: Adjusted = AS_PLANNED
     path_phase: telemetry.Phase | None = None
-    expected_lag: telemetry.Lag = telemetry.NO_LAG
+    expected_lag: Lag = NO_LAG
     changed: Changed | None = None
     force: ForceNull | None = None
 
@@ -336,13 +337,7 @@ class CutWatch:
     """Follow one cut. `see` is called with every status poll; it belongs to the link thread."""
 
     def __init__(
-        self,
-        plan: CutPlan,
-        job: Job,
-        machine: MachineProfile,
-        *,
-        in_air: bool = False,
-        expected_lag: telemetry.Lag = telemetry.NO_LAG,
+        self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False, expected_lag: Lag = NO_LAG
     ) -> None:
         self._plan, self._job, self._machine, self._in_air = plan, job, machine, in_air
         self._end = plan.carriage_start + plan.setup.carriage_counts

@@ -28,6 +28,7 @@ from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem, ProblemError
 
+HELD_S = 0.3  # for how long a simulated lathe may hold its time between two samples, unmentioned
 KEPT_S = 5.0  # window over which the longest response time is reported
 SIGHT_PERIOD_S = 0.15  # sampling period of the chuck view
 SIGHT_PERIOD_IN_MOTION_S = 1.0
@@ -196,6 +197,7 @@ class ChuckSight:
     def __init__(self, context: StationContext) -> None:
         self._context, self._seen_s = context, float("-inf")
         self._collisions: tuple[str, ...] = ()
+        self._held_s, self._moved = 0.0, False
 
     def sample_now(self) -> None:
         """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
@@ -220,6 +222,14 @@ class ChuckSight:
             context.tell(seen=view)
             context.end_alarms("simulator.gone", "simulator.refused")
             self._report(view.collisions)
+            self._report_held(view.held_s)
+
+    def _report_held(self, held_s: float) -> None:
+        """Say once that the lathe has held its time in a motion; at rest the console may be at work itself."""
+        grown_s, self._held_s = held_s - self._held_s, held_s
+        moved, self._moved = self._moved, self._context.state.activity in MOVING
+        if moved and grown_s > HELD_S:
+            self._context.alarm_once(Problem(code="simulator.held", value=f"{grown_s:.1f} s"), Priority.LOW)
 
     def _report(self, collisions: tuple[str, ...]) -> None:
         """Raise an alarm once for each collision; a new blank starts without any."""
