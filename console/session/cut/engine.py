@@ -8,7 +8,7 @@ is set again as its profile says. Where either fails, the caller stops the machi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol
@@ -106,6 +106,10 @@ class CutContext:
         """Whether the machine is simulated."""
         return self.workshop is not None
 
+    def held_s(self) -> float:
+        """Return by how much a simulated lathe has held its time in all, while this computer was busy."""
+        return 0.0 if self.workshop is None else self.workshop.look().held_s
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutEnd:
@@ -191,18 +195,19 @@ def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See, touche
 
     recorder.begin(plan, job, context.lathe.machine)
     try:
-        return _run(context.lathe, job, plan, polled, touched_mm)
+        return _run(context, job, plan, polled, touched_mm)
     finally:
         recorder.end()
 
 
-def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See, touched_mm: float) -> CutFigures | None:
+def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: float) -> CutFigures | None:
     """Run the program to its end, and compare the cut with its plan: only the planned cut makes a good part.
 
     Compared are turns and length, the program with its constants and tables, the settings, and the polled path,
     which shows a change that somebody has reverted. What this console has changed is taken out of it: a feed hold,
     which takes whole turns with the tool out; an override, by the time of the program; a trim.
     """
+    lathe, held_s = context.lathe, context.held_s()
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine, _before(lathe, plan, touched_mm))
     guard = cut_guard(plan, lathe.machine)
@@ -229,7 +234,7 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See, touched_mm: float) -> 
     lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
     lathe.program.put_back()
-    _refuse_another(lathe, plan, length, path)
+    _refuse_another(lathe, plan, length, path.problems(context.held_s() - held_s))
     figures = telemetry.figures()
     if figures is None:
         return None
@@ -245,7 +250,7 @@ def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
     return CutBefore(to_mm=touched_mm, unseen_mm=unseen_turns * per_turn_mm)
 
 
-def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, path: PathSeen) -> None:
+def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, off_path: Iterable[Problem]) -> None:
     """Refuse a cut that has ended and is not the planned one, with `NotAsPlannedError`."""
     end = lathe.program.end()
     if not end.finished:  # a program that was ended in mid-turn no longer reports its turns
@@ -255,7 +260,7 @@ def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, path: PathSe
         early = (*early, Problem(code="cut.hold_lapsed", limit=f"{MOST_HELD_S / 60.0:g} min"))
     trimmed = () if lathe.program.live_trim.problem is None else (lathe.program.live_trim.problem,)
     changed = (*early, *trimmed, *_changes(lathe, plan, ended=True), *lathe.verify())
-    if problems := changed or tuple(path.problems()):
+    if problems := changed or tuple(off_path):
         raise NotAsPlannedError(*problems, turns=end.turns)
 
 

@@ -301,10 +301,10 @@ def _phase_pair(text: Catalogue, cut: CutProgress) -> list[tuple[str, str]]:
     It is left out where words on force or changes need the row, unless the phase is out of its limit.
     """
     is_out, has_words = cut.in_phase is False, cut.force is not None or cut.changed is not None
-    if cut.phase_error_deg is None or (has_words and not is_out):
+    if cut.lag_deg is None or (has_words and not is_out):
         return []
     out = f"! {text('run_page.out_of_phase')} " if is_out else ""
-    return [("phase", f"{out}{cut.phase_error_deg:+z.2f} °")]
+    return [("phase", f"{out}{cut.lag_deg:+z.2f} °")]
 
 
 def after_lines(
