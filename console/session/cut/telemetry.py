@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.cut.cut_verdict import NO_VERDICT, CutVerdict
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.learned import PartRead
@@ -46,7 +47,7 @@ class CutFigures:
     instant; `following_error_um` is the largest distance of the actual tool from its commanded position. A path
     commanded ahead of the servo's lag has a large following error and a small tool error. `tool_lobe_um` is the
     harmonic of the tool error at the order of the lobe, once the chip is full: Re(c exp(j N angle)), spindle
-    angles, infeed positive; 0 where too few polls fell into the cut.
+    angles, infeed positive; 0 where too few polls fell into the cut. `verdict` is that on the whole cut.
     """
 
     spindle_speed_rpm: float
@@ -56,6 +57,7 @@ class CutFigures:
     following_error_rms_um: float
     samples: int
     tool_lobe_um: complex = 0j
+    verdict: CutVerdict = NO_VERDICT
 
 
 def is_leaving(error_um: float, peak_um: float) -> bool:

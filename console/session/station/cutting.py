@@ -384,7 +384,8 @@ def start(context: StationContext, _: Start) -> None:
         end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see, touched_mm=touched_mm)
         force = watched.force.result() if watched.force else None
     except NotAsPlannedError as early:
-        context.note("ended_early", turns=early.turns, reasons=[problem.code for problem in early.problems])
+        reasons = [problem.code for problem in early.problems]
+        context.note("ended_early", turns=early.turns, reasons=reasons, cut_verdict=early.judgement)
         raise
     finally:
         context.seen = None
@@ -534,7 +535,7 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: Forc
     context.tell(cut=ended, cut_done=done)
     made = {} if context.started is None else context.started.made.event()
     if end.figures is not None:
-        made |= tool_lobe_event(end.figures.tool_lobe_um)
+        made |= tool_lobe_event(end.figures.tool_lobe_um) | end.figures.verdict.event()
     made |= force_event(force)
     context.note(
         "held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made

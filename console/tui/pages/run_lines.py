@@ -24,6 +24,7 @@ from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
+from console.text.cut_verdict import tool_words
 from console.text.force import force_words
 from console.text.forces import short_span_words
 from console.tui.lines import (
@@ -281,6 +282,8 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
             *_phase_pair(text, cut),
             ("following_peak", text.units.show(figures.following_error_um, "um", 2)),
             ("following_rms", text.units.show(figures.following_error_rms_um, "um", 2)),
+            ("verdict", text(f"cut_verdict.{figures.verdict.judgement}")),
+            ("tool", tool_words(figures.verdict, text) or NOTHING),
             ("samples", f"{figures.samples}"),
         ]
         notes = ["by_controller"] if cut.judged else ["not_judged", "by_controller"]
