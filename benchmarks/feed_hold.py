@@ -1,4 +1,4 @@
-"""How the mean radius runs along a cut from its entry on, and the step that a feed hold leaves, on simulated parts.
+"""How the mean radius runs along a cut from its entry, and the step that a feed hold leaves, on simulated parts.
 
     python -m benchmarks.feed_hold [--seeds 3] [--first 1] [--plant steady realistic] [--machine NAME ...]
         [--strategy NAME ...] [--parts 3] [--gains KP KI KD]
@@ -46,7 +46,9 @@ from profiles.traces import Trace
 ENTRY = 0.4  # cut lengths from the middle
 HELD_AT_MM = 3.9
 HELD_FOR_S = 10.0
-ABOUT_HOLD_MM = tuple(0.1 * step for step in range(-7, 8))  # sections, from the place at which the hold is asked for
+ABOUT_HOLD_MM = tuple(
+    0.1 * step for step in range(-7, 8)
+)  # sections, from the place at which the hold is asked for
 SECTIONS = (0.0, -ENTRY, ENTRY)
 
 
@@ -147,7 +149,7 @@ def _third_um(cutting: Cutting, seed: int) -> float:
 
 def figures(cutting: Cutting, seed: int) -> Figures:
     """Return the figures of one seed."""
-    workshop.SECTIONS = _sections(cutting.job)
+    workshop.SECTIONS = _sections(cutting.job)  # type: ignore[assignment]  # its type is that of three
     try:
         plain = _made(cutting, seed, hold=False)
         found = Figures(

@@ -65,7 +65,8 @@ class LobedPath:
     """mean + amplitude cos(lobes (angle - phase)) + overtones, by the angle of the spindle.
 
     Order `lobes`, with a maximum at `phase_deg`, is the lobe itself; `overtones` have other orders. All
-    grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws.
+    grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws. `push_um` is how
+    far the force of the cut pushes the tool out at first, for which a command makes up until the loop has.
     """
 
     mean_um: float
@@ -74,6 +75,7 @@ class LobedPath:
     phase_deg: float
     overtones: tuple[PathHarmonic, ...] = ()
     growth_per_mm: float = 0.0
+    push_um: float = 0.0
 
     @property
     def harmonics(self) -> tuple[PathHarmonic, ...]:
@@ -110,6 +112,7 @@ class LobedPath:
             phase_deg=lobe.phase_deg if lobe.amplitude_um else self.phase_deg,
             overtones=tuple(PathHarmonic.of(n, sums[n]) for n in sorted(sums)),
             growth_per_mm=self.growth_per_mm,
+            push_um=self.push_um,
         )
 
 
