@@ -68,13 +68,14 @@ def plan_cut(
     if path is not None:
         _refuse_beyond(path, job, machine, strategy)
     start = from_turn * machine.spindle.counts_per_rev + first_spindle_counts(job, machine, strategy)
+    command = _command(job, machine, strategy, path, response)
     planning = Planning(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
         setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
         target=target_path(job) if path is None else path.target,
-        command=_command(job, machine, strategy, path, response),
+        command=replace(command, push_um=0.0) if air_mm else command,
         ts_ms=ts_ms,
         trimmed=trimmed,
     )

@@ -127,6 +127,11 @@ class CutPath:
         """Return both so many degrees of spindle further on: the axis response does not change with angle."""
         return CutPath(target=self.target.turned(by_deg), command=self.command.turned(by_deg))
 
+    def pushed(self, further_um: float) -> CutPath:
+        """Return the path with a command that makes up for so much more of the push of the cut."""
+        command = replace(self.command, push_um=self.command.push_um + further_um)
+        return CutPath(target=self.target, command=command)
+
 
 def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
     """Eq 4: V = 60 f / N, which is 20 f for three jaws."""
@@ -285,6 +290,7 @@ def path_problems(
             most_um + friction_um(lobe.lobes),
         ),
         "wanted mean": (abs(path.target.mean_um - job_wants.mean_um), MOST_MEAN_UM),
+        "command push": (abs(path.command.push_um), MOST_MEAN_UM),
         "command mean": (abs(path.command.mean_um - path.target.mean_um), MOST_MEAN_UM),
     }
     for harmonic in path.target.overtones:

@@ -36,3 +36,11 @@ def test_with_a_stiff_loop_neither_entry_nor_hold_leaves_a_step(strategy: Strate
     # Both of these parts scatter by some tenths of a um: friction and noise differ after the hold.
     assert found.step_um is not None and found.step_um < 1.0
     assert min(ABOUT_HOLD_MM) < -0.4 and max(ABOUT_HOLD_MM) > 0.4  # as long as the land reaches
+
+
+@pytest.mark.long
+def test_a_row_of_parts_learns_the_push_of_a_soft_loop() -> None:
+    found = figures(cutting(Strategy.CAM, gains=None, parts=3), 7)
+    assert not found.refused
+    assert found.fall_um is not None and found.fall_um > 10.0  # of a first part
+    assert found.third_um is not None and abs(found.third_um) < 1.0

@@ -43,6 +43,11 @@ def _in_segment(fed: str) -> str:
     return f"IF({fed}>P77 AND P71<0.999) P71=P71+P76\nP74=P74+(P72*P71-P74)*P73\nP70=P72*P71-P74\n"
 
 
+def blend_turns(setup: CutSetup) -> float:
+    """Return the turns from the face of the part within which the push comes into effect."""
+    return min(MOST_BLEND_TURNS, max(LEAST_BLEND_TURNS, TURNS_OF_LAND * setup.land_turns))
+
+
 def with_push(text: str, job: Job, setup: CutSetup, push_um: float, segment_ms: float) -> str:
     """Return a template with the lines against a push of `push_um` before it relaxes; none where that is 0.
 
@@ -50,12 +55,11 @@ def with_push(text: str, job: Job, setup: CutSetup, push_um: float, segment_ms: 
     `{pushed}` in a position of the tool.
     """
     turn_ms, number = 60_000.0 / job.spindle_speed_rpm, format_number
-    blend = min(MOST_BLEND_TURNS, max(LEAST_BLEND_TURNS, TURNS_OF_LAND * setup.land_turns))
     decays = segment_ms / setup.relaxation_ms
     values = {
         "push": number(push_um / setup.tool_count_um),
         "relaxes": number(-math.expm1(-decays)),
-        "step": number(1.0 / max(1, round(blend * turn_ms / segment_ms))),
+        "step": number(1.0 / max(1, round(blend_turns(setup) * turn_ms / segment_ms))),
         "contact": number(APPROACH_MM / job.feed_mm_per_rev * turn_ms / segment_ms),
         "decays": number(decays),
     }
