@@ -1,7 +1,7 @@
 """How the mean radius runs along a cut from its entry, and the step that a feed hold leaves, on simulated parts.
 
     python -m benchmarks.feed_hold [--seeds 3] [--first 1] [--plant steady realistic] [--machine NAME ...]
-        [--strategy NAME ...] [--parts 3] [--gains KP KI KD]
+        [--strategy NAME ...] [--parts 3] [--gains KP KI KD] [--passive 0.4]
 
 `entry fall` is the mean radius 0.4 cut lengths before the middle less that as far behind it, um, of a first part
 that nothing has taught; `third part` is the same after a row of parts has learned (`cam` alone learns within the
@@ -62,6 +62,7 @@ class Cutting:
     plant: str
     parts: int
     gains: tuple[float, ...] | None = None
+    passive_fraction: float = 0.0
 
     @property
     def job(self) -> Job:
@@ -72,6 +73,7 @@ class Cutting:
     def machine(self) -> MachineProfile:
         """The machine, with the gains that were asked for."""
         machine = load_machine(self.machine_name).machine
+        machine = replace(machine, tool=replace(machine.tool, passive_force_fraction=self.passive_fraction))
         return machine if self.gains is None else _with_gains(machine, self.gains)
 
 
@@ -137,7 +139,7 @@ def _made(cutting: Cutting, seed: int, *, hold: bool) -> tuple[Trace, ...]:
     return tuple(lathe.measure(each * cutting.job.cut_length_mm) for each in _sections(cutting.job))
 
 
-def _third_um(cutting: Cutting, seed: int) -> float:
+def row_fall_um(cutting: Cutting, seed: int) -> float:
     """Return the fall of the last part of a row that learns."""
     true = plant_named(cutting.plant, cutting.machine, seed)
     plan = plan_run(cutting.job, cutting.machine, cutting.strategy, simulated=True)
@@ -158,7 +160,7 @@ def figures(cutting: Cutting, seed: int) -> Figures:
             ront_middle_um=_ront_um(plain[0]),
         )
         if cutting.strategy in TRIMMED and cutting.parts:
-            found = replace(found, third_um=_third_um(cutting, seed))
+            found = replace(found, third_um=row_fall_um(cutting, seed))
         if cutting.strategy is not Strategy.PAPER:
             held = _made(cutting, seed, hold=True)
             pairs = list(zip(held, plain, strict=True))[len(SECTIONS) :]
@@ -210,6 +212,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--strategy", nargs="+", default=by_default)
     parser.add_argument("--parts", type=int, default=extent(3, 0), help="parts that learn; 0 for none")
     parser.add_argument("--gains", type=float, nargs=3, help="of the tool: V/m, V/(m s), V s/m")
+    parser.add_argument("--passive", type=float, default=0.0, help="passive force over the main one that is known")
     asked = parser.parse_args(arguments)
     seeds, rows = range(asked.first, asked.first + asked.seeds), []
     gains = None if asked.gains is None else tuple(asked.gains)
@@ -224,6 +227,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
                         plant=plant,
                         parts=asked.parts,
                         gains=gains,
+                        passive_fraction=asked.passive,
                     )
                     rows.append(row(cutting, list(pool.map(partial(figures, cutting), seeds))))
     head = ("machine", "plant", "strategy", "entry fall", "RONt there", "in the middle")

@@ -290,7 +290,7 @@ def path_problems(
             most_um + friction_um(lobe.lobes),
         ),
         "wanted mean": (abs(path.target.mean_um - job_wants.mean_um), MOST_MEAN_UM),
-        "command push": (abs(path.command.push_um), MOST_MEAN_UM),
+        "command push": (abs(path.command.push_um) - job_wants.push_um, MOST_MEAN_UM),
         "command mean": (abs(path.command.mean_um - path.target.mean_um), MOST_MEAN_UM),
     }
     for harmonic in path.target.overtones:

@@ -37,6 +37,15 @@ class Push:
 NO_PUSH = Push()
 
 
+def predicted_push_um(job: Job, machine: MachineProfile) -> float:
+    """Return the push of the predicted cut, by what the machine states of its force; 0 where that is unknown."""
+    material, fraction = material_or_none(job.material), machine.tool.passive_force_fraction
+    if material is None or not fraction:
+        return 0.0
+    force = cutting_force(material, job.depth_of_cut_mm, job.feed_mm_per_rev, passive_fraction=fraction)
+    return force.passive_n * push_um_per_n(machine)
+
+
 def given_back(job: Job, machine: MachineProfile) -> float:
     """Return c k, the fraction of a push that the cut gives back as it is less deep; 0 where it is unknown."""
     material = material_or_none(job.material)
