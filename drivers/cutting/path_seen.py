@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from drivers.cutting.plan import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from drivers.pmac.programs.push import blend_turns
 from profiles.least_squares import fit, harmonic_columns, harmonic_slice
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -68,7 +69,9 @@ class PathSeen:
         self._clear = setup.carriage_face - 0.5 * land
         self._first = plan.carriage_start + setup.carriage_per_turn
         self._settled = plan.carriage_start + SETTLED_TURNS * setup.carriage_per_turn
-        self._in_part = self._clear + setup.carriage_per_turn
+        # A path that makes up for the push of the cut does so within some turns more.
+        blended = blend_turns(setup) if plan.command.push_um else 0.0
+        self._in_part = self._clear + (1.0 + blended) * setup.carriage_per_turn
         self._recut_end = self._uncut = -math.inf
         if before is not None:
             mark = setup.carriage_face + before.to_mm * machine.carriage.counts_per_mm
