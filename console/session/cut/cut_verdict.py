@@ -64,7 +64,8 @@ class CutVerdict:
     `tool` is the error of the actual tool against the path that its program makes, `command` that of its command;
     None where the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
     peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. A `trimmed` cut
-    was corrected by this console while it ran, so the harmonics of its command are not judged.
+    was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
+    course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
     """
 
     tool: ToolError | None = None
@@ -73,6 +74,7 @@ class CutVerdict:
     round_limit_um: float = math.inf
     size_limit_um: float | None = None
     trimmed: bool = False
+    pushed: bool = False
 
     @property
     def judgement(self) -> CutJudgement:
@@ -101,7 +103,9 @@ class CutVerdict:
         if self.command is None:
             return None
         each = self.command
-        off = [(abs(each.mean_um), each.mean_se_um, "Ø"), (abs(each.slope_um), each.slope_se_um, "Z")]
+        off = [(0.0, 0.0, "Ø")]
+        if not self.pushed:
+            off = [(abs(each.mean_um), each.mean_se_um, "Ø"), (abs(each.slope_um), each.slope_se_um, "Z")]
         if not self.trimmed:
             off += [(abs(um), each.orders_se_um[n], f"{n}/rev") for n, um in each.orders.items()]
         off_um, se_um, where = max(off, key=lambda one: one[0] - 2.0 * WORTH_TELLING * one[1])
@@ -213,6 +217,7 @@ class ToolPolls:
             round_limit_um=BUDGET["tool"] * job.roundness_tolerance_um,
             size_limit_um=None if size_um is None else BUDGET["tool"] * size_um,
             trimmed=self._trimmed,
+            pushed=bool(plan.command.push_um),
         )
 
     def _late_deg(self, cycle_deg: float) -> float:
