@@ -31,6 +31,7 @@ class FreezeWatch:
 
     def __init__(self) -> None:
         self._lock, self._froze_s, self._ran_s = threading.Lock(), 0.0, boot_s()
+        self._last = float("-inf"), 0.0
         threading.Thread(target=_watch, args=(weakref.ref(self),), name="freezes", daemon=True).start()
 
     @property
@@ -40,8 +41,15 @@ class FreezeWatch:
             now_s = boot_s()
             if now_s - self._ran_s > FROZEN_S:
                 self._froze_s = now_s - self._ran_s
+                self._last = now_s, self._froze_s
             self._ran_s = now_s
             return self._froze_s
+
+    def woke_from_s(self, within_s: float) -> float:
+        """Return how long a pause was that ended within this time; 0.0 without one."""
+        _ = self.froze_s
+        woke_s, froze_s = self._last
+        return froze_s if boot_s() - woke_s < within_s else 0.0
 
     def forget(self) -> None:
         """Let what begins now not be judged by what was before."""

@@ -91,7 +91,9 @@ def test_the_watch_sees_a_pause_whoever_looks_first(monkeypatch: pytest.MonkeyPa
     now[0] += 22.0
     assert (watch.froze_s, watch.froze_s) == (22.0, 22.0)
     watch.forget()
-    assert watch.froze_s == 0.0
+    assert (watch.froze_s, watch.woke_from_s(0.5)) == (0.0, 22.0)
+    now[0] += 0.6
+    assert watch.woke_from_s(0.5) == 0.0
 
 
 def test_an_answer_dates_only_what_comes_after_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,7 +63,7 @@ class PollPause:
     """Time without a poll of the idle machine; after it nothing is armed, and no undated order is obeyed."""
 
     def __init__(self, context: StationContext) -> None:
-        self._context, self._awake_s, self._last_s = context, float("-inf"), 0.0
+        self._context = context
         self._polled = self._now()
 
     def end(self, froze_s: float = 0.0) -> None:
@@ -78,16 +78,14 @@ class PollPause:
         self._judge(pause_s)
 
     def _judge(self, pause_s: float) -> None:
-        if pause_s > FROZEN_S:
-            self._awake_s, self._last_s = self._context.screen_s(), pause_s
-            if self._context.state.armed is not None:
-                self._context.tell(armed=None, refusals=(_frozen(pause_s),))
+        if pause_s > FROZEN_S and self._context.state.armed is not None:
+            self._context.tell(armed=None, refusals=(_frozen(pause_s),))
 
     def problem(self) -> Problem | None:
         """Return why an order that has no date is not obeyed; None where there was no pause just now."""
-        woke = self._context.screen_s() - self._awake_s < AWAKE_S
-        pause_s = max(self._pause_s(), self._last_s if woke else 0.0)
-        return _frozen(pause_s) if pause_s > FROZEN_S else None
+        freezes = self._context.lathe.stop.freezes
+        pause_s = 0.0 if freezes is None else freezes.woke_from_s(AWAKE_S)
+        return _frozen(pause_s) if pause_s else None
 
     def _pause_s(self) -> float:
         """Return the time since the last poll, less that of a paused lathe, plus that of a suspended computer."""
