@@ -27,6 +27,7 @@ from benchmarks.tables import Table, added, printed, read, write
 
 NAMES = (
     "learning",
+    "feed_hold",
     "stop_latency",
     "run_page",
     "simulation_speed",

@@ -31,6 +31,9 @@ wrong usage
 .TP
 3
 with \-\-fail\-out\-of\-tolerance: the part is out of the roundness tolerance of its job
+.TP
+4
+console run: the cut is not proven to be the planned one; the part is neither good nor bad
 
 .SH FILES
 .TP

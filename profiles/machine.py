@@ -55,6 +55,7 @@ class ToolAxis:
     tool's flat: a larger feed per turn leaves a thread. The three gains act on the position error: V/m,
     V/(m s) and V s/m. `damping_n_s_per_m` is the viscous equivalent of all friction (section 4.2).
     `bus_voltage_v` feeds the amplifier, None if unknown. `name` is the name of the tool at the lathe.
+    `passive_force_fraction` is the radial force of a cut over the main one; programs make up for it.
     """
 
     motor: int
@@ -86,6 +87,7 @@ class ToolAxis:
     notch_n2: float = 0.0
     notch_d1: float = 0.0
     notch_d2: float = 0.0
+    passive_force_fraction: float = 0.0
 
     @property
     def v_per_bit(self) -> float:

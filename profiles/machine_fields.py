@@ -105,6 +105,7 @@ SECTIONS: Mapping[str, tuple[Field, ...]] = MappingProxyType(
             _known("bus_voltage_v", "V", 1000),
             Field(key="name", kind=Kind.TEXT, default=""),
             *(Field(key=each, at_least=-2, below=2, default=0.0) for each in NOTCH_KEYS),
+            Field(key="passive_force_fraction", at_least=0, at_most=1, default=0.0),
         ),
         "spindle": (
             _MOTOR,

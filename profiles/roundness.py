@@ -14,14 +14,25 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats
 from profiles.metrology.circles import LEAST_SQUARES, ReferenceCircle, least_squares, limacon_circle
 from profiles.metrology.filters import POINTS_PER_UNDULATION, gaussian_filter
 from profiles.metrology.geometric import circles_about_axis, geometric_circle, polar
-from profiles.metrology.harmonics import Harmonic, filled, harmonics, suspects
-from profiles.metrology.points import at_equal_angles, checked, equally_spaced, largest_gap_deg
+from profiles.metrology.harmonics import (
+    Feature,
+    Harmonic,
+    at_equal_angles,
+    between,
+    bridged,
+    bridging_order,
+    features,
+    harmonics,
+    has_gap,
+    suspects,
+)
+from profiles.metrology.points import angle_weights, checked, equally_spaced, largest_gap, largest_gap_deg
 from profiles.metrology.spikes import spike
 from profiles.problem import Problem, refused
 
@@ -32,6 +43,12 @@ SMALLEST_MM = 5.0  # smallest assumed part radius where a trace does not state i
 _EXAMPLE_MM = 25.0  # the radius for which a warning gives the size of the oval
 # Fraction of the radius: further off centre the angles about the axis say little about those of the part.
 _MOST_ECCENTRIC = 0.1
+_UNFILTERED_UPR = 50.0  # undulations that the points of a trace without a filter have to show
+# Most by which interpolation may change RONt (choice): so many um, or this fraction of RONt.
+MOST_INTERPOLATED_UM, MOST_INTERPOLATED_FRACTION = 0.5, 0.05
+_TRIALS = 36  # places where a gap like that of the trace is tried, to see its effect
+_ROOM = 1.25  # gaps, and a step: what is wider is such a gap beside that of the trace
+_TRIAL_POINTS = 1800  # of so many points: more make it no better known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,7 +61,8 @@ class RoundnessResult:
     centred, filtered profile. `filter_upr` is the cut-off in undulations per revolution, None without a filter,
     `above_upr` the lower cut-off of a band pass. `recentred` is whether the part was too far off for the
     limacon model and was taken about its own centre. `left_out` counts suspect points. `state` is the state in
-    which the part was measured, such as "free" or "clamped". `warnings` do not invalidate the result.
+    which the part was measured, such as "free" or "clamped". `features` are neighbouring suspect points, which
+    stay in; `without_features` is the result without them. `warnings` do not invalidate the result.
     """
 
     ront_um: float
@@ -63,6 +81,8 @@ class RoundnessResult:
     circles: tuple[ReferenceCircle, ...] = ()
     recentred: bool = False
     left_out: int = 0
+    features: tuple[Feature, ...] = ()
+    without_features: RoundnessResult | None = None
     warnings: tuple[Problem, ...] = ()
 
     @property
@@ -83,16 +103,40 @@ class RoundnessResult:
 class _Centred:
     """A profile about its least squares circle, um, at angles about the axis, or about its own centre; (M,) each.
 
-    `out` are the excluded points.
+    In the gaps of the trace, and at equal angles once it is filtered, its points are interpolated.
     """
 
     angle_deg: Floats
     profile_um: Floats
-    out: NDArray[np.bool_]
     mean_um: float
     x_um: float
     y_um: float
     recentred: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Method:
+    """How a trace is evaluated: see `evaluate`."""
+
+    filter_upr: float | None
+    above_upr: float | None = None
+    radius_mm: float | None = None
+
+    @property
+    def widest_deg(self) -> float:
+        """The widest step that still shows what passes the filter: wider ones are bridged, and told."""
+        return 360.0 / (POINTS_PER_UNDULATION * (self.filter_upr or _UNFILTERED_UPR))
+
+    def profile(self, angle: Floats, deviation: Floats) -> _Centred:
+        """Return the whole profile of M points, (M,) each: gaps bridged, centred, filtered."""
+        if self.filter_upr is not None and not (math.isfinite(self.filter_upr) and self.filter_upr > 0.0):
+            raise refused("value.out_of_range", key="filter_upr", value=f"{self.filter_upr:g}", limit="> 0 UPR")
+        if has_gap(angle, self.widest_deg):
+            angle, deviation = bridged(angle, deviation, self.widest_deg)
+        centred = _centred(angle, deviation, self.radius_mm)
+        if self.filter_upr is None and self.above_upr is None:
+            return centred
+        return _filtered(centred, self.filter_upr, self.above_upr)
 
 
 def evaluate(
@@ -107,48 +151,74 @@ def evaluate(
 ) -> RoundnessResult:
     """Return the roundness of a trace of M points against its reference circles.
 
-    Both inputs have shape (M,). Unequal angles are taken without a filter only; with one they are refused
-    (`trace.unequal_angles`), because a closed profile is filtered by its spectrum. A gap between neighbouring
-    angles above 60 deg is refused (`trace.narrow_angles`), filter or not: nothing in it was measured, and lobes
-    of half its width would be missing from the result unnoticed. With `above_upr` the filter is a band pass
-    from there. With the radius of the part the circles are those of its points in the plane, and a part too
-    eccentric for the limacon model is taken about its own centre; `trace.eccentric` refuses one that is off by
-    more than a tenth of its radius. Without it `trace.off_axis`, a warning, says that an eccentricity may show
-    as an oval, and of which radii. `robust` excludes suspect points (chips, scratches) and counts them.
+    Both inputs have shape (M,). Points weigh by the angle that they stand for; for a filter, unequal steps are
+    interpolated to equal ones. A step too wide for what passes the filter is bridged by the undulations, and what
+    that may change is found out at other places of the trace: told (`trace.interpolated`), refused (`trace.gap`)
+    above `MOST_INTERPOLATED_UM` and `MOST_INTERPOLATED_FRACTION` of RONt. A gap between neighbouring angles above
+    60 deg is refused (`trace.narrow_angles`): lobes of half its width would be missing from the result unnoticed.
+    With `above_upr` the filter is a band pass from there. With the radius of the part the circles are those of its
+    points in the plane, and a part too eccentric for the limacon model is taken about its own centre;
+    `trace.eccentric` refuses one that is off by more than a tenth of its radius. Without it `trace.off_axis`, a
+    warning, says that an eccentricity may show as an oval, and of which radii. `robust` excludes dirt (suspect
+    points by themselves or few together) and counts it; more neighbours are features, and stay.
     """
     angle, deviation = checked(angle_deg, deviation_um)
-    spiked = _spikes(angle, deviation)
-    out = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
-    centred = _centred(angle, deviation, ~out, radius_mm)
-    if filter_upr is not None or above_upr is not None:
-        centred = _filtered(angle, centred, filter_upr, above_upr)
-    angle, profile = centred.angle_deg[~centred.out], centred.profile_um[~centred.out]
+    method = _Method(filter_upr=filter_upr, above_upr=above_upr, radius_mm=radius_mm)
+    spiked = () if robust else _spikes(angle, deviation)
+    suspect = suspects(angle, deviation) if robust else np.zeros(angle.shape, dtype=bool)
+    found = features(angle, deviation, suspect)
+    dirt = suspect.copy()
+    for places in found.values():
+        dirt[places] = False
+    result = _result(angle[~dirt], deviation[~dirt], method)
+    return replace(
+        result,
+        state=state,
+        points=angle.size,
+        left_out=int(dirt.sum()),
+        features=tuple(found),
+        without_features=_result(angle[~suspect], deviation[~suspect], method) if found else None,
+        warnings=(
+            *_sampling(angle.size, filter_upr),
+            *result.warnings,
+            *_gap(angle, deviation, method, result.ront_um),
+            *spiked,
+        ),
+    )
+
+
+def _result(angle: Floats, deviation: Floats, method: _Method) -> RoundnessResult:
+    centred = method.profile(angle, deviation)
+    angle, profile = centred.angle_deg, centred.profile_um
     peak, valley = float(profile.max()), 0.0 - float(profile.min())
-    circles = circles_about_axis(angle, profile, None if radius_mm is None else 1000.0 * radius_mm)
+    radius_um = None if method.radius_mm is None else 1000.0 * method.radius_mm
     return RoundnessResult(
         ront_um=peak + valley,
         ronp_um=peak,
         ronv_um=valley,
-        ronq_um=math.sqrt(float(np.mean(profile**2))),
+        ronq_um=math.sqrt(float(np.average(profile**2, weights=angle_weights(angle)))),
         centre_x_um=centred.x_um,
         centre_y_um=centred.y_um,
         mean_deviation_um=centred.mean_um,
         reference_circle=LEAST_SQUARES,
-        filter_upr=filter_upr,
-        above_upr=above_upr,
-        state=state,
-        points=out.size,
+        filter_upr=method.filter_upr,
+        above_upr=method.above_upr,
+        state="unknown",
+        points=deviation.size,
         harmonics=harmonics(angle, profile),
-        circles=tuple(_from_axis(circle, centred) for circle in circles),
+        circles=tuple(_from_axis(circle, centred) for circle in circles_about_axis(angle, profile, radius_um)),
         recentred=centred.recentred,
-        left_out=int(out.sum()),
-        warnings=(*_sampling(out.size, filter_upr), *_off_axis(centred, radius_mm), *(() if robust else spiked)),
+        warnings=_off_axis(centred, method.radius_mm),
     )
 
 
 def centred_profile(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | None = 50.0) -> Floats:
     """Return the local deviations from the least squares circle, filtered, in the given order; shape (M,)."""
-    return profile_of(angle_deg, deviation_um, filter_upr)[1]
+    angle, deviation = checked(angle_deg, deviation_um)
+    found = _Method(filter_upr=filter_upr).profile(angle, deviation)
+    if found.angle_deg is angle:
+        return found.profile_um
+    return between(found.angle_deg, found.profile_um, angle)
 
 
 def profile_of(
@@ -159,15 +229,13 @@ def profile_of(
     kind: str = LEAST_SQUARES,
     radius_mm: float | None = None,
 ) -> tuple[Floats, Floats]:
-    """Return the filtered deviations from a reference circle, um, and their angles, deg; shape (M,) each.
+    """Return the filtered deviations from a reference circle, um, and their angles, deg; shape (N,) each.
 
-    `kind` is one of `CIRCLES`. The angles are those given but for a part that is taken about its own centre: see
-    `evaluate`, also for `radius_mm` and what is raised.
+    `kind` is one of `CIRCLES`. The angles are those given but for a part that is taken about its own centre, and
+    for a trace that is interpolated: see `evaluate`, also for `radius_mm` and what is raised.
     """
-    angle, deviation = checked(angle_deg, deviation_um)
-    centred = _centred(angle, deviation, np.ones(angle.shape, dtype=bool), radius_mm)
-    if filter_upr is not None:
-        centred = _filtered(angle, centred, filter_upr, None)
+    method = _Method(filter_upr=filter_upr, radius_mm=radius_mm)
+    centred = method.profile(*checked(angle_deg, deviation_um))
     angle, profile = centred.angle_deg, centred.profile_um
     if kind == LEAST_SQUARES:
         return angle, profile
@@ -176,14 +244,12 @@ def profile_of(
     return angle, profile - circle.deviation_um - x_um * np.cos(theta) - y_um * np.sin(theta)
 
 
-def _centred(
-    angle_deg: Floats, deviation_um: Floats, kept: NDArray[np.bool_], radius_mm: float | None
-) -> _Centred:
-    """Subtract the circle of the points that are kept from all points."""
-    mean_um, x_um, y_um = least_squares(angle_deg[kept], deviation_um[kept])
+def _centred(angle_deg: Floats, deviation_um: Floats, radius_mm: float | None) -> _Centred:
+    """Subtract the circle of the points."""
+    mean_um, x_um, y_um = least_squares(angle_deg, deviation_um)
     theta = np.radians(angle_deg)
     profile = deviation_um - mean_um - x_um * np.cos(theta) - y_um * np.sin(theta)
-    centred = _Centred(angle_deg=angle_deg, profile_um=profile, out=~kept, mean_um=mean_um, x_um=x_um, y_um=y_um)
+    centred = _Centred(angle_deg=angle_deg, profile_um=profile, mean_um=mean_um, x_um=x_um, y_um=y_um)
     if radius_mm is None or seen_oval_um_pp(math.hypot(x_um, y_um), radius_mm) <= _MOST_OVALITY_UM:
         return centred
     if math.hypot(x_um, y_um) > 1000 * _MOST_ECCENTRIC * radius_mm:
@@ -191,13 +257,12 @@ def _centred(
         raise refused("trace.eccentric", key="eccentricity", value=value, limit=limit)
     distance = 1000 * radius_mm + deviation_um
     x, y = distance * np.cos(theta), distance * np.sin(theta)
-    circle = geometric_circle(LEAST_SQUARES, x[kept], y[kept], (x_um, y_um))
+    circle = geometric_circle(LEAST_SQUARES, x, y, (x_um, y_um))
     centre = (circle.centre_x_um, circle.centre_y_um)
     angle, own_um = polar(x, y, centre)
     return _Centred(
         angle_deg=angle,
         profile_um=own_um - circle.deviation_um,
-        out=~kept,
         mean_um=circle.deviation_um - 1000 * radius_mm,
         x_um=centre[0],
         y_um=centre[1],
@@ -205,25 +270,49 @@ def _centred(
     )
 
 
-def _filtered(
-    measured_deg: Floats, centred: _Centred, filter_upr: float | None, above_upr: float | None
-) -> _Centred:
+def _filtered(centred: _Centred, filter_upr: float | None, above_upr: float | None) -> _Centred:
     if filter_upr is None:
         raise refused("value.out_of_range", key="filter_upr", value="none", limit=f"> {above_upr} UPR")
-    if not equally_spaced(measured_deg):
-        value, limit = f"{largest_gap_deg(measured_deg):g} deg", f"{360 / measured_deg.size:g} deg"
-        raise refused("trace.unequal_angles", key="angle_deg", value=value, limit=limit)
-    if centred.out.any():
-        centred = replace(centred, profile_um=filled(centred.angle_deg, centred.profile_um, centred.out))
-    if centred.recentred:
-        out = centred.out.astype(np.float64)
+    if not equally_spaced(centred.angle_deg):
         angle, profile = at_equal_angles(centred.angle_deg, centred.profile_um)
-        gone = np.interp(angle, centred.angle_deg, out, period=360.0) > 0.0
-        centred = replace(centred, angle_deg=angle, profile_um=profile, out=gone)
+        centred = replace(centred, angle_deg=angle, profile_um=profile)
     order = np.argsort(np.mod(centred.angle_deg, 360.0), kind="stable")
     profile = np.empty_like(centred.profile_um)
     profile[order] = gaussian_filter(centred.profile_um[order], filter_upr, above_upr=above_upr)
     return replace(centred, profile_um=profile)
+
+
+def _gap(angle: Floats, deviation: Floats, method: _Method, ront_um: float) -> tuple[Problem, ...]:
+    """Tell a gap with its effect on RONt; raises `ProfileError`: `trace.gap`, that is too much."""
+    first_deg, gap_deg, step_deg = largest_gap(angle)
+    if not has_gap(angle, method.widest_deg):
+        return ()
+    effect_um = _effect_um(angle, deviation, gap_deg, _ROOM * gap_deg + step_deg, method)
+    allowed_um = max(MOST_INTERPOLATED_UM, MOST_INTERPOLATED_FRACTION * ront_um)
+    key, value = f"{first_deg:.6g} - {(first_deg + gap_deg) % 360.0:.6g} deg", f"{max(effect_um, 0.01):.2f} um"
+    if effect_um > allowed_um:
+        raise refused("trace.gap", key=key, value=value, limit=f"<= {allowed_um:.2g} um")
+    return (Problem(code="trace.interpolated", key=key, value=value, limit=f"{allowed_um:.2g} um"),)
+
+
+def _effect_um(angle: Floats, deviation: Floats, gap_deg: float, room_deg: float, method: _Method) -> float:
+    """Return by how much such a gap, bridged, is off where the trace has points.
+
+    Of all places but the worst: a single one may hide a single point. Where such a gap has no room without that of
+    the trace, all of the profile. Noise that a filter of the trace does not pass is no error of the bridge.
+    """
+    filtered = replace(method, filter_upr=method.filter_upr or _UNFILTERED_UPR, radius_mm=None)
+    whole = filtered.profile(angle, deviation)
+    thinned = slice(None, None, 1 + whole.angle_deg.size // _TRIAL_POINTS)
+    whole_deg, whole_um = whole.angle_deg[thinned], whole.profile_um[thinned]
+    order, errors_um = bridging_order(angle), []
+    for place in whole_deg[:: 1 + whole_deg.size // _TRIALS]:
+        gone = np.mod(whole_deg - place, 360.0) < gap_deg
+        beside = np.mod(angle - place, 360.0) < gap_deg
+        if largest_gap_deg(angle[~beside]) <= room_deg and gone.any():
+            bridge_um = between(whole_deg[~gone], whole_um[~gone], whole_deg[gone], order)
+            errors_um.append(float(np.abs(bridge_um - whole_um[gone]).max()))
+    return sorted(errors_um)[-2] if len(errors_um) > 1 else float(np.ptp(whole_um))
 
 
 def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:

@@ -18,6 +18,8 @@ class Mutation:
 
 
 STOP, STOPPING = "drivers/lathe/stop.py", "tests/drivers/test_stopping.py"
+LIMITS, BETWEEN = "tests/drivers/test_limits_of_a_cut.py", "tests/console/test_between_two_parts.py"
+UNEVEN = "tests/profiles/test_uneven_traces.py"
 INTERLOCKS = "console/session/cut/interlocks.py"
 _STOPPING: tuple[Mutation, ...] = (
     Mutation(
@@ -47,6 +49,41 @@ _STOPPING: tuple[Mutation, ...] = (
         old="if proven != len(self._begun):",
         new="if proven > len(self._begun):",
         test="tests/drivers/test_recovery.py::test_a_stop_sent_again_asks_for_a_new_proof",
+    ),
+    Mutation(
+        rule="A running cut that leaves its plan by 30 um is stopped.",
+        file="drivers/cutting/guarding.py",
+        old="TOOL_MARGIN_UM / tool.count_um",
+        new="TOOL_MARGIN_UM * tool.count_um",
+        test=f"{LIMITS}::test_a_running_cut_may_leave_its_plan_by_its_margins",
+    ),
+    Mutation(
+        rule="A home search that rests without a zero is over.",
+        file="drivers/lathe/standstill.py",
+        old="or self._rests >= self.RESTS",
+        new="or self._rests > self.RESTS",
+        test=f"{LIMITS}::test_a_home_search_that_rests_three_times_without_a_zero_is_over",
+    ),
+    Mutation(
+        rule="One poll in twelve queries the line of the program.",
+        file="drivers/cutting/program_reports.py",
+        old="self._polls % POLLS_A_REPORT == 0",
+        new="self._polls % POLLS_A_REPORT != 0",
+        test=f"{LIMITS}::test_a_program_is_asked_for_its_line_once_in_twelve_polls",
+    ),
+    Mutation(
+        rule="A stop between the two parts of a run begins no second one.",
+        file="console/session/cut/run.py",
+        old="    context.lathe.stop.check()\n    return run_once",
+        new="    return run_once",
+        test=f"{BETWEEN}::test_a_stop_after_the_reference_part_begins_no_second_one",
+    ),
+    Mutation(
+        rule="Run shows the time that the program gives the retract.",
+        file="console/session/station/progress.py",
+        old="max(out_s - begun_s - cut_s, 0.0)",
+        new="max(out_s - begun_s + cut_s, 0.0)",
+        test=f"{BETWEEN}::test_the_retract_has_the_time_that_the_program_gives_it",
     ),
     Mutation(
         rule="An override that this console has not commanded stops the cut.",
@@ -303,6 +340,27 @@ _SCIENCE: tuple[Mutation, ...] = (
         old="if likely and problem.is_resonance(with_mode.values):",
         new="if likely and not problem.is_resonance(with_mode.values):",
         test="tests/profiles/test_loop_design.py::test_a_mode_above_the_measured_frequencies_is_found",
+    ),
+    Mutation(
+        rule="Points weigh by the angle that they stand for.",
+        file="profiles/metrology/circles.py",
+        old="weighed = design * weights",
+        new="weighed = design",
+        test=f"{UNEVEN}::test_how_the_angles_are_spaced_does_not_change_the_part",
+    ),
+    Mutation(
+        rule="A gap whose bridge may be too far off is refused.",
+        file="profiles/roundness.py",
+        old="if effect_um > allowed_um:",
+        new="if effect_um > 100.0 * allowed_um:",
+        test=f"{UNEVEN}::test_a_gap_is_judged_by_its_effect",
+    ),
+    Mutation(
+        rule="Neighbouring outliers are a feature and stay in the verdict.",
+        file="profiles/roundness.py",
+        old="        dirt[places] = False",
+        new="        dirt[places] = True",
+        test=f"{UNEVEN}::test_neighbouring_outliers_are_a_feature_and_stay",
     ),
     Mutation(
         rule="The filter lets half of its cut-off through.",

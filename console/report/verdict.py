@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Any
 
-from console.report.quantities import against_limit, mm
+from console.report.quantities import against_limit, mm, um
 from console.report.reported_run import ReportedRun
+from console.session.cut.cut_verdict import CutJudgement
 from console.session.data.run_reader import Ending, How
 from console.session.data.run_rows import FAILED_HOW
 from console.session.stages import Stage
@@ -25,6 +27,7 @@ class Judgement(StrEnum):
     OPEN = "open"
 
 
+FIGURES = ("roundness", "size")
 LEFT_OPEN = "…"
 CODE = re.compile(r"[a-z]+\.[a-z0-9_]+")
 """Code of a problem."""
@@ -56,7 +59,9 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
     passed = product.recorded.passed
     if passed is None:
-        why = "report.why.partial" if row.stage == Stage.PARTIAL else "report.why.no_judgement"
+        unproven = run.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
+        open_for = "report.why.not_proven" if unproven else "report.why.no_judgement"
+        why = "report.why.partial" if row.stage == Stage.PARTIAL else open_for
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
     return Verdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
 
@@ -72,11 +77,21 @@ def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
         key = "report.why.round" if recorded.ront_um <= recorded.tolerance_um else "report.why.not_round"
         yield text(key, value=value, limit=limit)
     passes, off_um, limit_um = run.diameter_passes, run.diameter_off_um, recorded.diameter_tolerance_um
-    if passes is None or off_um is None or limit_um is None:
-        return
-    value, limit = against_limit(abs(off_um), limit_um)
-    key = "report.why.diameter" if passes else "report.why.not_diameter"
-    yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
+    if passes is not None and off_um is not None and limit_um is not None:
+        value, limit = against_limit(abs(off_um), limit_um)
+        key = "report.why.diameter" if passes else "report.why.not_diameter"
+        yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
+    yield from _tool(run.cut_verdict, text)
+
+
+def _tool(found: Mapping[str, Any], text: Catalogue) -> Iterator[str]:
+    """Yield how far the tool itself was off its plan, if that was more than it may use."""
+    tool = found.get("tool")
+    if found.get("cut_verdict") == CutJudgement.TOOL_ERROR and isinstance(tool, Mapping):
+        for name in FIGURES:
+            off_um, limit_um = tool.get(f"{name}_um"), tool.get(f"{name}_limit_um")
+            if isinstance(off_um, float) and isinstance(limit_um, float) and off_um > limit_um:
+                yield text(f"report.why.tool_{name}", value=um(off_um), limit=um(limit_um))
 
 
 def ending_words(ending: Ending, text: Catalogue) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from console.session.station.state import StationState
@@ -10,12 +12,29 @@ if TYPE_CHECKING:
     from console.session.station.commands import Command, Control
     from drivers.beside.side_line import SideLine
 
+Recorder = Callable[[str, str], object]
+"""Takes what was done and why. It is called once it is done: whatever it raises changes nothing any more."""
+
+
+def record(recorders: Iterable[Callable[..., object]], *noted: object) -> None:
+    """Call each recorder; one that fails loses its note, and nothing else."""
+    for each in recorders:
+        with suppress(Exception):
+            each(*noted)
+
 
 class PassingControl:
-    """Passes everything on at once."""
+    """Passes everything on at once.
 
-    def __init__(self, control: Control) -> None:
+    A stop goes to the innermost control directly; then each of `recorders` gets "stop" or "kill" and the reason.
+    """
+
+    def __init__(self, control: Control, *recorders: Recorder) -> None:
         self._control = control
+        self.innermost: Control = control.innermost if isinstance(control, PassingControl) else control
+        self.recorders: tuple[Recorder, ...] = recorders
+        if isinstance(control, PassingControl):
+            self.recorders = (*control.recorders, *recorders)
 
     @property
     def state(self) -> StationState:
@@ -37,11 +56,13 @@ class PassingControl:
 
     def stop(self, reason: str) -> None:
         """Stop the machine now."""
-        self._control.stop(reason)
+        self.innermost.stop(reason)
+        record(self.recorders, "stop", reason)
 
     def kill(self, reason: str) -> None:
         """Open every loop now."""
-        self._control.kill(reason)
+        self.innermost.kill(reason)
+        record(self.recorders, "kill", reason)
 
     def beat(self) -> None:
         """Signal that the screen is alive."""

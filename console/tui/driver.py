@@ -67,6 +67,14 @@ class Late(Message):
         self.age_s = age_s
 
 
+class KeyFault(Message):
+    """An internal fault in the reading of a message; the thread that reads continues."""
+
+    def __init__(self, error: Exception) -> None:
+        super().__init__()
+        self.error = error
+
+
 class WideSigns(Message):
     """The terminal shows signs in two cells that have one on the pages."""
 
@@ -119,15 +127,22 @@ class StopDriver(LinuxDriver):
             signal.signal(number, signal.SIG_IGN)
 
     def process_message(self, message: Message) -> None:
-        """Act on a stop key in the thread that read it; hold an action back, and pass everything else on."""
-        if isinstance(message, events.Key) and not gate.is_inert(message.key):
-            self._hear(message, time.monotonic())
-        elif isinstance(message, events.CursorPosition):
-            self.age.answered(message.y + 1, message.x + 1, boot_s())
-            if message.y + 1 == MEASURED_ROW and message.x > len(AMBIGUOUS):
-                super().process_message(WideSigns())
-        elif not isinstance(message, events.MouseEvent) or self._late_s(self._situation()) is None:
-            super().process_message(message)
+        """Act on a stop key in the thread that read it; hold an action back, and pass everything else on.
+
+        Nothing that fails here ends this thread: the next key may be a stop.
+        """
+        try:
+            if isinstance(message, events.Key) and not gate.is_inert(message.key):
+                self._hear(message, time.monotonic())
+            elif isinstance(message, events.CursorPosition):
+                self.age.answered(message.y + 1, message.x + 1, boot_s())
+                if message.y + 1 == MEASURED_ROW and message.x > len(AMBIGUOUS):
+                    super().process_message(WideSigns())
+            elif not isinstance(message, events.MouseEvent) or self._late_s(self._situation()) is None:
+                super().process_message(message)
+        except Exception as error:
+            with suppress(Exception):
+                super().process_message(KeyFault(error))
 
     def start_application_mode(self) -> None:
         """Take the terminal, and ask it once what it is, before anything is painted over that."""
@@ -217,12 +232,16 @@ class StopDriver(LinuxDriver):
         except Exception:  # in doubt assume motion: this thread continues, and every key stops, whatever it means
             now, kills = gate.Situation(page=PageName.JOBS, moving=True), key.key in KILL_KEYS
             verdict, action = (gate.Verdict.KILL if kills else gate.Verdict.STOP), None
+        if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):  # before anything else that may fail
+            target = cast(StopTarget, self._app)
+            send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now
+            send(gate.stop_reason(key.key, key.character, action))
         written, late_s = now.field is not gate.FieldKind.NONE, self._late_s(now)
         # Of what waited, a field takes what comes before the first dropped key: the rest may be of another.
         writes = verdict is gate.Verdict.FIELD or gate.is_stray(key.key, key.character, now)
         self._drops = late_s is not None and (self._drops or not writes)
         if verdict in (gate.Verdict.STOP, gate.Verdict.KILL):
-            burst = self._stop(key, now_s, now, (verdict, action))
+            burst = self._pass_stop_on(key, now_s, now, action)
         elif self._drops and late_s is not None:
             super().process_message(Late(late_s))
             return
@@ -241,13 +260,8 @@ class StopDriver(LinuxDriver):
         )
         self._tell(code)
 
-    def _stop(
-        self, key: events.Key, now_s: float, now: gate.Situation, judged: tuple[gate.Verdict, Action | None]
-    ) -> bool:
-        """Send a stop; return whether its key belongs to a burst."""
-        target, (verdict, action) = cast(StopTarget, self._app), judged
-        send = target.kill_now if verdict is gate.Verdict.KILL else target.stop_now
-        send(gate.stop_reason(key.key, key.character, action))
+    def _pass_stop_on(self, key: events.Key, now_s: float, now: gate.Situation, action: Action | None) -> bool:
+        """Tell the application of a stop that was sent; return whether its key belongs to a burst."""
         self._stopped_s = now_s
         burst = self._pace.hear(key.key, now_s)
         super().process_message(StopSent(action))

@@ -41,7 +41,7 @@ from drivers.lathe.standing import BY_SSH
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-PAST = {"cut.out_of_phase": "cut.was_out_of_phase"}
+PAST = {"cut.out_of_phase": "cut.was_out_of_phase", "cut.tool_leads": "cut.tool_led"}
 """What is said of an alarm of a cut that is over: without the key that would have ended the cut."""
 
 MARKS = {Priority.HIGH: "!!!", Priority.MEDIUM: "!!", Priority.LOW: "!"}

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from drivers.cutting.plan import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
+from drivers.pmac.programs.push import blend_turns
 from profiles.least_squares import fit, harmonic_columns, harmonic_slice
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -68,7 +69,9 @@ class PathSeen:
         self._clear = setup.carriage_face - 0.5 * land
         self._first = plan.carriage_start + setup.carriage_per_turn
         self._settled = plan.carriage_start + SETTLED_TURNS * setup.carriage_per_turn
-        self._in_part = self._clear + setup.carriage_per_turn
+        # A path that makes up for the push of the cut does so within some turns more.
+        blended = blend_turns(setup) if plan.command.push_um else 0.0
+        self._in_part = self._clear + (1.0 + blended) * setup.carriage_per_turn
         self._recut_end = self._uncut = -math.inf
         if before is not None:
             mark = setup.carriage_face + before.to_mm * machine.carriage.counts_per_mm
@@ -91,8 +94,11 @@ class PathSeen:
         at_places = (tool.position, spindle.position, carriage.position, middle_s)
         self._rows.append((took_s, *at_places, tool.commanded, carriage.commanded))
 
-    def problems(self) -> Iterator[Problem]:
-        """Report where tool or carriage left the path that they otherwise kept to."""
+    def problems(self, held_s: float = 0.0) -> Iterator[Problem]:
+        """Report where tool or carriage left the path that they otherwise kept to.
+
+        `held_s` is for how long a simulated lathe held its time in the cut: nobody is accused of that.
+        """
         rows = np.array(self._rows).reshape(-1, 7)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
@@ -101,7 +107,7 @@ class PathSeen:
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
         yield from self._carriage(turns, rows[:, 3], rows[:, 6])
         if not self._machine.spindle.followed:
-            yield from self._spindle(turns, rows[:, 4])
+            yield from self._spindle(turns, rows[:, 4], held_s)
         at = rows[:, 3]
         clear, in_part = (at > self._settled) & (at < self._clear), at > self._in_part
         recut, uncut = in_part & (at < self._recut_end), in_part & (at > self._uncut)
@@ -168,16 +174,21 @@ class PathSeen:
         """Return a place of the carriage as Z behind the face of the part, negative before it."""
         return float(carriage - self._plan.setup.carriage_face) / self._machine.carriage.counts_per_mm
 
-    def _spindle(self, turns: Floats, at_s: Floats) -> Iterator[Problem]:
+    def _spindle(self, turns: Floats, at_s: Floats, held_s: float) -> Iterator[Problem]:
         """Model the spindle: constant speed, unless the program was held or continued elsewhere.
 
-        The time is that of the host: a computer that stands still looks like a spindle that does.
+        The time is that of the host: a computer that stands still looks like a spindle that does. It is named
+        first where polls came late.
         """
         off, (_, slope) = _left(turns, harmonic_columns(turns, (), at_s - at_s[0]))
         left, turns_a_second = np.abs(off), abs(float(slope))
         limit = max(LEAST_SPINDLE_S * turns_a_second, TIMES_USUAL * float(np.median(left)))
-        if left.max() > limit:
-            yield Problem(code="cut.off_time", value=f"{left.max():.2f} rev", limit=f"{limit:.2f} rev")
+        if left.max() <= limit + held_s * turns_a_second:
+            return
+        apart_s = np.diff(at_s)
+        late_s = float(apart_s.max() - np.median(apart_s))
+        late, code = ("", "cut.off_time") if late_s <= LEAST_SPINDLE_S else (f"{late_s:.1f} s", "cut.polls_late")
+        yield Problem(code=code, key=late, value=f"{left.max():.2f} rev", limit=f"{limit:.2f} rev")
 
 
 def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...]) -> Floats:

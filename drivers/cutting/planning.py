@@ -24,6 +24,7 @@ from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, LobedPath, invert, path_problems, target_path
+from profiles.compensations.push import predicted_push_um
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refused
@@ -68,13 +69,14 @@ def plan_cut(
     if path is not None:
         _refuse_beyond(path, job, machine, strategy)
     start = from_turn * machine.spindle.counts_per_rev + first_spindle_counts(job, machine, strategy)
+    command = _command(job, machine, strategy, path, response)
     planning = Planning(
         job=job,
         machine=machine,
         dialect=DIALECTS[machine.controller.family],
         setup=cut_setup(job, machine, start, watchdog, air_mm=air_mm),
         target=target_path(job) if path is None else path.target,
-        command=_command(job, machine, strategy, path, response),
+        command=replace(command, push_um=0.0) if air_mm else command,
         ts_ms=ts_ms,
         trimmed=trimmed,
     )
@@ -149,7 +151,8 @@ def nominal_command(
     """
     inverted = path_response(strategy, machine) if response is None else response
     turns_hz = job.spindle_speed_rpm / 60.0
-    return invert(target_path(job), lambda lobes: inverted.invertible(lobes * turns_hz))
+    wanted = replace(target_path(job), push_um=predicted_push_um(job, machine))
+    return invert(wanted, lambda lobes: inverted.invertible(lobes * turns_hz))
 
 
 def _command(
@@ -160,7 +163,8 @@ def _command(
     command = nominal_command(job, machine, strategy, response) if path is None else path.command
     if not strategy.traits.by_table:
         _refuse_unsegmented(command, job, machine, strategy)
-    return command
+    # What was learned from a trace knows the lobe alone.
+    return replace(command, push_um=command.push_um or predicted_push_um(job, machine))
 
 
 def _refuse_followed(machine: MachineProfile, strategy: Strategy) -> None:
@@ -229,7 +233,7 @@ def _refuse_beyond(path: CutPath, job: Job, machine: MachineProfile, strategy: S
     turns_hz = job.spindle_speed_rpm / 60.0
     problems = path_problems(
         path,
-        target_path(job),
+        replace(target_path(job), push_um=predicted_push_um(job, machine)),
         lambda lobes: nominal_response(strategy, machine, lobes * turns_hz),
         lambda lobes: held_back_um(machine, job, lobes),
     )

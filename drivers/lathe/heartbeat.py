@@ -74,9 +74,14 @@ class Heartbeat:
         machine: MachineProfile,
         policy: Policy | None = None,
         owner_seen: Callable[[float], None] = lambda _: None,
+        held_s: Callable[[], float] | None = None,
     ) -> None:
-        """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner read."""
+        """Without a `policy`, that of the machine profile applies. `owner_seen` receives the owner read.
+
+        `held_s` returns by how much a simulated lathe has held its time in all.
+        """
         self.policy = Policy(machine.heartbeat.policy) if policy is None else policy
+        self._held_s = held_s or (lambda: 0.0)
         self.guarding = False
         self._lapsed: Problem | None = None
         self._client, self._clock, self._machine, self._owner_seen = client, clock, machine, owner_seen
@@ -206,12 +211,17 @@ class Heartbeat:
         self._client.request(LOSS_SEEN)
 
     def _looked(self) -> tuple[HeartbeatLook, tuple[Problem, ...]]:
-        """Read the heartbeat, and again where only the rate is off: a delayed host also reads a wrong rate."""
+        """Read the heartbeat, and again where only the rate is off: a delayed host also reads a wrong rate.
+
+        No rate is judged while a simulated lathe holds its time.
+        """
         for _ in range(RATE_READINGS):
+            held_s = self._held_s()
             look = read_heartbeat(self._client, self._clock, self._machine, self._dialect)
             problems = heartbeat_problems(look, self._machine, self._dialect, self.policy)
             if any(problem.code != RATE for problem in problems) or not problems:
                 break
+            problems = () if self._held_s() > held_s else problems
         return look, problems
 
     def _begin(self) -> Keeper:

@@ -30,17 +30,20 @@ def prove_rest(
 
     Rest is several polls in a row that report it, and by which no axis drifts, see `rest_is_proven`. After
     control-K every loop must be open as well, and the spindle gets time to coast down. A failed poll proves
-    nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the proof.
+    nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the proof, except
+    the same one again: while a key is held, it could never end.
     `end_watchdog` must not raise. When this process has to exit, the wait ends at `leave_by_s` of the stop.
     Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
     polls: list[Snapshot] = []  # those in a row that report rest, behind the one before them
-    mark, reporting_rest = stop.mark, 0
+    mark, killed, reporting_rest = stop.mark, stop.killed, 0
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
-        if stop.mark != mark:
-            mark, reporting_rest = stop.mark, 0
+        latest = stop.mark
+        if stop.killed is not killed or not stop.only_repeated(mark, latest):
+            reporting_rest = 0
             del polls[:-1]
+        mark, killed = latest, stop.killed
         snapshot = None
         try:
             snapshot = poller.poll_once(poller.quick_timeout_s)
@@ -57,8 +60,10 @@ def prove_rest(
             stop.repeat()
             polls, reporting_rest = [] if snapshot is None else [snapshot], 0
         proven = reporting_rest >= POLLS_REPORTING_REST and rest_is_proven(polls, limits)
-        if snapshot is not None and mark is not None and proven:
-            stop.rest_proven(mark)
+        latest = stop.mark
+        same = killed is stop.killed and stop.only_repeated(mark, latest)
+        if snapshot is not None and latest is not None and proven and same:
+            stop.rest_proven(latest)
             if stop.proven:
                 return snapshot
         if snapshot is not None:

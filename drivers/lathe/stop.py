@@ -110,9 +110,16 @@ class StopPath:
         self._proven = mark
         self.given_up = False
 
-    def release(self) -> None:
+    def only_repeated(self, mark: int | None, latest: int | None) -> bool:
+        """Whether the stops from `mark` to `latest` are the same one again, as those of a key that is held."""
+        if mark is None or latest is None:
+            return False
+        return mark == latest or (mark > 0 and len({*self._begun[mark - 1 : latest]}) == 1)
+
+    def release(self, *, drives_known: bool = False) -> None:
         """Release the stop; do nothing when none is in force. A stop that comes meanwhile stays in force.
 
+        `drives_known`: the poll that proved rest is the last one, and what it reported of the drives holds.
         Raises RefusedError: `stop.not_proven`, the machine was not seen at rest after the last stop.
         """
         if self.reason is None:
@@ -120,7 +127,7 @@ class StopPath:
         proven = self._proven
         if proven != len(self._begun):
             raise RefusedError(Problem(code="stop.not_proven", where=self._link.address))
-        self.loops_closed = False
+        self.loops_closed = self.loops_closed and drives_known
         self._released = proven
 
     def withdraw(self, count: int) -> None:

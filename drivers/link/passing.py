@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
+from drivers.errors import LinkError
 from drivers.link.base import Link, StopWay
 
 
@@ -27,8 +30,24 @@ class PassingLink:
         self._link.send(data)
 
     def send_urgent(self, data: bytes) -> None:
-        """Send a stop now."""
-        self._link.send_urgent(data)
+        """Send a stop on the connection itself; then the links around it note it, and none of them can fail it."""
+        around, link = [self], self._link
+        while isinstance(link, PassingLink):
+            around.append(link)
+            link = link._link  # noqa: SLF001 - of the same class
+        failure: LinkError | None = None
+        try:
+            link.send_urgent(data)
+        except LinkError as error:
+            failure = error
+        for each in reversed(around):
+            with suppress(Exception):
+                each.note_urgent(data, failure)
+        if failure is not None:
+            raise failure
+
+    def note_urgent(self, data: bytes, failure: LinkError | None) -> None:
+        """Note a stop that was sent, or was not because of `failure`."""
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`."""

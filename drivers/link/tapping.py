@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 from drivers.errors import LinkError
 from drivers.link.base import Link
@@ -19,31 +20,33 @@ class TappedLink(PassingLink):
         super().__init__(link)
         self._tap = tap
 
+    def _tell(self, mark: str, data: bytes) -> None:
+        with suppress(Exception):  # what cannot be recorded is still sent, received and obeyed
+            self._tap(mark, data)
+
     def send(self, data: bytes) -> None:
         """Send bytes in order."""
         try:
             super().send(data)
         except LinkError as error:
-            self._tap("*", error.problems[0].code.encode())
+            self._tell("*", error.problems[0].code.encode())
             raise
-        self._tap(">", data)
+        self._tell(">", data)
 
-    def send_urgent(self, data: bytes) -> None:
-        """Send a stop now."""
-        try:
-            super().send_urgent(data)
-        except LinkError as error:
-            self._tap("*", error.problems[0].code.encode())
-            raise
-        self._tap("!", data)
+    def note_urgent(self, data: bytes, failure: LinkError | None) -> None:
+        """Tell the tap of a stop."""
+        if failure is None:
+            self._tell("!", data)
+        else:
+            self._tell("*", failure.problems[0].code.encode())
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`."""
         try:
             data = super().receive(timeout_s)
         except LinkError as error:
-            self._tap("*", error.problems[0].code.encode())
+            self._tell("*", error.problems[0].code.encode())
             raise
         if data:
-            self._tap("<", data)
+            self._tell("<", data)
         return data

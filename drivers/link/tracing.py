@@ -89,14 +89,10 @@ class TracedLink(PassingLink):
             raise
         self._dialogue.heard(now_s, ">", data)
 
-    def send_urgent(self, data: bytes) -> None:
-        """Send a stop now, then record it."""
-        try:
-            super().send_urgent(data)
-        except LinkError as error:
-            self._put(self._now_s(), "!", f"{shown(data)} [not sent: {error.problems[0].code}]")
-            raise
-        self._put(self._now_s(), "!", shown(data))
+    def note_urgent(self, data: bytes, failure: LinkError | None) -> None:
+        """Record a stop."""
+        unsent = "" if failure is None else f" [not sent: {failure.problems[0].code}]"
+        self._put(self._now_s(), "!", f"{shown(data)}{unsent}")
 
     def receive(self, timeout_s: float) -> bytes:
         """Return the bytes received, waiting at most `timeout_s`."""
@@ -125,7 +121,7 @@ class TracedLink(PassingLink):
             return
         try:
             self._file.write(f"{now_s:.3f} {mark} {text}\n")
-        except (OSError, ValueError) as error:
+        except Exception as error:
             reason = (isinstance(error, OSError) and error.strerror) or str(error)
             self.problem = Problem(code="link.trace_lost", where=self.address, value=reason)
 

@@ -9,6 +9,7 @@ Its inverse is the dynamic stiffness. Modes of the plant are in L; their own yie
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,9 +17,23 @@ from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats, floats
 from profiles.axis.sampled_loop import SampledLoop
+from profiles.machine import MachineProfile
 
 LOBE_MULTIPLES = (1, 2, 3)
 _LOWEST_HZ, _POINTS = 0.1, 600
+
+
+def relaxation_ms(machine: MachineProfile) -> float:
+    """Return the time constant with which the integrator takes over a steady force; infinite without one."""
+    tool = machine.tool
+    ki = tool.gain_ki_v_per_m_s
+    return 1000.0 * tool.gain_kp_v_per_m / ki if ki else math.inf
+
+
+def push_um_per_n(machine: MachineProfile) -> float:
+    """Return how far a steady force pushes the tool before the integrator takes it over."""
+    tool = machine.tool
+    return 1e6 / (tool.gain_kp_v_per_m * tool.thrust_constant_n_per_a * tool.amplifier_gain_a_per_v)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,13 +9,10 @@ from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
-SCHEMA = 4
-READ = (
-    1,
-    2,
-    3,
-    SCHEMA,
-)  # the first had neither `plain` nor `frozen`, the second no `clamped`, the third no `lathe`
+SCHEMA = 5
+READ = (1, 2, 3, 4, SCHEMA)
+"""The first had neither `plain` nor `frozen`, the second no `clamped`, the third no `lathe`, 4 no `tool`."""
+
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
@@ -58,7 +55,8 @@ class PartRead:
     It was cut with `fraction` of `version` (0: of the model, nothing learned); `target` is the lobe
     of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
     amplitude. `plain` are the other harmonics of the part as it would have been without a path. Of a part that was
-    `clamped` by its fingerprint, all of it is as it would have been in the mean clamping.
+    `clamped` by its fingerprint, all of it is as it would have been in the mean clamping. `tool` is what the tool
+    was off its path in that cut, at the order of the lobe, infeed positive; None where it is not known.
     """
 
     version: int
@@ -69,6 +67,7 @@ class PartRead:
     ront_um: float
     plain: tuple[PathHarmonic, ...] = ()
     clamped: ClampedRead | None = None
+    tool: PathHarmonic | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -189,6 +188,7 @@ def _judge(learned: LearnedCompensation) -> None:
         *learned.path.command.harmonics,
         *((part.target, part.lobe, *part.plain) if part else ()),
         *((part.clamped.felt,) if part and part.clamped else ()),
+        *((part.tool,) if part and part.tool else ()),
     ]
     if part and part.clamped and not (part.clamped.height > 0.0 and part.clamped.felt_sd_um > 0.0):
         raise ValueError(f"height {part.clamped.height}, felt_sd_um {part.clamped.felt_sd_um}")

@@ -79,7 +79,8 @@ class CutWith:
 
     `parent` is the path of the previous part, from which the version was learned: without it only the
     convergence of the lobe can be judged. `history` are the versions that led to this one, which is the last.
-    `clamped` is the fingerprint of its clamping: path and part are then those of the mean clamping.
+    `clamped` is the fingerprint of its clamping: path and part are then those of the mean clamping. `tool_um` is
+    what the tool was off the path at the order of the lobe, infeed positive; 0 where it is not known.
     """
 
     path: CutPath
@@ -88,6 +89,7 @@ class CutWith:
     parent: CutPath | None = None
     history: tuple[LearnedCompensation, ...] = ()
     clamped: ClampedRead | None = None
+    tool_um: complex = 0j
 
     @property
     def number(self) -> int:
@@ -272,6 +274,7 @@ def _read(cut: CutWith, part: PartHarmonics, lobes: int, parts: Sequence[OrderSe
         ront_um=part.ront_um(),
         plain=tuple(PathHarmonic.of(each.order, each.shown_um[-1]) for each in parts if each.order != lobes),
         clamped=cut.clamped,
+        tool=PathHarmonic.of(lobes, cut.tool_um) if cut.tool_um else None,
     )
 
 

@@ -65,7 +65,8 @@ class LobedPath:
     """mean + amplitude cos(lobes (angle - phase)) + overtones, by the angle of the spindle.
 
     Order `lobes`, with a maximum at `phase_deg`, is the lobe itself; `overtones` have other orders. All
-    grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws.
+    grow by the fraction `growth_per_mm` with each mm from the middle of the cut towards the jaws. `push_um` is how
+    far the force of the cut pushes the tool out at first, for which a command makes up until the loop has.
     """
 
     mean_um: float
@@ -74,6 +75,7 @@ class LobedPath:
     phase_deg: float
     overtones: tuple[PathHarmonic, ...] = ()
     growth_per_mm: float = 0.0
+    push_um: float = 0.0
 
     @property
     def harmonics(self) -> tuple[PathHarmonic, ...]:
@@ -110,6 +112,7 @@ class LobedPath:
             phase_deg=lobe.phase_deg if lobe.amplitude_um else self.phase_deg,
             overtones=tuple(PathHarmonic.of(n, sums[n]) for n in sorted(sums)),
             growth_per_mm=self.growth_per_mm,
+            push_um=self.push_um,
         )
 
 
@@ -123,6 +126,11 @@ class CutPath:
     def turned(self, by_deg: float) -> CutPath:
         """Return both so many degrees of spindle further on: the axis response does not change with angle."""
         return CutPath(target=self.target.turned(by_deg), command=self.command.turned(by_deg))
+
+    def pushed(self, further_um: float) -> CutPath:
+        """Return the path with a command that makes up for so much more of the push of the cut."""
+        command = replace(self.command, push_um=self.command.push_um + further_um)
+        return CutPath(target=self.target, command=command)
 
 
 def spindle_speed_rpm(lobe_frequency_hz: float, jaws: int) -> float:
@@ -282,6 +290,7 @@ def path_problems(
             most_um + friction_um(lobe.lobes),
         ),
         "wanted mean": (abs(path.target.mean_um - job_wants.mean_um), MOST_MEAN_UM),
+        "command push": (abs(path.command.push_um) - job_wants.push_um, MOST_MEAN_UM),
         "command mean": (abs(path.command.mean_um - path.target.mean_um), MOST_MEAN_UM),
     }
     for harmonic in path.target.overtones:

@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.metrology.points import LARGEST_GAP_DEG, checked, largest_gap_deg, narrow
+from profiles.metrology.points import HANDFUL, LARGEST_GAP_DEG, angle_weights, checked, largest_gap_deg, narrow
 from profiles.problem import ProfileError, refused
 
 LEAST_SQUARES = "LSC"
@@ -47,7 +47,6 @@ _NO_STEP = 1e-12
 _SMALLEST_PIVOT = 1e-10
 # Rate, per step of the centre, below which a point keeps its distance: the contacts of the circle.
 _KEEPS_DISTANCE = 1e-9
-HANDFUL = 32  # fewer points than this are not a profile
 _LEVEL = 1e-13  # difference of two deviations, as a fraction of the peak to peak, that is rounding
 
 
@@ -102,7 +101,8 @@ def seen_circle(kind: str, angle: Floats, deviation: Floats) -> ReferenceCircle:
         raise ProfileError(narrow(gap_deg, WIDEST_SEEN_DEG))
     direction = _direction(angle)
     cosine, sine = direction
-    mean_um, x_um, y_um = _least_squares(direction, deviation)
+    weights = angle_weights(angle)
+    mean_um, x_um, y_um = _least_squares(direction, deviation, weights)
     # Only the residuals of least squares go into the programme: small numbers lose no digits.
     left = deviation - mean_um - x_um * cosine - y_um * sine
     contacts: tuple[Contact, ...] = ()
@@ -125,22 +125,23 @@ def seen_circle(kind: str, angle: Floats, deviation: Floats) -> ReferenceCircle:
         ront_um=highest - lowest,
         ronp_um=highest - shift_um,
         ronv_um=0.0 + shift_um - lowest,
-        ronq_um=math.sqrt(float(np.mean((left - shift_um) ** 2))),
+        ronq_um=math.sqrt(float(np.average((left - shift_um) ** 2, weights=weights))),
         contacts=contacts,
     )
 
 
 def least_squares(angle_deg: Floats, deviation_um: Floats) -> tuple[float, float, float]:
-    """Return mean, x and y of the least squares circle, um; exact for unequal angles, too."""
-    return _least_squares(_direction(angle_deg), deviation_um)
+    """Return mean, x and y of the least squares circle, um; points weigh by their angle."""
+    return _least_squares(_direction(angle_deg), deviation_um, angle_weights(angle_deg))
 
 
-def _least_squares(direction: Floats, deviation_um: Floats) -> tuple[float, float, float]:
+def _least_squares(direction: Floats, deviation_um: Floats, weights: Floats) -> tuple[float, float, float]:
     """Solve the normal equations twice: the exchange works on the residuals, down to the last digit."""
     design = np.vstack((np.ones(deviation_um.size), direction))
-    normal = design @ design.T
-    solution = np.linalg.solve(normal, design @ deviation_um)
-    solution += np.linalg.solve(normal, design @ (deviation_um - solution @ design))
+    weighed = design * weights
+    normal = weighed @ design.T
+    solution = np.linalg.solve(normal, weighed @ deviation_um)
+    solution += np.linalg.solve(normal, weighed @ (deviation_um - solution @ design))
     return float(solution[0]), float(solution[1]), float(solution[2])
 
 

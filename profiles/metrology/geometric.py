@@ -1,11 +1,11 @@
 """Reference circles of points in a plane, and of parts too far off the axis for the limacon model.
 
 The distance from a centre is not linear in it. Each step linearises it about the present centre (Gauss-Newton for
-least squares, sequential linear programming for zone and inscribed circle) and is shortened until the true
-objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle is unique;
-with two contacts its centre is fixed across their line only by the curvature of the circle, which a linear model
-lacks. So it is found exactly by exchange: the point that is furthest outside joins the contacts, and the smallest
-circle round these few is the next one. The radius grows with each step, so the search terminates.
+least squares, sequential linear programming for zone and inscribed circle); those of the last two are shortened
+until the true objective drops. Least squares and zone have one optimum near a round part. The circumscribed circle
+is unique; with two contacts its centre is fixed across their line only by the curvature of the circle, which a
+linear model lacks. So it is found exactly by exchange: the point that is furthest outside joins the contacts, and
+the smallest circle round these few is the next one. The radius grows with each step, so the search terminates.
 
 The inscribed circle may have several positions, so it is searched from the centre of least squares and from a ring
 around it that turns with the part. In the middle of an oval it rests on two points, and can still grow by slipping
@@ -35,7 +35,7 @@ from profiles.metrology.circles import (
     limacon_circle,
     seen_circle,
 )
-from profiles.metrology.points import checked
+from profiles.metrology.points import angle_weights, checked
 from profiles.problem import ProfileError
 
 _MOST_STEPS = 50
@@ -50,11 +50,11 @@ def geometric_circle(
 ) -> ReferenceCircle:
     """Return a reference circle of points x, y (um, shape (M,) each) by their true distances.
 
-    `deviation_um` of the circle is its radius. `start` is a point inside the part, the mean of all points if none
-    is given. Raises as `profiles.metrology.points.checked`, of the angles about the start.
+    `deviation_um` of the circle is its radius. `start` is a point inside the part, by default the middle of its
+    extent. Raises as `profiles.metrology.points.checked`, of the angles about the start.
     """
     x, y = floats(x_um), floats(y_um)
-    first = (float(x.mean()), float(y.mean())) if start is None else start
+    first = (0.5 * float(x.max() + x.min()), 0.5 * float(y.max() + y.min())) if start is None else start
     checked(*polar(x, y, first))
     if kind == MINIMUM_CIRCUMSCRIBED:
         return _circumscribed(x, y)
@@ -94,7 +94,7 @@ def _circumscribed(x: Floats, y: Floats) -> ReferenceCircle:
         ront_um=radius_um - lowest_um,
         ronp_um=0.0,
         ronv_um=radius_um - lowest_um,
-        ronq_um=math.sqrt(float(np.mean((radius_um - distance) ** 2))),
+        ronq_um=math.sqrt(float(np.average((radius_um - distance) ** 2, weights=angle_weights(angle)))),
         contacts=tuple(sorted(found, key=lambda contact: contact.angle_deg)),
     )
 
@@ -124,6 +124,11 @@ def _descended(kind: str, x: Floats, y: Floats, start: tuple[float, float]) -> R
         step = (circle.centre_x_um - centre[0], circle.centre_y_um - centre[1])
         if math.hypot(*step) <= _STILL * abs(circle.deviation_um):
             break
+        # Whole steps: points weigh by their angle about the centre, so that no sum has to drop.
+        if kind == LEAST_SQUARES:
+            centre = (circle.centre_x_um, circle.centre_y_um)
+            circle = _moved(seen_circle(kind, *polar(x, y, centre)), centre)
+            continue
         fractions = (0.5**k for k in range(_MOST_HALVINGS))
         tried = ((centre[0] + fraction * step[0], centre[1] + fraction * step[1]) for fraction in fractions)
         judged = ((_objective(kind, x, y, each), each) for each in tried)
@@ -140,10 +145,8 @@ def _moved(circle: ReferenceCircle, origin: tuple[float, float]) -> ReferenceCir
 
 
 def _objective(kind: str, x: Floats, y: Floats, centre: tuple[float, float]) -> float:
-    """Return what the circle of this kind minimises, um (least squares: the rms)."""
+    """Return what the circle of this kind minimises, um."""
     distance = np.hypot(x - centre[0], y - centre[1])
-    if kind == LEAST_SQUARES:
-        return float(distance.std())
     if kind == MAXIMUM_INSCRIBED:
         return -float(distance.min())
     return float(np.ptp(distance))

@@ -1,4 +1,4 @@
-"""The points of a closed profile: validity, spacing round the turn, interpolation to equal angles.
+"""The points of a closed profile: validity, spacing round the turn, weights.
 
 Angles in degrees, in any order and from any start; deviations in um, positive outwards; shape (M,) each.
 """
@@ -12,6 +12,7 @@ from profiles.arrays import Floats, floats
 from profiles.problem import Problem, ProfileError, refused
 
 FEWEST_POINTS = 4
+HANDFUL = 32  # fewer points than this are not a profile: nothing is known between them
 LARGEST_GAP_DEG = 60.0  # half the period of a three-lobe, maximum to minimum: a larger gap can hide all of it
 # Fraction of a step by which the angles of an equally spaced trace may be off, e.g. by rounding in a file.
 _SPACING_TOLERANCE = 0.01
@@ -60,26 +61,27 @@ def largest_gap_deg(angle_deg: ArrayLike) -> float:
     return float(_gaps_deg(angle_deg).max())
 
 
-def at_equal_angles(angle_deg: Floats, deviation_um: Floats) -> tuple[Floats, Floats]:
-    """Return M equally spaced angles from 0 and the profile there, by the cubic through four neighbours.
+def angle_weights(angle_deg: Floats) -> Floats:
+    """Return the angle that each point stands for, half the gaps on both sides, over the mean one; shape (M,).
 
-    For nearly equal steps h (rad) and an undulation n of amplitude A the error is below A (n h)^4 / 40.
+    So sums over points are integrals round the turn, however densely a part of it was scanned. Equal steps and
+    fewer than `HANDFUL` points, which are no profile, have 1.
     """
+    if angle_deg.size < HANDFUL or equally_spaced(angle_deg):
+        return np.ones(angle_deg.size)
     turned = np.mod(angle_deg, _TURN_DEG)
     order = np.argsort(turned, kind="stable")
-    step = np.arange(-2, angle_deg.size + 2)
-    known = np.take(turned[order], step, mode="wrap") + _TURN_DEG * np.floor_divide(step, angle_deg.size)
-    values = np.take(deviation_um[order], step, mode="wrap")
-    target = np.arange(angle_deg.size) * _TURN_DEG / angle_deg.size
-    first = np.searchsorted(known, target, side="right") - 2
-    near = first[:, np.newaxis] + np.arange(4)
-    x, y = known[near], values[near]
-    result = np.zeros(target.size)
-    for k in range(4):
-        others = [j for j in range(4) if j != k]
-        shares = [(target - x[:, j]) / (x[:, k] - x[:, j]) for j in others]
-        result += y[:, k] * shares[0] * shares[1] * shares[2]
-    return target, result
+    gaps = _gaps_deg(angle_deg)
+    weights = np.empty(angle_deg.size)
+    weights[order] = (gaps + np.roll(gaps, 1)) * (0.5 * angle_deg.size / _TURN_DEG)
+    return weights
+
+
+def largest_gap(angle_deg: Floats) -> tuple[float, float, float]:
+    """Return where the largest step begins, its size and that of the median step, deg."""
+    gaps = _gaps_deg(angle_deg)
+    worst = int(np.argmax(gaps))
+    return float(np.sort(np.mod(angle_deg, _TURN_DEG))[worst]), float(gaps[worst]), float(np.median(gaps))
 
 
 def _gaps_deg(angle_deg: ArrayLike) -> Floats:

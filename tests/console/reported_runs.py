@@ -52,6 +52,7 @@ def recorded(
     job: Job | None = None,
     end: tuple[str, dict[str, object]] | None = COMPLETE,
     stage: Stage = Stage.FULL,
+    proven: bool = True,
     **changes: Any,
 ) -> str:
     """A run with measured parts by their names; that of the name "before" is for comparison. Return its id."""
@@ -78,7 +79,7 @@ def recorded(
     run = RunRecord(folder, {**row, **changes})
     run.add("step", {"part": "after", "step": "cut", "detail": "13.5 s"})
     for name, trace in parts.items():
-        part = PartName(name=name, product=name != "before")
+        part = PartName(name=name, product=name != "before", proven=proven)
         kept = part_record(job, roundness_of(trace), trace, stage, name=part)
         run.add("part", {"part": name, "ront_um": kept.ront_um}, kept)
     add_telemetry(folder, run)

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import cmath
 import math
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +13,18 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.telemetry import Phase, is_in_phase, learned_lead_deg, phase_limit_deg
+from console.session.cut.telemetry import Phase, expected_lag, is_in_phase, lag_left_um_pp, phase_limit_deg
+from console.session.learning.part_learning import accept
 from console.session.station.commands import Acknowledge, DisableDrives, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import Snapshot
-from profiles.compensations.path import LobedPath, target_path
-from profiles.store import load_job
-from tests.console.floor import Floor, experiment_1, open_floor, set_up_once
+from profiles.compensations.learned import PartRead
+from profiles.compensations.path import LobedPath, PathHarmonic, target_path
+from profiles.store import load_job, load_machine
+from tests.console.floor import Floor, codes, experiment_1, open_floor, order, set_up_once
+from tests.console.test_learning_on_the_screen import Shop, lesson
+from tests.system.lathe_sites import compact_text
 
 
 def path(lobe_um_pp: float, lobes: int = 3) -> LobedPath:
@@ -61,6 +68,7 @@ def test_the_limits_of_the_jobs_of_the_paper() -> None:
         (12.0, 13.0, 1.4, False),  # a tool that is jammed is known to nothing
         (-1.6, 0.1, 1.4, False),
         (40.0, 0.1, None, True),
+        (0.0, 0.0, 0.4, True),  # on its path, however narrow the limit
     ],
 )
 def test_out_of_phase_is_surely_beyond_the_limit(
@@ -70,19 +78,56 @@ def test_out_of_phase_is_surely_beyond_the_limit(
     assert is_in_phase(None, limit_deg) is None
 
 
-def test_a_tool_between_a_learned_path_and_that_of_the_job_is_in_phase() -> None:
+def learned_from(version_target: LobedPath, tool: PathHarmonic | None) -> PartRead:
+    """A part that taught something, cut with the path of a job."""
+    lobe = PathHarmonic.of(3, 3.0 + 0j)
+    return PartRead(
+        version=0,
+        fraction=1.0,
+        target=version_target.harmonics[0],
+        lobe=lobe,
+        lobe_sd_um=0.1,
+        ront_um=9.0,
+        tool=tool,
+    )
+
+
+def test_where_it_is_not_recorded_a_tool_between_a_learned_path_and_that_of_the_job_is_in_phase() -> None:
     # The part was 6 degrees late. Either the tool was, and is so again behind a path that is earlier by as much,
     # or the lobe is elsewhere, and the tool follows the learned path. Both make a round part.
     job = load_job("lee-2001-experiment-1").job
-    learned = target_path(job).turned(-6.0)
-    assert learned_lead_deg(learned, job) == pytest.approx(6.0)
-    assert learned_lead_deg(target_path(job), job) == 0.0
+    of_job = target_path(job)
 
-    def allowed(lead_deg: float, *late_deg: float) -> list[bool | None]:
-        return [is_in_phase(Phase(error_deg=late, within_deg=0.0), 1.4, lead_deg) for late in late_deg]
+    def allowed(turned_deg: float, *late_deg: float) -> list[bool | None]:
+        expected = expected_lag(of_job.turned(turned_deg), job, learned_from(of_job, None))
+        return [is_in_phase(Phase(error_deg=late, within_deg=0.0), 1.4, expected) for late in late_deg]
 
-    assert allowed(6.0, -2.0, 0.0, 6.0, 8.0) == [False, True, True, False]
-    assert allowed(-6.0, -8.0, -6.0, 0.0, 2.0) == [False, True, True, False]
+    assert expected_lag(of_job, job, None) == (0.0, 0.0)
+    assert allowed(-6.0, -2.0, 0.0, 6.0, 8.0) == [False, True, True, False]
+    assert allowed(6.0, -8.0, -6.0, 0.0, 2.0) == [False, True, True, False]
+
+
+def test_a_learned_path_counts_on_the_lag_of_the_part_that_taught_it() -> None:
+    # The tool led 27.5 um of lobe by 6 um across it: atan(6/27.5) = 12.31 deg of lobe, 4.10 of the spindle. Ahead
+    # of a path of 34 um, turned by 7 deg, the same 6 um are atan(6/34) = 10.01 deg of lobe, 3.34 of the spindle.
+    job = load_job("lee-2001-experiment-1").job
+    before = target_path(job)
+    across = PathHarmonic.of(3, 6j * cmath.exp(-3j * math.radians(before.phase_deg)))
+    part, path_ = learned_from(before, across), replace(before.turned(7.0), amplitude_um=34.0)
+    expected = expected_lag(path_, job, part)
+    assert expected == pytest.approx((-3.34, -3.34), abs=0.005)
+    assert [is_in_phase(Phase(error_deg=late, within_deg=0.0), 1.1, expected) for late in (-4.4, -2.3, 0.0)] == [
+        *(True, True, False)
+    ]
+    half = replace(path_, amplitude_um=17.0)
+    assert expected_lag(half, job, part, 0.5) == pytest.approx(expected), "half of the path, half of the error"
+
+
+@given(st.floats(2.0, 200.0), st.integers(2, 6), st.floats(-10.0, 10.0))
+def test_what_a_lag_leaves_is_told_in_um(lobe_um_pp: float, lobes: int, late_deg: float) -> None:
+    assert lag_left_um_pp(path(lobe_um_pp, lobes), late_deg) == pytest.approx(
+        left_um(lobe_um_pp, lobes, late_deg), rel=1e-3, abs=1e-3
+    )
 
 
 def cut(floor: Floor, strategy: Strategy = Strategy.PVT) -> list[float]:
@@ -147,3 +192,29 @@ def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path:
 
 def _settings(floor: Floor) -> dict[int, float]:
     return {index: floor.sim.controller.variables.i(index) for index in range(1024)}
+
+
+@pytest.mark.long
+def test_a_learned_part_is_judged_about_the_lag_that_taught_it(
+    tmp_path: Path, job_file: Callable[..., Path], data_folder: Path
+) -> None:
+    """This tool gives way to the cut by 4 um across the lobe. Beyond that, 2.5 deg are told: 9 um of 70."""
+    lathe = tmp_path / "lathe.toml"
+    lathe.write_text(compact_text("pmac"), encoding="utf-8")
+    job, machine = load_job(str(job_file(cut_length_mm="1.5"))), load_machine(str(lathe))
+    floor = open_floor(data_folder / "trilobe", 4, "realistic", machine)
+    floor.set_up(job.job)
+    shop = Shop(floor=floor, job=job, machine=machine, data=data_folder / "trilobe")
+    version = accept(lesson(shop.part()), shop.data)
+    assert "cut.tool_leads" in codes(floor.state), "nothing was learned yet"
+    order(floor, Acknowledge())
+    part = shop.part(compensation=version)
+    assert 2.0 * part.result.amplitude_um(3) < 4.0
+    assert not [code for code in codes(floor.idle()) if code in ("cut.tool_leads", "cut.out_of_phase")]
+    shop.clamp()
+    armed = shop.armed(compensation=version)
+    target = armed.plan.target
+    late = replace(armed.plan, target=replace(target, phase_deg=target.phase_deg - 2.5))
+    floor.context.tell(armed=replace(armed, plan=late))
+    floor.do(Start())
+    assert "cut.out_of_phase" in codes(floor.state)

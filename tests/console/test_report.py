@@ -27,6 +27,7 @@ from console.session.station.commands import Command
 from console.text.catalogue import LANGUAGES, load
 from profiles.trace_files.header import header_of
 from tests.console.reported_runs import (
+    COMPLETE,
     PROGRAM,
     change_trace,
     execute,
@@ -183,6 +184,16 @@ def test_figures_are_those_of_the_part(tmp_path: Path) -> None:
     assert Page(page).said("pre") == "\n" + PROGRAM
 
 
+def said(judgement: str) -> tuple[str, dict[str, object]]:
+    """The end of a complete cut with this verdict, whose tool took 9.1 um of roundness and may take 3.5 um."""
+    sizes = {"size_um": 20.0, "size_limit_um": None}
+    return COMPLETE[0], {
+        **COMPLETE[1],
+        "cut_verdict": judgement,
+        "tool": {"roundness_um": 9.1, "roundness_limit_um": 3.5, **sizes},
+    }
+
+
 def test_the_verdict_names_its_reason_and_needs_no_colour(tmp_path: Path) -> None:
     good, bad = {"": lobed(1.0)}, {"": lobed(4.0)}
     exact, wide = job_named(diameter_tolerance_um=4.0), {"": lobed(1.0, 3.0)}
@@ -197,6 +208,9 @@ def test_the_verdict_names_its_reason_and_needs_no_colour(tmp_path: Path) -> Non
         (recorded(tmp_path, good, stage=Stage.PARTIAL), "– NOT JUDGED", "Half of the compensation"),
         (recorded(tmp_path, {}, stage=Stage.AIR), "– NOT JUDGED", "Air cut: no part was touched."),
         (recorded(tmp_path, {}), "– NOT JUDGED", "The part was not measured"),
+        (recorded(tmp_path, good, end=said("not_proven"), proven=False), "– NOT JUDGED", "neither good nor bad"),
+        (recorded(tmp_path, good, end=said("tool_error")), "✓ PASS", "off its plan by 9.100 µm of roundness"),
+        (recorded(tmp_path, good, end=said("as_planned")), "✓ PASS", "within its tolerance of 5.000 µm"),
     ]
     for run, sign, reason in cases:
         found = Page(page_of(tmp_path, run))

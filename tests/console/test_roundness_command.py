@@ -76,7 +76,6 @@ def test_a_usable_radius_says_nothing(console: Console, tmp_path: Path) -> None:
     ("angles", "words"),
     [
         (range(180), ("181 deg", "60 deg", "all round")),
-        ([*range(0, 340, 10), 355], ("equally", "25 deg", "--filter none")),
     ],
 )
 def test_what_the_evaluation_refuses_names_the_file(
@@ -228,6 +227,36 @@ def test_a_band_and_a_robust_fit(console: Console, tmp_path: Path) -> None:
     assert "excluded: 1" in console("roundness", str(path), "--robust").out
     assert console("roundness", str(path), "--band", "15:2").code == 2
     assert console("roundness", str(path), "--band", "2:15", "--filter", "15").code == 2
+
+
+def test_a_burr_stays_in_the_verdict_and_is_named(console: Console, tmp_path: Path) -> None:
+    """Forty points of 8.5 um: out of a tolerance of 5 um; without them within."""
+    path, angle = tmp_path / "burr.csv", np.arange(3600) / 10
+    noise = np.random.default_rng(1).normal(0, 0.1, angle.size)
+    deviation = np.cos(3 * np.radians(angle)) + noise + np.where((angle >= 100) & (angle < 104), 8.5, 0.0)
+    path.write_text(
+        "\n".join(["angle_deg,deviation_um", *(f"{a},{d}" for a, d in zip(angle, deviation, strict=True))])
+    )
+    words = ("roundness", str(path), "--robust", "--job", "lee-2001-experiment-1")
+    said, listed = console(*words), console(*words, "--json").json
+    limit = f"its tolerance of {load_job('lee-2001-experiment-1').job.roundness_tolerance_um:g} um"
+    assert "feature at 100 to 103.9 deg: 40 neighbouring outliers, +" in said.out
+    assert f"with features {listed['RONt_um']:.3f} um (outside {limit})" in said.out
+    assert f"without features {listed['without_features']['RONt_um']:.3f} um (within {limit})" in said.out
+    assert listed["features"][0]["points"] == 40 and listed["left_out"] == 0
+    assert console(*words, "--fail-out-of-tolerance").code == 3
+
+
+def test_a_gap_is_told_or_refused_with_its_file(console: Console, tmp_path: Path) -> None:
+    part = trace(tmp_path, np.delete(np.arange(360), range(30, 60)), eccentric_um=9.0)
+    told = console("roundness", str(part), "--filter", "15")
+    assert (told.code, told.err.count("\n")) == (0, 1) and "no points at 29 - 60 deg" in told.err
+    path, rows = tmp_path / "part.csv", [(a, 9 * np.cos(9 * np.radians(a))) for a in range(50, 360)]
+    path.write_text("\n".join(["angle_deg,deviation_um", *(f"{a},{d}" for a, d in rows)]))
+    refused = console("roundness", str(path), "--filter", "15")
+    assert (refused.code, refused.out) == (1, "")
+    for word in ("part.csv", "no points at 359 - 50 deg", "20.01 um; allowed <= 0.84 um", "measure"):
+        assert word in refused.err
 
 
 def test_a_comma_before_three_digits_is_no_small_part(console: Console, tmp_path: Path) -> None:

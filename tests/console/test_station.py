@@ -484,12 +484,17 @@ def test_a_fault_of_the_console_stops_the_machine_and_leaves_the_thread_alive(al
     assert aligned.idle().activity is Activity.STOPPED
 
 
-def test_a_tool_out_of_phase_is_an_alarm(aligned: Floor) -> None:
+@pytest.mark.parametrize("turned_deg", [5.0, -5.0])
+def test_a_tool_off_its_path_is_an_alarm_with_what_that_leaves(aligned: Floor, turned_deg: float) -> None:
     """The path that is judged by is turned by 5 deg behind the back of the program."""
     state = aligned.arm(experiment_1())
     armed = state.armed
     assert armed is not None
-    target = replace(armed.plan.target, phase_deg=armed.plan.target.phase_deg + 5.0)
+    target = replace(armed.plan.target, phase_deg=armed.plan.target.phase_deg + turned_deg)
     aligned.context.tell(armed=replace(armed, plan=replace(armed.plan, target=target)))
     state = aligned.do(Start())
-    assert "cut.out_of_phase" in [alarm.problem.code for alarm in state.alarms]
+    found = {alarm.problem.code: alarm.problem for alarm in state.alarms}
+    told = found["cut.tool_leads" if turned_deg > 0.0 else "cut.out_of_phase"]
+    # 55 um of three lobes cut 5 deg beside them leave 2 * 55 um * sin(7.5 deg); 4 um are allowed, 1.39 deg.
+    assert (told.value, told.limit) == ("5.0 deg", "± 1.4 deg")
+    assert float(told.key.removesuffix(" um")) == pytest.approx(14.4, abs=0.3)

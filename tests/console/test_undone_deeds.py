@@ -5,11 +5,22 @@ They were drawn by `benchmarks.hostile_host` with seed 2001, and called good onc
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
-from benchmarks.hostile_host import KINDS, Attack, make
+from benchmarks.hostile_host import JOB, KINDS, Attack, WitnessedLathe, make, plan_of, said
 from benchmarks.hostile_lines import Deed
-from console.session.cut.engine import Step
+from console.session.cut.cut_verdict import CutJudgement
+from console.session.cut.engine import CutContext, Step
+from console.session.cut.run import cut_part
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.stop import StopPath
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from profiles.axis.servo import sampled_response
+from tests.system.lathe_sites import compact
 
 
 @pytest.mark.first(1)
@@ -19,6 +30,7 @@ from console.session.cut.engine import Step
         (3, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
         (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.lagged"),
         (5, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
+        (0, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.command_off_plan"),
     ],
 )
 def test_what_was_undone_is_found(
@@ -27,3 +39,35 @@ def test_what_was_undone_is_found(
     attack = Attack(deed=Deed(first=first, later=later), step=Step.CUT, after_s=after_s, undone_after_s=for_s)
     made, _ = make(*KINDS[kind], attack, 1)
     assert made.outcome == outcome
+
+
+def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um() -> None:
+    """Each turn is like the others, and the gain is back before the end: the command kept to the plan."""
+    (family, strategy), gain = KINDS[0], "I{tool}30={gain}"
+    machine, plan = compact(family), plan_of(family, strategy)
+    sim = WitnessedLathe(machine)
+    link = MemoryLink(sim.connect(), sim)
+    client = PmacClient(link, sim)
+    lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=Heartbeat(client, sim, machine))
+
+    def tell(step: Step, _: str) -> None:
+        if step is Step.CUT:
+            begun_s = sim.now_s()
+            lines = (said(f"{gain}/2", machine, plan), said(gain, machine, plan))
+            sim.due = [(begun_s + 0.05 * plan.duration_s, lines[0]), (begun_s + 0.9 * plan.duration_s, lines[1])]
+
+    lathe.connect()
+    verdict = cut_part(CutContext(lathe=lathe, workshop=sim), JOB, plan, tell).figures.verdict
+    assert sim.done == 2
+    assert (verdict.judgement, [each.code for each in verdict.problems]) == (
+        CutJudgement.TOOL_ERROR,
+        ["cut.tool_not_round"],
+    )
+    assert verdict.tool is not None
+    settings = machine.controller.variables
+    weak = replace(
+        machine, controller=replace(machine.controller, variables={**settings, "I130": settings["I130"] / 2})
+    )
+    responses = (complex(sampled_response(each, JOB.lobe_frequency_hz)) for each in (weak, machine))
+    expected_um = JOB.lobe_amplitude_um * abs(next(responses) / next(responses) - 1.0)
+    assert abs(verdict.tool.orders[3]) == pytest.approx(expected_um, abs=0.3)

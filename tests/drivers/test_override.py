@@ -74,6 +74,16 @@ def test_a_limit_of_the_machine_ends_the_band_upwards_alone(machine: MachineProf
     assert band.low_percent == bounds(experiment, machine, Strategy.PVT).low_percent
 
 
+def test_no_override_drives_a_motor_beyond_its_speed(machine: MachineProfile, experiment: JobMaker) -> None:
+    """I116, the most that a program may command the tool, 5.5 % above the peak of this program: 105 %."""
+    job = replace(experiment(1), cut_length_mm=1.0)
+    peak = plan_cut(job, machine, Strategy.NONE).checked.peak_velocity[1]
+    variables = {**machine.controller.variables, "I116": 1.055 * peak}
+    limited = replace(machine, controller=replace(machine.controller, variables=variables))
+    band = bounds(experiment, limited, Strategy.NONE)
+    assert (band.high_percent, band.high_by) == (105, "program_speed")
+
+
 def test_without_an_inverse_the_widest_band_is_offered(machine: MachineProfile, experiment: JobMaker) -> None:
     band = bounds(experiment, machine, Strategy.NONE)
     assert (band.low_percent, band.low_by) == (80, "widest")

@@ -38,9 +38,12 @@ def found(
     within_s: tuple[float, float] = (1.5, 1.7),
     entry_um: float = 0.0,
     lags: bool = False,
+    silent_s: tuple[float, float] = (0.0, 0.0),
+    held_s: float = 0.0,
 ) -> list[Problem]:
     """What is found of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
 
+    No poll comes within `silent_s`; `held_s` is what a simulated lathe has held its time.
     Where it `lags`, tool and carriage are commanded as planned all the time; else they are where commanded.
 
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
@@ -49,6 +52,8 @@ def found(
     seen = PathSeen(plan(), MACHINE)
     for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
         at_s = number * POLL_S
+        if silent_s[0] <= at_s < silent_s[1]:
+            continue
         off = 1.0 if within_s[0] <= at_s < within_s[1] else 0.0
         turn = at_s / TURN_S + off * turns
         z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * PER_MM
@@ -78,7 +83,21 @@ def found(
                 carriage=carriage,
             )
         )
-    return list(seen.problems())
+    return list(seen.problems(held_s))
+
+
+def test_time_that_a_simulated_lathe_has_held_accuses_nobody() -> None:
+    """Three turns of 60 ms are 0.18 s: held for 0.3 s they mean nothing, for 0.05 s they are told."""
+    assert found(turns=3.0, held_s=0.3) == []
+    assert [problem.code for problem in found(turns=3.0, held_s=0.05)] == ["cut.off_time"]
+
+
+def test_where_polls_came_late_the_busy_computer_is_named_first() -> None:
+    (problem,) = found(turns=3.0, silent_s=(1.2, 1.5))
+    assert (problem.code, problem.key) == ("cut.polls_late", "0.3 s")
+    said = load("en").problem(problem)
+    assert said.index("this computer was busy") < said.index("another host")
+    assert "busy" not in load("en").problem(found(turns=3.0)[0])
 
 
 def told(tool_um: float = 0.0, **how: Any) -> list[str]:

@@ -57,3 +57,13 @@ def test_before_the_first_word_time_runs() -> None:
     lathe = Elapsed()
     patient(lathe.wait, lambda: None, lambda: 1000.0)(TICK_S)
     assert lathe.simulated_s == TICK_S
+
+
+def test_the_time_that_a_lathe_waits_for_its_host_is_counted() -> None:
+    lathe, now_s, pace = Elapsed(), [0.0], Pace()
+    wait = patient(lathe.wait, lambda: 0.0, lambda: now_s[0], pace)
+    while now_s[0] < 1.0:
+        now_s[0] += TICK_S
+        wait(TICK_S)
+    assert pace.held_s + lathe.simulated_s == pytest.approx(1.0)
+    assert pace.held_s == pytest.approx(1.0 - HEARD_S, abs=3 * TICK_S)

@@ -84,3 +84,12 @@ def test_each_tick_that_comes_late_is_taken_down() -> None:
     late_s = [0.0, 0.001, 0.0, 0.25]
     _, lags_s = run(late_s)
     assert lags_s == pytest.approx(late_s, abs=1e-9)
+
+
+def test_what_a_busy_computer_has_held_up_is_counted() -> None:
+    """A tick that is some milliseconds late is none of it; one that is 0.5 s late is, at any speed."""
+    for speed in (1.0, 2.0):
+        pace = Pace(speed)
+        with suppress(AllOverError):
+            asyncio.run(run_clock(Heard().wait, (), HandClock([0.0, 0.004, 0.5, 0.002]), pace))
+        assert pace.held_s == pytest.approx(0.5 * speed)

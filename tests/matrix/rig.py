@@ -9,7 +9,8 @@ from functools import cache
 from pathlib import Path
 from random import Random
 
-from console.session.data import record_file, record_schema
+from console.session.data import record_file
+from console.session.data.record_schema import create
 from console.session.data.run_log import RunLog
 from console.session.station.context import StationContext
 from console.session.station.owning import Owning
@@ -85,10 +86,10 @@ def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given:
 def record_in_memory(folder: Path, until_s: float, *, checked: bool = False) -> sqlite3.Connection:
     """Open a record that each copy of a process has for itself."""
     path = folder / record_file.FILE_NAME
-    path.touch()
+    record_file._make_file(path)
     path.with_name(f"{path.name}-wal").touch()
     database = sqlite3.connect(":memory:", isolation_level=None)
-    record_schema.create(database)
+    create(database)
     record_file._made_ready(database, path, checked=checked)
     return database
 

@@ -106,12 +106,12 @@ def test_each_filter_is_named_and_shows_what_it_lets_through(tmp_path: Path) -> 
 
 
 def test_a_trace_of_few_points_has_only_the_filters_that_it_supports() -> None:
-    """Seven points for each undulation: 360 carry 50 UPR (350) and not 150 (1050)."""
+    """Seven points for each undulation: 360 carry 50 UPR (350) and not 150 (1050); a step of 2 deg is as 180."""
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3 * angle_deg)))
     assert supported_upr([trace]) == (15.0, 50.0)
     assert supported_upr([PART.trace, trace]) == (15.0, 50.0)
-    assert supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == ()
+    assert supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == (15.0,)
     assert with_next_filter(Looked(), None, ()) == Looked()
 
 

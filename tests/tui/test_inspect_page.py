@@ -193,6 +193,13 @@ def test_the_verdict_is_a_mark_a_word_and_both_numbers(amplitude_um: float, mark
     assert f"{mark}: {2 * amplitude_um:.2f} um of 5.00 um" in rows
 
 
+def test_a_part_whose_cut_is_not_proven_is_neither_good_nor_bad() -> None:
+    unproven = replace(part(Strategy.PVT, [(3, 2.4, 0.0)], filter_upr=None), proven=False)
+    rows = results(StationState(measured=unproven))
+    assert "? not proven: 4.80 um of 5.00 um" in rows
+    assert not [row for row in rows if "PASS" in row or "FAIL" in row]
+
+
 def test_without_a_measured_part_before_it_is_the_job_that_speaks() -> None:
     state = StationState(measured=PRINTED)
     assert results(state)[1].split() == ["RONt", "LSC", "▸", "55.00", "28.00"]

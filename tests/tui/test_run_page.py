@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from console.session.cut.alignment import JawAngle
+from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import Phase, SpindleRipple
+from console.session.cut.tool_error import ToolError
 from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
@@ -72,6 +74,32 @@ def test_what_was_changed_of_a_cut_is_told_when_it_has_ended() -> None:
     back = replace(changed, override_percent=100, trim=Trim())
     assert "as planned again" in shown(state(cut=replace(ended, changed=back), cut_done=True)).words
     assert "Changed" not in shown(state(cut=ended, cut_done=True)).text
+
+
+def test_the_verdict_on_a_cut_is_told_with_what_the_tool_took_of_round_and_diameter() -> None:
+    """Orders of 2 and 1 um: the crests of 3 and 6 per turn meet 3 um up; the least is 1.5 um down."""
+    tool = ToolError(
+        mean_um=-12.0,
+        mean_se_um=0.1,
+        slope_um=4.0,
+        slope_se_um=0.2,
+        decay_um=0.0,
+        decay_se_um=0.0,
+        orders={2: 0j, 3: 2.0 + 0j, 6: 1.0 + 0j},
+        orders_se_um={2: 0.1, 3: 0.1, 6: 0.1},
+        polls=160,
+        independent=160.0,
+    )
+    verdict = CutVerdict(
+        tool=tool, command=replace(tool, mean_um=0.0, slope_um=0.0, orders={}), round_limit_um=3.5
+    )
+    end = state(cut=cut(CutStage.DONE, figures=replace(FIGURES, verdict=verdict)), cut_done=True)
+    page = shown(end, size=(80, 24)).text
+    rows = [
+        row.split("│")[1].split() for row in page.splitlines() if "against plan" in row or "tool: round" in row
+    ]
+    assert [" ".join(row) for row in rows] == ["cut against plan tool error", "tool: round, diam. 4.5, 28.0 um"]
+    assert "not proven" in shown(state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True)).words
 
 
 def test_nothing_is_said_of_a_blank_while_none_is_clamped() -> None:

@@ -50,8 +50,9 @@ def add(parser: Parser, text: Catalogue) -> None:
 def main(options: Namespace, text: Catalogue) -> int:
     """Run a job on a real or simulated machine, and print the result.
 
-    The exit code is 1 without consent to move a machine, 2 for options that belong to a simulated one alone, and
-    on request 3 for a part out of its roundness tolerance; in a series the last part counts.
+    The exit code is 1 without consent to move a machine, 2 for options that belong to a simulated one alone, on
+    request 3 for a part out of its roundness tolerance, and 4 for a cut that is not proven to be the planned one;
+    in a series the last part counts.
     """
     interruption = Interruption()
     interruption.install()
@@ -73,5 +74,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     warnings = tell((*killed, *request.warnings), text)
     if request.address is not None and not agreed_to(options, request, text):
         return 1
-    within_tolerance = cut_requested(options, request, interruption, warnings, text)
-    return OUT_OF_TOLERANCE if options.fail_out_of_tolerance and within_tolerance is False else 0
+    result = cut_requested(options, request, interruption, warnings, text)
+    if options.fail_out_of_tolerance and result.within_tolerance is False:
+        return OUT_OF_TOLERANCE
+    return result.figures.verdict.judgement.exit_code

@@ -44,6 +44,7 @@ from console.session.trial.stated_filter import stated_filter_problems
 from console.text.catalogue import Catalogue
 from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
+from console.text.cut_verdict import verdict_words
 from console.text.fingerprint import clamped_fields, fingerprint_line
 from console.text.force import force_words
 from drivers.lathe.snapshot import Snapshot
@@ -105,6 +106,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "within_tolerance": result.within_tolerance,
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
         **tool_lobe_event(figures.tool_lobe_um),
+        **figures.verdict.event(),
         **force_event(result.force),
         "telemetry_samples": figures.samples,
         "segment_ms": plan.cut.segment_ms,
@@ -202,6 +204,7 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     if plan.expected is not None:
         right, wrong = f"{plan.expected.right_um_pp:.1f}", f"{plan.expected.wrong_um_pp:.1f}"
         facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
+    facts.append((text("run.cut_verdict"), verdict_words(figures.verdict, text)))
     if result.within_tolerance is not None:
         verdict = "run.within" if result.within_tolerance else "run.outside"
         facts.append((text("run.verdict"), text(verdict, limit=f"{plan.job.roundness_tolerance_um:g}")))
@@ -258,10 +261,10 @@ def _figures(roundness: RoundnessResult, lobes: int) -> tuple[str, str]:
 
 def cut_requested(
     options: Namespace, request: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
-) -> bool | None:
+) -> RunResult:
     """Cut with a record and, if requested, a trace, whose early end is added to the warnings; print the result.
 
-    Return whether the part, in a series the last, is within its tolerance; None where it is not judged.
+    Return the run, of a series that of its last part.
     """
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {request.job.job.name}")
     data = data_of(options)
@@ -289,16 +292,17 @@ def cut_requested(
         feed.close()
         missing = () if record.log.problem is None else (record.log.problem,)
         warnings += tell_problems((*tracing.problems, *missing, *feed.problems), text)
-    warnings += tell_problems(result.warnings if isinstance(result, LearnResult) else (), text)
+    last = result.last if isinstance(result, LearnResult) else result
+    learned = result.warnings if isinstance(result, LearnResult) else ()
+    warnings += tell_problems((*last.figures.verdict.problems, *learned), text)
     show(
         options,
         lambda: _fields(request, result, warnings),
         lambda: [*result_lines(result, text), *learn_hint(options, request, text)],
     )
-    if isinstance(result, LearnResult):
-        return result.last.within_tolerance
-    _save_part(request, result)
-    return result.within_tolerance
+    if isinstance(result, RunResult):
+        _save_part(request, result)
+    return last
 
 
 def _fields(request: RunRequest, result: RunResult | LearnResult, warnings: list[str]) -> dict[str, object]:
@@ -462,7 +466,8 @@ def add_end(record: RunRecord, error: BaseException) -> None:
     problems = list(error.problems) if isinstance(error, ProblemError) else []
     cause = error.__cause__
     if isinstance(cause, NotAsPlannedError):
-        record.add("ended_early", {"turns": cause.turns, "reasons": [problem.code for problem in cause.problems]})
+        reasons = [problem.code for problem in cause.problems]
+        record.add("ended_early", {"turns": cause.turns, "reasons": reasons, "cut_verdict": cause.judgement})
     said: dict[str, object] = {"reason": str(error) or type(error).__name__}
     if isinstance(error, KeyboardInterrupt):
         said |= {"stopped": True, "by": operator_name()}

@@ -24,7 +24,7 @@ class MeasuredTrace:
 
     `jaw_1_deg` is the angle of jaw 1 in the angles of the trace, None where it is unknown. `mean_diameter_mm` is
     None where the trace has no size; `tool_offset_um`, positive into the work, also where there is no job to
-    compare it with, or the trace is of another size.
+    compare it with, or the trace is of another size. `tolerance_um` is that of the job.
     """
 
     trace: Trace
@@ -34,6 +34,7 @@ class MeasuredTrace:
     jaw_1_deg: float | None
     mean_diameter_mm: float | None
     tool_offset_um: float | None
+    tolerance_um: float | None
 
     def past_jaw_1_deg(self, harmonic: Harmonic) -> float | None:
         """Return the phase of an undulation (its first maximum) from jaw 1, None where that is unknown."""
@@ -73,6 +74,7 @@ def measured_trace(options: Namespace) -> MeasuredTrace:
         jaw_1_deg=header.jaw_1_of(None if job is None else job.jaw_1_deg),
         mean_diameter_mm=size_mm,
         tool_offset_um=offset_um,
+        tolerance_um=None if job is None else job.roundness_tolerance_um,
     )
 
 
@@ -81,9 +83,11 @@ def _of_circle(result: RoundnessResult, kind: str) -> RoundnessResult:
     if kind == result.reference_circle:
         return result
     circle = result.circle(kind)
+    without = result.without_features
     return replace(
         result,
         reference_circle=kind,
+        without_features=without and _of_circle(without, kind),
         ront_um=circle.ront_um,
         ronp_um=circle.ronp_um,
         ronv_um=circle.ronv_um,

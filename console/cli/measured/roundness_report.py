@@ -26,6 +26,8 @@ def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
         "above_upr": result.above_upr,
         "filter_applied_upr": header.filter_upr,
         **fields_of(result, "recentred", "left_out"),
+        "features": [asdict(feature) for feature in result.features],
+        "without_features": result.without_features and _parameters(result.without_features),
         "phase_known": header.phase_known,
         **fields_of(measured, "jaw_1_deg", "mean_diameter_mm", "tool_offset_um"),
         "turns": turns
@@ -101,9 +103,27 @@ def _head(measured: MeasuredTrace, text: Catalogue) -> list[str]:
         lines.append(text("roundness.recentred"))
     if result.left_out:
         lines.append(text("roundness.left_out", count=result.left_out))
+    lines += _features(measured, text)
     if measured.turns is not None:
         count, random = len(measured.turns.each_um), f"{measured.turns.random_um:.3f}"
         lines.append(text("roundness.turns", count=count, random=random))
+    return lines
+
+
+def _features(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+    """Return the features, and the verdict with and without them."""
+    result, limit_um = measured.result, measured.tolerance_um
+    if result.without_features is None:
+        return []
+    lines = []
+    for each in result.features:
+        first, last, height = f"{each.first_deg:.6g}", f"{each.last_deg:.6g}", f"{each.height_um:+.3f}"
+        lines.append(text("roundness.feature", first=first, last=last, count=each.points, height=height))
+    for key, found in (("with_features", result), ("without_features", result.without_features)):
+        within = limit_um is None or found.ront_um <= limit_um
+        told = "" if limit_um is None else text("run.within" if within else "run.outside", limit=f"{limit_um:g}")
+        verdict = told and f" ({told})"
+        lines.append(text(f"roundness.{key}", value=f"{found.ront_um:z.3f}", verdict=verdict))
     return lines
 
 

@@ -8,15 +8,17 @@ is set again as its profile says. Where either fails, the caller stops the machi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import Protocol
 
+from console.session.cut.cut_verdict import CutJudgement, ToolPolls
 from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, at_speed, of_machine
 from console.session.cut.recording import Recorder, Unrecorded
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
+from drivers.cutting.bounds import UNTRIMMED
 from drivers.cutting.feed_hold import MOST_HELD_S, HoldLedger, turns_back
 from drivers.cutting.guarding import CutLength, cut_guard, end_problems, further_held
 from drivers.cutting.live_trim import untrimmed
@@ -106,6 +108,10 @@ class CutContext:
         """Whether the machine is simulated."""
         return self.workshop is not None
 
+    def held_s(self) -> float:
+        """Return by how much a simulated lathe has held its time in all, while this computer was busy."""
+        return 0.0 if self.workshop is None else self.workshop.look().held_s
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutEnd:
@@ -118,6 +124,8 @@ class CutEnd:
 
 class NotAsPlannedError(DriverError):
     """The cut differs from its plan; `turns` is how many were cut, None while nobody could ask the controller."""
+
+    judgement = CutJudgement.DISTURBED
 
     def __init__(self, *problems: Problem, turns: float | None) -> None:
         super().__init__(*problems)
@@ -191,20 +199,26 @@ def _recorded_run(context: CutContext, job: Job, plan: CutPlan, see: See, touche
 
     recorder.begin(plan, job, context.lathe.machine)
     try:
-        return _run(context.lathe, job, plan, polled, touched_mm)
+        figures = _run(context, job, plan, polled, touched_mm)
     finally:
         recorder.end()
+    if figures is not None:
+        recorder.judged(figures.verdict)
+    return figures
 
 
-def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See, touched_mm: float) -> CutFigures | None:
+def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: float) -> CutFigures | None:
     """Run the program to its end, and compare the cut with its plan: only the planned cut makes a good part.
 
     Compared are turns and length, the program with its constants and tables, the settings, and the polled path,
-    which shows a change that somebody has reverted. What this console has changed is taken out of it: a feed hold,
-    which takes whole turns with the tool out; an override, by the time of the program; a trim.
+    which shows a change that somebody has reverted: one of a moment by the other turns, one of the whole feed by
+    the plan. What this console has changed is taken out of it: a feed hold, which takes whole turns with the tool
+    out; an override, by the time of the program; a trim.
     """
+    lathe, held_s = context.lathe, context.held_s()
     telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine, _before(lathe, plan, touched_mm))
+    tool = ToolPolls(plan, lathe.machine, job)
     guard = cut_guard(plan, lathe.machine)
     ledger = HoldLedger(lathe.machine.spindle.counts_per_rev, turns_back(plan, lathe.machine))
     guard.expected_percent, pace = lathe.program.override.expected, PaceLedger(plan.setup.carriage_face)
@@ -223,17 +237,22 @@ def _run(lathe: Lathe, job: Job, plan: CutPlan, see: See, touched_mm: float) -> 
         if unheld is not None:
             telemetry.see(unheld, holding=lathe.program.held)
             if not lathe.program.held:  # while retracting, the tool is on no path of a turn
-                path.see(untrimmed(unheld, plan, lathe.machine, lathe.program.live_trim.applied))
+                trim = lathe.program.live_trim.applied
+                as_planned = untrimmed(unheld, plan, lathe.machine, trim)
+                path.see(as_planned)
+                tool.see(as_planned, trimmed=trim != UNTRIMMED)
         see(snapshot)
 
     lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
     lathe.program.put_back()
-    _refuse_another(lathe, plan, length, path)
-    figures = telemetry.figures()
+    _refuse_another(lathe, plan, length, path.problems(context.held_s() - held_s))
+    figures, verdict = telemetry.figures(), tool.verdict()
+    if verdict.judgement is CutJudgement.DISTURBED:
+        raise NotAsPlannedError(*verdict.problems, turns=lathe.program.end().turns)
     if figures is None:
         return None
-    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm)
+    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
 
 
 def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
@@ -245,7 +264,7 @@ def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
     return CutBefore(to_mm=touched_mm, unseen_mm=unseen_turns * per_turn_mm)
 
 
-def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, path: PathSeen) -> None:
+def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, off_path: Iterable[Problem]) -> None:
     """Refuse a cut that has ended and is not the planned one, with `NotAsPlannedError`."""
     end = lathe.program.end()
     if not end.finished:  # a program that was ended in mid-turn no longer reports its turns
@@ -255,7 +274,7 @@ def _refuse_another(lathe: Lathe, plan: CutPlan, length: CutLength, path: PathSe
         early = (*early, Problem(code="cut.hold_lapsed", limit=f"{MOST_HELD_S / 60.0:g} min"))
     trimmed = () if lathe.program.live_trim.problem is None else (lathe.program.live_trim.problem,)
     changed = (*early, *trimmed, *_changes(lathe, plan, ended=True), *lathe.verify())
-    if problems := changed or tuple(path.problems()):
+    if problems := changed or tuple(off_path):
         raise NotAsPlannedError(*problems, turns=end.turns)
 
 

@@ -9,6 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
+from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
 from console.session.data.part_record import PartRecord, result_data
 from console.session.data.run_log import Poll, RunLog
@@ -32,10 +33,14 @@ SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartName:
-    """Name of a part among those of its run; `product` is False of one that is cut for comparison."""
+    """Name of a part among those of its run; `product` is False of one that is cut for comparison.
+
+    One whose cut is not `proven` to be the planned one is not judged.
+    """
 
     name: str = ""
     product: bool = True
+    proven: bool = True
 
 
 ONLY_PART = PartName()
@@ -55,6 +60,9 @@ class Recorder(Protocol):
 
     def end(self) -> None:
         """End the cut, however it ended."""
+
+    def judged(self, verdict: CutVerdict) -> None:
+        """Take the verdict on the cut that has ended."""
 
     def gathered(self, batch: Batch) -> None:
         """Take a window that the controller has sampled."""
@@ -76,6 +84,9 @@ class Unrecorded:
         """Ignore it."""
 
     def end(self) -> None:
+        """Ignore it."""
+
+    def judged(self, verdict: CutVerdict) -> None:
         """Ignore it."""
 
     def gathered(self, batch: Batch) -> None:
@@ -109,6 +120,10 @@ class LogRecorder:
     def end(self) -> None:
         """End the telemetry of the cut."""
         self._log.end_cut()
+
+    def judged(self, verdict: CutVerdict) -> None:
+        """Keep whether the part of this cut can be judged."""
+        self._part = replace(self._part, proven=verdict.proven)
 
     def gathered(self, batch: Batch) -> None:
         """Add a gathered window."""
@@ -201,7 +216,7 @@ def part_record(
     would write it, with `made`, how the part was cut, in its header. `more` is added to the figures.
     """
     diameter_mm = mean_diameter_of(trace, result)
-    judged = name.product and stage is Stage.FULL
+    judged = name.product and name.proven and stage is Stage.FULL
     with_made = replace(trace, meta={**trace.meta, **(made or {})})
     return PartRecord(
         part=name.name,

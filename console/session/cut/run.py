@@ -100,8 +100,8 @@ class RunResult:
 
     @property
     def within_tolerance(self) -> bool | None:
-        """Whether the part is within the job's roundness tolerance; None of a part that was not meant to be."""
-        if self.after is None or self.plan.stage is not Stage.FULL:
+        """Whether the part is within the job's roundness tolerance; None of one not meant to be, or not proven."""
+        if self.after is None or self.plan.stage is not Stage.FULL or not self.figures.verdict.proven:
             return None
         return self.after.ront_um <= self.plan.job.roundness_tolerance_um
 

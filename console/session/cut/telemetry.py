@@ -10,8 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.cut.cut_verdict import NO_VERDICT, CutVerdict
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
+from profiles.compensations.learned import PartRead
 from profiles.compensations.path import LobedPath, target_path
 from profiles.job import Job
 from profiles.least_squares import fit, harmonic_columns, phasors
@@ -45,7 +47,7 @@ class CutFigures:
     instant; `following_error_um` is the largest distance of the actual tool from its commanded position. A path
     commanded ahead of the servo's lag has a large following error and a small tool error. `tool_lobe_um` is the
     harmonic of the tool error at the order of the lobe, once the chip is full: Re(c exp(j N angle)), spindle
-    angles, infeed positive; 0 where too few polls fell into the cut.
+    angles, infeed positive; 0 where too few polls fell into the cut. `verdict` is that on the whole cut.
     """
 
     spindle_speed_rpm: float
@@ -55,6 +57,7 @@ class CutFigures:
     following_error_rms_um: float
     samples: int
     tool_lobe_um: complex = 0j
+    verdict: CutVerdict = NO_VERDICT
 
 
 def is_leaving(error_um: float, peak_um: float) -> bool:
@@ -134,6 +137,12 @@ class Telemetry:
         return phasors(found.coefficients, (lobes,))[lobes]
 
 
+Lag = tuple[float, float]
+"""Least and most lag of the tool behind its path that spoils nothing, spindle degrees; negative: it leads."""
+
+NO_LAG: Lag = (0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phase:
     """Phase lag of the tool behind the target path, spindle degrees, and its uncertainty."""
@@ -193,27 +202,47 @@ def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
     return math.degrees(2.0 / target.lobes * math.asin(residual_um / most_um))
 
 
-def is_in_phase(phase: Phase | None, limit_deg: float | None, lead_deg: float = 0.0) -> bool | None:
+def lag_left_um_pp(target: LobedPath, lag_deg: float) -> float:
+    """Return what a lag leaves of the lobe on the part, um p-p, see `phase_limit_deg`."""
+    return 4.0 * target.amplitude_um * abs(math.sin(0.5 * target.lobes * math.radians(lag_deg)))
+
+
+def is_in_phase(phase: Phase | None, limit_deg: float | None, expected: Lag = NO_LAG) -> bool | None:
     """Return whether the phase may be within its limit, given its uncertainty; None where it is not known.
 
     An uncertainty above the limit is not noise: such a tool does not follow the lobe, so the allowance is capped
     at the limit once more.
 
-    `lead_deg` is by how much a learned path is earlier than that of the job. A part does not tell whether the tool
-    was late or the lobe elsewhere: a good part is made by a tool anywhere between the two paths.
+    `expected` is the lag that learning counts on.
     """
     if phase is None:
         return None
-    beyond_deg = max(phase.error_deg - max(lead_deg, 0.0), min(lead_deg, 0.0) - phase.error_deg, 0.0)
+    beyond_deg = abs(unexpected_deg(phase.error_deg, expected))
     return limit_deg is None or beyond_deg - min(phase.within_deg, limit_deg) <= limit_deg
 
 
-def learned_lead_deg(target: LobedPath, job: Job) -> float:
-    """Return by how much a path is earlier than that of the job alone, spindle degrees; 0 without a lobe."""
-    of_job = target_path(job)
-    if of_job.lobes != target.lobes or 0.0 in (of_job.amplitude_um, target.amplitude_um):
-        return 0.0
-    return math.remainder(of_job.phase_deg - target.phase_deg, 360.0 / target.lobes)
+def unexpected_deg(lag_deg: float, expected: Lag) -> float:
+    """Return how much a lag differs from the expected one, spindle degrees, late positive."""
+    return lag_deg - min(max(lag_deg, expected[0]), expected[1])
+
+
+def expected_lag(target: LobedPath, job: Job, part: PartRead | None, fraction: float = 1.0) -> Lag:
+    """Return the lag behind `target` that learning counts on; `part` has taught the path, None: nothing learned.
+
+    A part does not tell whether the tool was off its path or the lobe elsewhere. The path learned from it makes
+    the next one round if the tool is off by as many um again, at the same place of the lobe; `fraction` is that of
+    the compensation that is cut. Where that was not recorded, a good part is made by a tool anywhere between the
+    path of the job and the learned one.
+    """
+    of_job, lobes = target_path(job), target.lobes
+    if part is None or of_job.lobes != lobes or 0.0 in (of_job.amplitude_um, target.amplitude_um):
+        return NO_LAG
+    if part.tool is None:
+        lead_deg = math.remainder(of_job.phase_deg - target.phase_deg, 360.0 / lobes)
+        return min(lead_deg, 0.0), max(lead_deg, 0.0)
+    off_um = part.tool.coefficient * cmath.exp(1j * lobes * math.radians(part.target.phase_deg))
+    lag_deg = -math.degrees(cmath.phase(target.amplitude_um + off_um * fraction / part.fraction)) / lobes
+    return lag_deg, lag_deg
 
 
 ORDERS = range(1, 7)

@@ -172,7 +172,8 @@ class CutPart:
 
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, 0 where the record does not have it.
     `lathe` is the simulated lathe that has cut it, "" where the record names none.
-    `force` is what the cutting force said of a half-stage cut, None where it was not asked.
+    `force` is what the cutting force said of a half-stage cut, None where it was not asked. `proven` is False
+    where the record says that the cut is not proven to be the planned one.
     """
 
     run_id: str
@@ -182,6 +183,7 @@ class CutPart:
     lathe: str = ""
     tool_lobe_um: complex = 0j
     force: ForceNull | None = None
+    proven: bool = True
 
 
 def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
@@ -199,6 +201,7 @@ def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
                 lathe=which or "",
                 tool_lobe_um=tool_um,
                 force=force_of(data),
+                proven=from_json(data).get("cut_verdict") != "not_proven",
             )
     return None
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any
 
+from console.session.cut.cut_verdict import CutJudgement
 from console.session.feed.observed import RUN, SCREENS
 from console.session.feed.request import SCHEMA
 from console.session.station.state import Activity
@@ -82,6 +83,7 @@ class FeedState:
     parts: int
     run_id: str | None
     alarms: tuple[FeedAlarm, ...]
+    cut_verdict: str | None = None
 
 
 EXECUTIONS, MODES = ("unavailable", "ready", "active", "feed_hold", "stopped"), ("automatic", "manual")
@@ -93,6 +95,7 @@ _WORDS: Mapping[str, Collection[str]] = {
     "activity": tuple(Activity),
     "execution": EXECUTIONS,
     "mode": MODES,
+    "cut_verdict": tuple(CutJudgement),
     "stage": ("position", "run_up", "cut", "paused", "retract", "done", "held"),
     "priority": PRIORITIES,
     "state": ALARM_STATES,

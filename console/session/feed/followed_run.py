@@ -8,6 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from statistics import linear_regression
 
+from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.engine import Step
 from console.session.cut.recording import PartName, Recorder
 from console.session.feed.observed import RUN, Observed, ShownCut
@@ -61,6 +62,7 @@ class FollowedRun:
         self._polls: deque[Snapshot] = deque(maxlen=POLLS)
         self._cut: tuple[CutPlan, Job, MachineProfile] | None = None
         self._parts = 0
+        self._verdict: CutVerdict | None = None
 
     def told(self, step: Step) -> None:
         """Take a step of a part, which begins; the program of a cut that is retracted has made its part."""
@@ -79,7 +81,7 @@ class FollowedRun:
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin a cut."""
-        self._cut = plan, job, machine
+        self._cut, self._verdict = (plan, job, machine), None
         self._recorder.begin(plan, job, machine)
 
     def see(self, snapshot: Snapshot) -> None:
@@ -91,6 +93,11 @@ class FollowedRun:
         """End the cut."""
         self._cut = None
         self._recorder.end()
+
+    def judged(self, verdict: CutVerdict) -> None:
+        """Take the verdict on the cut that has ended."""
+        self._verdict = verdict
+        self._recorder.judged(verdict)
 
     def gathered(self, batch: Batch) -> None:
         """Pass on a window that the controller has sampled."""
@@ -122,6 +129,7 @@ class FollowedRun:
             job=run.job,
             run_id=run.run_id,
             parts=self._parts,
+            verdict=self._verdict,
             cut=None if cut is None or newest is None else _shown(newest, *cut),
         )
 

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+from console.session.cut.cut_verdict import CutVerdict
 from console.session.station.state import StationState
 
 if TYPE_CHECKING:
@@ -32,7 +33,8 @@ class Observed:
     """One moment. `now_s` is machine time.
 
     `parts` counts what this session has cut to the end, `run_id` is the record of the current run. `numbers` are
-    those of the page Alarms, by code and key of an alarm. `cut` is that of `console run`, whose state has none.
+    those of the page Alarms, by code and key of an alarm. `cut` and `verdict` are those of `console run`, whose
+    state has none.
     """
 
     state: StationState
@@ -44,6 +46,15 @@ class Observed:
     parts: int = 0
     numbers: Mapping[tuple[str, str], int] = field(default_factory=lambda: MappingProxyType({}))
     cut: ShownCut | None = None
+    verdict: CutVerdict | None = None
+
+    @property
+    def judgement(self) -> str | None:
+        """The judgement of the last cut that has ended, until the next begins, whoever follows it."""
+        cut = self.state.cut
+        figures = None if cut is None else cut.figures
+        verdict = self.verdict if figures is None else figures.verdict
+        return None if verdict is None else verdict.judgement.value
 
     @property
     def shown_cut(self) -> ShownCut | None:

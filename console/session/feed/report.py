@@ -55,6 +55,7 @@ def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> F
         parts=observed.parts,
         run_id=observed.run_id,
         alarms=tuple(_alarm(alarm, observed) for alarm in state.alarms),
+        cut_verdict=observed.judgement,
     )
 
 

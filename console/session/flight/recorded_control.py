@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from console.session.flight.notes import Inbox, Kind, command_words
-from console.session.passing_control import PassingControl
+from console.session.passing_control import PassingControl, record
 from console.session.station.alarms import Alarms, seen
 from console.session.station.state import StationState
 
@@ -23,7 +23,7 @@ class RecordedControl(PassingControl):
     """
 
     def __init__(self, control: Control, inbox: Inbox) -> None:
-        super().__init__(control)
+        super().__init__(control, inbox.put)
         self.recorder: Recorder | None = None
         self._inbox = inbox
         self._joined: tuple[StationState, Alarms, StationState] | None = None
@@ -46,15 +46,5 @@ class RecordedControl(PassingControl):
         taken = super().post(intent)
         if self.recorder is not None and isinstance(intent, Acknowledge):
             self.recorder.acknowledge(partial(seen, shown=intent.shown))
-        self._inbox.put(Kind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
+        record((self._inbox.put,), Kind.COMMAND, f"{command_words(intent)}{'' if taken else ' refused'}")
         return taken
-
-    def stop(self, reason: str) -> None:
-        """Stop the machine now; note it afterwards."""
-        super().stop(reason)
-        self._inbox.put(Kind.STOP, reason)
-
-    def kill(self, reason: str) -> None:
-        """Open every loop now; note it afterwards."""
-        super().kill(reason)
-        self._inbox.put(Kind.KILL, reason)

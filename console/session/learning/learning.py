@@ -53,6 +53,7 @@ from profiles.compensations.learning import (
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath
+from profiles.compensations.push import NO_PUSH, Push
 from profiles.compensations.uncompensated import uncompensated
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
@@ -292,7 +293,9 @@ class _Learner:
         tool_off, trim_um = watch.in_the_middle()
         trace = self._traced(outcome)
         gain = FIRST_GAIN if number == 1 else LATER_GAIN
-        learned, certificate = self._learn_from(trim_um, trace, tool_off, gain)
+        push = watch.left_push()
+        tool_off = replace(tool_off, mean_um=tool_off.mean_um - push.in_middle_um)
+        learned, certificate = self._learn_from(trim_um, trace, tool_off, gain, push)
         return LearnedPart(
             roundness=roundness_of(trace),
             figures=outcome.figures,
@@ -319,7 +322,7 @@ class _Learner:
         return workshop.indicate()
 
     def _learn_from(
-        self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float
+        self, trim_um: complex, trace: Trace, tool_off: Deviation, gain: float, push: Push = NO_PUSH
     ) -> tuple[tuple[int, ...], tuple[Certified, ...]]:
         """Put the trim and the part's correction into the table; return the learned harmonics, and of each why."""
         job, orders = self._job, self._orders
@@ -336,11 +339,11 @@ class _Learner:
         fraction = self._folding.fraction
         tabled = {n: fraction * c for n, c in missed.items()}
         high = {n: c - missed.get(n, 0j) + tabled.get(n, 0j) for n, c in high.items()}
-        part = Deviation(mean_um=found.mean_um, coefficients_um=high)
+        part = Deviation(mean_um=found.mean_um - push.in_middle_um, coefficients_um=high)
         tool = Deviation(mean_um=tool_off.mean_um, coefficients_um=tabled)
         kept = orders.withdrawn(self._watch.kept(path))
         steps = {n: 1.0 if n == job.jaws and self._filters else g for n, g in gains.items()}
-        self._path = learned_part(kept, part, tool, self._response, gain, steps)
+        self._path = learned_part(kept, part, tool, self._response, gain, steps).pushed(push.um)
         orders.step(path, self._path)
         certificate = orders.certificate(left, found, tool_off, gains, self._watch.frozen)
         return tuple(sorted({*high, *missed})), certificate

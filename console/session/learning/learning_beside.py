@@ -14,6 +14,7 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, OVAL, beside_order
 from profiles.compensations.learning import Deviation, HarmonicFit, trimmed
+from profiles.compensations.push import Push, left_push
 from profiles.compensations.trim_response import TrimResponse
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -133,6 +134,12 @@ class CutLearner:
             return needed_um
         self._short_um = {**self._short_um, order: abs(needed_um) - MOST_TRIM_UM}
         return needed_um * (1.0 - ROUNDED) * MOST_TRIM_UM / abs(needed_um)
+
+    def left_push(self) -> Push:
+        """Return the push of the cut that the path has not made up for, from the batches in the part."""
+        in_part = [each for each in self._found if each[0] >= self._in_part_mm]
+        places, errors = [each[0] for each in in_part], [each[1].mean_um for each in in_part]
+        return left_push(self._job, self._lathe.machine, places, errors)
 
     def in_the_middle(self) -> tuple[Deviation, complex]:
         """Return the tool error and the trim where the part is measured, or raise what has ended the cut."""

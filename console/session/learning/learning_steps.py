@@ -148,8 +148,8 @@ def taught_by(
     orders = _orders(filed, strategy, extra, follows)
     beside = _beside(strategy, orders, follows)
     part = _part(trace, filed, made, extra, beside, robust=robust)
-    parent, history = _parent(version, known, filed), history_of(version, known)
-    cut = CutWith(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
+    cut = _cut_with(path, stage, version, known, filed)
+    cut = replace(cut, tool_um=tool_um * cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made))))
     cut, part = of_mean_clamping(cut, part, made.fingerprint, filed.jaws, lambda n: follows(n).response)
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
@@ -160,7 +160,7 @@ def taught_by(
         stage=stage,
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
-        causes=_causes(part, cut, filed, made, tool_um),
+        causes=causes(part, cut, filed, tool_um=tool_um, placed=part.is_placed),
     )
 
 
@@ -179,12 +179,6 @@ def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> Learnin
         return step
     reason = Problem(code="learned.same_trace", key=str(others[-1].version))
     return replace(step, reasons=(*step.reasons, reason))
-
-
-def _causes(part: PartHarmonics, cut: CutWith, filed: Job, made: MadeWith, tool_um: complex) -> tuple[Cause, ...]:
-    """Return why a part is not round; `tool_um` is turned to where the file of its job has jaw 1."""
-    tool_um *= cmath.exp(-1j * filed.jaws * math.radians(_turned_deg(filed, made)))
-    return causes(part, cut, filed, tool_um=tool_um, placed=part.is_placed)
 
 
 def _turned_deg(filed: Job, made: MadeWith) -> float:
@@ -277,6 +271,17 @@ def _parent(
     if version.parent == MODEL:
         return CutPath(target=target_path(job), command=target_path(job))
     return next((each.path for each in known if each.version == version.parent), None)
+
+
+def _cut_with(
+    path: CutPath,
+    stage: Stage,
+    version: LearnedCompensation | None,
+    known: tuple[LearnedCompensation, ...],
+    filed: Job,
+) -> CutWith:
+    parent, history = _parent(version, known, filed), history_of(version, known)
+    return CutWith(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
 
 
 def _next(known: tuple[LearnedCompensation, ...]) -> int:

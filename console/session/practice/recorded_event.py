@@ -11,7 +11,8 @@ from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 
 SILENT = ("link.silent", "link.out_of_step", "link.not_in_step")
-LOST, OUT_OF_PHASE, TIMEOUT, LAPSED = "link.lost", "cut.out_of_phase", "machine.timeout", "heartbeat.lapsed"
+LOST, TIMEOUT, LAPSED = "link.lost", "machine.timeout", "heartbeat.lapsed"
+OUT_OF_PHASE = ("cut.out_of_phase", "cut.tool_leads")
 
 OVER_S = 20
 """How long a fault lasts that ends by itself: a trainee has no other way to mend the lathe."""
@@ -76,7 +77,7 @@ def likeness(problem: Problem) -> Likeness | None:
         return Likeness(fault="hang for=3", doubt="practice.doubt_silent")
     if problem.code == LAPSED:
         return Likeness(fault="hang for=0.5", doubt="practice.doubt_silent")
-    if problem.code == OUT_OF_PHASE:
+    if problem.code in OUT_OF_PHASE:
         return Likeness(fault="following-error-trip motor=tool", doubt="practice.doubt_phase")
     what, _, axis = problem.key.partition(" ")
     if problem.code == TIMEOUT and what == "home" and axis in tuple(AxisName):

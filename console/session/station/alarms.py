@@ -60,7 +60,11 @@ CONDITIONS = frozenset(
 )
 """Monitored conditions: whoever raises one clears it when its cause is gone."""
 
-OF_A_CUT = ("cut.out_of_phase", "cut.spindle_stands")  # alarms that end with the cut they belong to
+OF_A_CUT = (
+    "cut.out_of_phase",
+    "cut.tool_leads",
+    "cut.spindle_stands",
+)  # alarms that end with the cut they belong to
 
 
 class Priority(IntEnum):

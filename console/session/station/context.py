@@ -12,6 +12,7 @@ from typing import Any, Protocol
 from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
 from console.session.cut.engine import CutContext, Workshop
 from console.session.cut.recording import LogRecorder, Unrecorded
+from console.session.cut.telemetry import NO_LAG, Lag
 from console.session.data.records import RunRecord
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
@@ -114,6 +115,7 @@ class StationContext:
     onlookers: Onlookers | None = None
     client: PmacClient | None = None
     plan: CutPlan | None = None
+    expected_lag: Lag = NO_LAG
     started: Armed | None = None
     record: RunRecord | None = None
     seen: Callable[[Snapshot], None] | None = None

@@ -16,6 +16,7 @@ from console.session.cut.retracting import (
 )
 from console.session.cut.run import planned, refuse_unplannable
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
+from console.session.cut.telemetry import expected_lag
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
@@ -239,8 +240,10 @@ def arm(context: StationContext, command: Arm) -> None:
     finally:
         context.tell(loading_until_s=None)
     made = _made(context, command, fingerprint)
+    taught_by = None if command.compensation is None else command.compensation.part
     open_record(context, command, plan, made)
     context.plan = plan
+    context.expected_lag = expected_lag(plan.target, job, taught_by, Stage(command.stage).fraction)
     armed = Armed(
         job=job,
         strategy=strategy,
@@ -381,7 +384,8 @@ def start(context: StationContext, _: Start) -> None:
         end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see, touched_mm=touched_mm)
         force = watched.force.result() if watched.force else None
     except NotAsPlannedError as early:
-        context.note("ended_early", turns=early.turns, reasons=[problem.code for problem in early.problems])
+        reasons = [problem.code for problem in early.problems]
+        context.note("ended_early", turns=early.turns, reasons=reasons, cut_verdict=early.judgement)
         raise
     finally:
         context.seen = None
@@ -393,8 +397,8 @@ class _Watched:
 
     def __init__(self, context: StationContext, armed: Armed) -> None:
         self._context, self._strategy, self._stage = context, armed.strategy, CutStage.POSITION
-        in_air, learned = armed.made.stage == Stage.AIR, armed.made.version is not None
-        self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=in_air, learned=learned)
+        in_air, lag = armed.made.stage == Stage.AIR, context.expected_lag
+        self.watch = CutWatch(armed.plan, armed.job, context.machine, in_air=in_air, expected_lag=lag)
         self._reports = context.lathe.program.reports()
         self._held = False
         half, self._plan = armed.made.stage == Stage.PARTIAL, armed.plan
@@ -531,7 +535,7 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: Forc
     context.tell(cut=ended, cut_done=done)
     made = {} if context.started is None else context.started.made.event()
     if end.figures is not None:
-        made |= tool_lobe_event(end.figures.tool_lobe_um)
+        made |= tool_lobe_event(end.figures.tool_lobe_um) | end.figures.verdict.event()
     made |= force_event(force)
     context.note(
         "held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from types import MappingProxyType
 
 from console.session.cut.alignment import unclamped
-from console.session.cut.recording import mean_diameter_of, part_record
+from console.session.cut.recording import PartName, mean_diameter_of, part_record
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import MadeWith, newest_part
@@ -64,7 +64,8 @@ MOST_OFFSET_UM = 200.0
 class _Cut:
     """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open.
 
-    `tool_um` is the tool error at the order of the lobe, `lathe` the simulated lathe that has cut it.
+    `tool_um` is the tool error at the order of the lobe, `lathe` the simulated lathe that has cut it,
+    `proven` whether it is proven to be the planned one.
     """
 
     job: Job
@@ -73,6 +74,7 @@ class _Cut:
     tool_um: complex = 0j
     run_id: str | None = None
     lathe: str = ""
+    proven: bool = True
 
 
 def take_trace(context: StationContext, command: TakeTrace) -> None:
@@ -132,6 +134,7 @@ def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
         tool_um=part.tool_lobe_um,
         run_id=part.run_id,
         lathe=part.lathe,
+        proven=part.proven,
     )
 
 
@@ -141,7 +144,12 @@ def _just_cut(context: StationContext, started: Armed) -> _Cut:
     figures = None if progress is None else progress.figures
     tool_um = 0j if figures is None else figures.tool_lobe_um
     return _Cut(
-        job=started.job, loaded=started.loaded, made=started.made, tool_um=tool_um, lathe=context.state.lathe
+        job=started.job,
+        loaded=started.loaded,
+        made=started.made,
+        tool_um=tool_um,
+        lathe=context.state.lathe,
+        proven=figures is not None and figures.verdict.proven,
     )
 
 
@@ -181,6 +189,7 @@ def _judged(
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
         learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um),
         run_id=cut.run_id,
+        proven=cut.proven,
     )
 
 
@@ -248,7 +257,10 @@ def _kept(
         "phase_known": part.phase_known,
         **asked,
     }
-    return part_record(part.job, part.result, trace, Stage(made.stage), made=header, file=file, more=more)
+    name = PartName(proven=part.proven)
+    return part_record(
+        part.job, part.result, trace, Stage(made.stage), name=name, made=header, file=file, more=more
+    )
 
 
 def _file_event(found: ImportedTrace) -> dict[str, object]:

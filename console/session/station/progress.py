@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from console.session.cut import telemetry
 from console.session.cut.interlocks import SPEED_BAND
+from console.session.cut.telemetry import NO_LAG, Lag
 from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted, Changed
 from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
 from drivers.cutting.live_trim import trim_um
@@ -177,10 +178,11 @@ class CutProgress:
     `errors_um` (tool against the target path at the spindle angle of that instant, infeed positive) are the last
     samples in the part, oldest first, read-only. `phase` is the phase lag of the tool behind the target path, in
     spindle degrees, None until enough was sampled or without a lobe; `phase_limit_deg` is its limit by the part,
-    None where no phase spoils it, beside the `learned_lead_deg` by which a learned path is earlier. `fraction` is
-    that of the cut length. `figures` are those of the whole cut, once it has ended. `judged` is False where the
-    strategy follows no lobe: the tool error is then the lobe itself, and there is no phase. `synchronisation` is
-    None where nothing must be synchronised, or too little was sampled.
+    None where no phase spoils it, about the `expected_lag` that learning counts on. `lag_deg` is the lag beyond
+    that, behind the path as it is trimmed. `fraction` is that of the cut length. `figures` are those of the whole
+    cut, once it has ended. `judged` is False where the strategy follows no lobe: the tool error is then the lobe
+    itself, and there is no phase. `synchronisation` is None where nothing must be synchronised, or too little was
+    sampled.
     `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None where it
     cannot be determined. A cut `in_air` has all of it beside the part, at the planned clearance.
 
@@ -227,14 +229,20 @@ class CutProgress:
     held_left_s: float | None = None
     adjusted: Adjusted = AS_PLANNED
     path_phase: telemetry.Phase | None = None
-    learned_lead_deg: float = 0.0
+    expected_lag: Lag = NO_LAG
     changed: Changed | None = None
     force: ForceNull | None = None
 
     @property
     def in_phase(self) -> bool | None:
         """Whether the phase error is within its limit, beside a trim; None while it is not known."""
-        return telemetry.is_in_phase(self.path_phase or self.phase, self.phase_limit_deg, self.learned_lead_deg)
+        return telemetry.is_in_phase(self.path_phase or self.phase, self.phase_limit_deg, self.expected_lag)
+
+    @property
+    def lag_deg(self) -> float | None:
+        """Lag of the tool behind its path beyond the expected one, spindle degrees; None while it is not known."""
+        phase = self.path_phase or self.phase
+        return None if phase is None else telemetry.unexpected_deg(phase.error_deg, self.expected_lag)
 
     @property
     def phase_error_deg(self) -> float | None:
@@ -329,7 +337,7 @@ class CutWatch:
     """Follow one cut. `see` is called with every status poll; it belongs to the link thread."""
 
     def __init__(
-        self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False, learned: bool = False
+        self, plan: CutPlan, job: Job, machine: MachineProfile, *, in_air: bool = False, expected_lag: Lag = NO_LAG
     ) -> None:
         self._plan, self._job, self._machine, self._in_air = plan, job, machine, in_air
         self._end = plan.carriage_start + plan.setup.carriage_counts
@@ -342,7 +350,8 @@ class CutWatch:
         self._held = self._over = False
         self._judged = plan.strategy.traits.follows_lobe
         self._phase_limit_deg = telemetry.phase_limit_deg(plan.target, job.roundness_tolerance_um)
-        self._lead_deg = telemetry.learned_lead_deg(plan.target, job) if learned else 0.0
+        # In air no force is on the tool: it may also follow its path as it is.
+        self._expected_lag = (min(expected_lag[0], 0.0), max(expected_lag[1], 0.0)) if in_air else expected_lag
         self._clock = PhaseClock(plan, machine)
         self._away = Away(machine.spindle.counts_per_rev)
         self._adjusted, self._pace = AS_PLANNED, 1.0
@@ -462,7 +471,7 @@ class CutWatch:
             angles_deg=angles,
             errors_um=errors,
             phase_limit_deg=self._phase_limit_deg,
-            learned_lead_deg=self._lead_deg,
+            expected_lag=self._expected_lag,
         )
 
     def _done_mm(self, snapshot: Snapshot, stage: CutStage) -> float:
@@ -488,7 +497,7 @@ class CutWatch:
     ) -> Synchronisation | None:
         strategy, target_rpm = self._plan.strategy, self._plan.spindle_speed_rpm
         if stage is CutStage.CUT:
-            in_phase = telemetry.is_in_phase(phase, self._phase_limit_deg, self._lead_deg)
+            in_phase = telemetry.is_in_phase(phase, self._phase_limit_deg, self._expected_lag)
             return in_part(strategy, spindle_rpm=speed_rpm, target_rpm=target_rpm, in_phase=in_phase)
         if stage is not CutStage.RUN_UP or not snapshot.program_running:
             return None

@@ -185,9 +185,9 @@ def reach(
         opened.callback(reopening.close)
         traced = tracing.of(link, (clock := clock or RealClock()).now_s)
         traced = traced if heard is None else TappedLink(traced, heard.tap)
-        stop, client = StopPath(traced), PmacClient(traced, clock)
+        stop, client, held_s = StopPath(traced), PmacClient(traced, clock), process.held_s if process else None
         ownership = Ownership(client)
-        heartbeat = Heartbeat(client, clock, loaded.machine, owner_seen=ownership.see)
+        heartbeat = Heartbeat(client, clock, loaded.machine, None, ownership.see, held_s)
         lathe = Lathe(client, loaded.machine, clock, stop, seen, heartbeat, ownership)
         lathe.friction = _friction_of(loaded, data, simulated=process is not None)
         if heard is not None:

@@ -137,7 +137,7 @@ class MeasuredPart:
     `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
     much deeper the tool has to go for the nominal one; both are None where the trace does not have the size.
     `offset_taken`: the touch-off was corrected by it. `lobe` is that of a part cut without compensation. `run_id`
-    is its run in the record.
+    is its run in the record. Where its cut is not `proven` to be the planned one, it is neither good nor bad.
     """
 
     job: Job
@@ -153,6 +153,7 @@ class MeasuredPart:
     learning: PartLearning | None = None
     lobe: PartLobe | None = None
     run_id: str | None = None
+    proven: bool = True
 
     @property
     def size_doubt(self) -> Problem | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
@@ -73,7 +74,7 @@ class Stops:
         )
         context.tell(stop=current, armed=None, activity=Activity.LOST if lost else Activity.STOPPING)
         try:
-            snapshot = context.lathe.wait_for_rest()
+            snapshot = self._wait_for_rest(at_rest=idle is not None)
         except ProblemError as unproven:
             # A lost link stays lost; a silent one is asked again.
             self.gone = any(problem.code in GONE for problem in unproven.problems)
@@ -88,6 +89,14 @@ class Stops:
             self._rested(current, snapshot)
             if idle is not None and _same_drives(idle, snapshot):
                 self._let_go(snapshot)
+
+    def _wait_for_rest(self, *, at_rest: bool) -> Snapshot:
+        """Wait for rest; where nothing moved, also until a held stop key is let go: it is one stop, not many."""
+        stop = self._context.lathe.stop
+        while True:
+            count, snapshot = stop.count, self._context.lathe.wait_for_rest()
+            if not at_rest or stop.count == count or stop.leave_by_s < math.inf:
+                return snapshot
 
     def _idle(self) -> Snapshot | None:
         """Return the last poll where a stop key was pressed and nothing has moved for a while; else None.
@@ -105,7 +114,7 @@ class Stops:
         """End a stop that has found nothing to stop: what was armed is over, and no reset is asked for."""
         context = self._context
         try:
-            context.lathe.stop.release()
+            context.lathe.stop.release(drives_known=True)
         except RefusedError:  # another stop came meanwhile
             return
         context.limits_seen = snapshot.limits

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 
 from console.session.cut.alignment import HANDED_OVER, NOT_KEPT, handed_over
+from console.session.cut.telemetry import lag_left_um_pp
 from console.session.station.alarms import (
     COLLISION_CODES,
     HOME_LOST,
@@ -27,6 +28,7 @@ from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem, ProblemError
 
+HELD_S = 0.3  # for how long a simulated lathe may hold its time between two samples, unmentioned
 KEPT_S = 5.0  # window over which the longest response time is reported
 SIGHT_PERIOD_S = 0.15  # sampling period of the chuck view
 SIGHT_PERIOD_IN_MOTION_S = 1.0
@@ -137,13 +139,18 @@ def watch_loss(context: StationContext, snapshot: Snapshot) -> None:
 
 
 def watch_phase(context: StationContext) -> None:
-    """Report once per cut that tool and lobe are out of phase, or that the spindle has stopped."""
-    cut = context.state.cut
+    """Report once a cut that the tool is too far off its path for the part, or that the spindle stands."""
+    cut, plan = context.state.cut, context.plan
     if cut is None or cut.stage is not CutStage.CUT:
         return
-    if cut.in_phase is False:
-        limit = f"± {cut.phase_limit_deg:.2g} deg"
-        context.alarm_once(Problem(code="cut.out_of_phase", limit=limit), Priority.MEDIUM)
+    if cut.in_phase is False and cut.lag_deg is not None and plan is not None:
+        problem = Problem(
+            code="cut.out_of_phase" if cut.lag_deg > 0.0 else "cut.tool_leads",
+            key=f"{lag_left_um_pp(plan.target, cut.lag_deg):.1f} um",
+            value=f"{abs(cut.lag_deg):.1f} deg",
+            limit=f"± {cut.phase_limit_deg:.1f} deg",
+        )
+        context.alarm_once(problem, Priority.MEDIUM)
     elif cut.is_lost:
         context.alarm_once(Problem(code="cut.spindle_stands"))
 
@@ -190,6 +197,7 @@ class ChuckSight:
     def __init__(self, context: StationContext) -> None:
         self._context, self._seen_s = context, float("-inf")
         self._collisions: tuple[str, ...] = ()
+        self._held_s, self._moved = 0.0, False
 
     def sample_now(self) -> None:
         """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
@@ -214,6 +222,14 @@ class ChuckSight:
             context.tell(seen=view)
             context.end_alarms("simulator.gone", "simulator.refused")
             self._report(view.collisions)
+            self._report_held(view.held_s)
+
+    def _report_held(self, held_s: float) -> None:
+        """Say once that the lathe has held its time in a motion; at rest the console may be at work itself."""
+        grown_s, self._held_s = held_s - self._held_s, held_s
+        moved, self._moved = self._moved, self._context.state.activity in MOVING
+        if moved and grown_s > HELD_S:
+            self._context.alarm_once(Problem(code="simulator.held", value=f"{grown_s:.1f} s"), Priority.LOW)
 
     def _report(self, collisions: tuple[str, ...]) -> None:
         """Raise an alarm once for each collision; a new blank starts without any."""

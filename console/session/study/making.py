@@ -126,7 +126,7 @@ def _made(
         "collisions": " ".join(collisions),
     }
     if roundness is not None:
-        judged = cell.stage == FULL
+        judged = cell.stage == FULL and figures.verdict.proven
         values |= {
             "ront_um": roundness.ront_um,
             "within_tolerance": roundness.ront_um <= job.roundness_tolerance_um if judged else None,

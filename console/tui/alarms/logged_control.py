@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from console.session.passing_control import PassingControl
+from console.session.passing_control import PassingControl, record
 from console.session.station.history.alarm_history import Instant
 from console.session.station.history.session_log import LogEntry, SessionLog, command_entry, with_state
 from console.session.station.state import StationState
@@ -57,5 +57,5 @@ class LoggedControl(PassingControl):
         before = self.log
         self.log = with_state(before, state, said, now, typed=typed)
         if self.log is not before and (fresh := self.log.count - before.count):
-            self._noted(self.log.entries[-fresh:])
+            record((self._noted,), self.log.entries[-fresh:])
         return self.log

@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 from textual import events
 
 from console.session.dated_input import SLOW_S, InputAge
+from console.session.errors import fault_problem
+from console.session.passing_control import record
 from console.tui.application.leaving import LeavingApp
-from console.tui.driver import Late, Scanned, StopSent, TooFast, WideSigns, Written
+from console.tui.driver import KeyFault, Late, Scanned, StopSent, TooFast, WideSigns, Written
 from console.tui.gate import UNCLEAR, FieldKind, Situation, Verdict, is_page, judge
 from console.tui.keymap import Action
 from console.tui.layout import is_small
@@ -60,7 +62,9 @@ class ListeningApp(LeavingApp):
         """Judge every key before any widget sees it."""
         if isinstance(event, events.Key) and not event.is_forwarded:
             written = self._takes_text and event.is_printable
-            self.heard("…" if written else event.key)  # what is written in free text is nobody's business
+            record(
+                (self.heard,), "…" if written else event.key
+            )  # what is written in free text is nobody's business
             age_s = time.monotonic() - event.time
             if age_s > OLD_S and self._obeys(event):  # it waited for a screen that was held up
                 self.on_late(Late(age_s))
@@ -118,6 +122,11 @@ class ListeningApp(LeavingApp):
         """Show a stop at once after it was sent."""
         if sent.action is not None:
             self.say_changed(sent.action)
+        self.tick()
+
+    def on_key_fault(self, fault: KeyFault) -> None:
+        """Say that the reading of a key has failed; if it was a stop, that was sent before anything else."""
+        self.ui.say_until_key(fault_problem(fault.error))
         self.tick()
 
     def on_too_fast(self, keys: TooFast) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 from profiles.arrays import Floats
 from profiles.metrology.circles import CIRCLES, LEAST_SQUARES, MAXIMUM_INSCRIBED, MINIMUM_CIRCUMSCRIBED
 from profiles.metrology.filters import POINTS_PER_UNDULATION
-from profiles.metrology.points import equally_spaced
+from profiles.metrology.points import largest_gap_deg
 from profiles.roundness import RoundnessResult, evaluate, profile_of
 from profiles.traces import Trace
 
@@ -71,10 +71,8 @@ def evaluated(
 
 
 def supported_upr(traces: Sequence[Trace]) -> tuple[float, ...]:
-    """Return the cut-offs for which all traces have enough points, at equal angles."""
-    if not all(equally_spaced(trace.angle_deg) for trace in traces):
-        return ()
-    points = min((trace.angle_deg.size for trace in traces), default=0)
+    """Return the cut-offs for which all traces have enough points, by their largest step."""
+    points = min((round(360.0 / largest_gap_deg(trace.angle_deg)) for trace in traces), default=0)
     return tuple(upr for upr in FILTERS_UPR if points >= POINTS_PER_UNDULATION * upr)
 
 

@@ -112,13 +112,12 @@ def _together_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]
 
 def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     """Return the phase error of the spindle with its limit, and a scale of both."""
-    phase_deg, limit_deg = cut.phase_error_deg, cut.phase_limit_deg
+    phase_deg, limit_deg = cut.lag_deg, cut.phase_limit_deg
     shown = text("run_page.no_phase") if phase_deg is None else f"{phase_deg:+z.2f} °"
     fraction, within, token = None, 0.0, Token.DIM
     if phase_deg is not None and limit_deg is not None:
-        half_deg = limit_deg + abs(cut.learned_lead_deg) / 2.0
-        fraction, token = (phase_deg - cut.learned_lead_deg / 2.0) / half_deg, Token.TEXT
-        within = 0.0 if cut.phase is None else cut.phase.within_deg / half_deg
+        fraction, token = phase_deg / limit_deg, Token.TEXT
+        within = 0.0 if cut.phase is None else cut.phase.within_deg / limit_deg
         if cut.in_phase is False:
             shown, token = f"! {text('run_page.out_of_phase')} {shown}", Token.WARNING
     return [
@@ -128,18 +127,17 @@ def phase_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
     ]
 
 
-SHOWN_LEAD_DEG = 0.05
-"""From where on a learned path has limits of its own: below, both are the same in the digits that are shown."""
+SHOWN_LAG_DEG = 0.05
+"""From where on the lag that learning counts on is shown: below, it is 0 in the digits that are shown."""
 
 
 def _phase_limit(text: Catalogue, cut: CutProgress) -> str:
     if cut.phase_limit_deg is None:
         return text("run_page.no_limit")
-    lead_deg = cut.learned_lead_deg
-    if abs(lead_deg) >= SHOWN_LEAD_DEG:
-        low_deg, high_deg = min(lead_deg, 0.0) - cut.phase_limit_deg, max(lead_deg, 0.0) + cut.phase_limit_deg
-        return text("run_page.limit_learned", low=f"{low_deg:+.2f}", high=f"{high_deg:+.2f}")
-    limit = f"{cut.phase_limit_deg:.2f}°"
+    limit, expected = f"{cut.phase_limit_deg:.2f}°", cut.expected_lag
+    if max(map(abs, expected)) >= SHOWN_LAG_DEG:
+        learned = " … ".join(f"{lag_deg:+.1f}" for lag_deg in dict.fromkeys(expected))
+        return text("run_page.limit_learned", limit=limit, learned=learned)
     if cut.phase is None:
         return text("run_page.limit", limit=limit)
     return text("run_page.limit_known", limit=limit, within=f"{cut.phase.within_deg:.2f}°")

@@ -249,6 +249,8 @@ def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Li
         return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
     ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
     facts = {"value": text.units.figure(ront_um, "um", 2), "limit": text.units.figure(limit_um, "um", 2)}
+    if not seen.part.proven:
+        return [line((f"? {fitted(text('inspect_page.not_proven', **facts), max(width - 2, 0))}", Token.WARNING))]
     passes = ront_um <= limit_um
     words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
     rows = [_judged(words, passes, width)]

@@ -24,6 +24,7 @@ from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
+from console.text.cut_verdict import tool_words
 from console.text.force import force_words
 from console.text.forces import short_span_words
 from console.tui.lines import (
@@ -281,6 +282,8 @@ def figure_lines(text: Catalogue, cut: CutProgress, width: int) -> list[Line]:
             *_phase_pair(text, cut),
             ("following_peak", text.units.show(figures.following_error_um, "um", 2)),
             ("following_rms", text.units.show(figures.following_error_rms_um, "um", 2)),
+            ("verdict", text(f"cut_verdict.{figures.verdict.judgement}")),
+            ("tool", tool_words(figures.verdict, text) or NOTHING),
             ("samples", f"{figures.samples}"),
         ]
         notes = ["by_controller"] if cut.judged else ["not_judged", "by_controller"]
@@ -301,10 +304,10 @@ def _phase_pair(text: Catalogue, cut: CutProgress) -> list[tuple[str, str]]:
     It is left out where words on force or changes need the row, unless the phase is out of its limit.
     """
     is_out, has_words = cut.in_phase is False, cut.force is not None or cut.changed is not None
-    if cut.phase_error_deg is None or (has_words and not is_out):
+    if cut.lag_deg is None or (has_words and not is_out):
         return []
     out = f"! {text('run_page.out_of_phase')} " if is_out else ""
-    return [("phase", f"{out}{cut.phase_error_deg:+z.2f} °")]
+    return [("phase", f"{out}{cut.lag_deg:+z.2f} °")]
 
 
 def after_lines(

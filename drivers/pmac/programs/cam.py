@@ -16,6 +16,7 @@ from drivers.pmac.language.text import format_number
 from drivers.pmac.programs import hold
 from drivers.pmac.programs.cam_table import Cam
 from drivers.pmac.programs.cam_trim import TRIM_VALUES, TRIMMED_CUT, trim_segment_ms, trim_values
+from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.pvt import HALF_RUN_UP_MS, OUT_SPEED_MM_S, RUN_DOWN, RUN_UP, SPINDLE_STEP
 from drivers.pmac.programs.setup import SERVO, CutSetup, cut_values, refuse_endless
 from profiles.job import Job
@@ -75,12 +76,20 @@ def cam_program(
         "out_ms": out_segments * segment_ms,
         "program": PROGRAM_NUMBER,
         "hold_first": 0,
-        **hold.hold_values(job.feed_mm_per_rev, turn_ms, segment_ms, approach_ms / segment_ms),
+        **hold.hold_values(
+            job.feed_mm_per_rev,
+            turn_ms,
+            segment_ms,
+            approach_ms / segment_ms,
+            setup.tool_count_um,
+            setup.land_turns,
+        ),
     }
     if trimmed:
         values |= trim_values(job, setup, segment_ms, setup.spindle_start + before)
-        return _TRIMMED.format(**values)
-    return (_TURNED if machine.spindle.drive == SERVO else _FOLLOWED).format(**values)
+    template = _TURNED if machine.spindle.drive == SERVO else _FOLLOWED
+    text = with_push(_TRIMMED if trimmed else template, job, setup, cam.push_um, segment_ms)
+    return text.format(**values)
 
 
 def _cut_values(job: Job, setup: CutSetup, segment_ms: int) -> dict[str, object]:
@@ -141,11 +150,11 @@ P21={z} ; carriage clear of the part, the amplitude is whole
 P23={turns} ; turns of the cut
 P32={turn} ; segments in one turn
 P35={zero_z} ; carriage in the row of zeros
-{end_marks}CLOSE
+{push_values}{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 {flag}=0 ; the host sets it to end the cut at the end of a turn
-IF(I51=0 AND {register}=0) ; nothing is added to the tool, or nothing moves
+{push_begin}IF(I51=0 AND {register}=0) ; nothing is added to the tool, or nothing moves
 ABS
 LINEAR TA{z_ramp} TS{z_s} TM{z_ms} ; to the row of zeros
 X(P20) Z(P35)
@@ -190,13 +199,16 @@ ENDIF
 CLOSE
 """
 
-_MOVE = "X(P11):0{y} Z(P21+P18*{fed}):(P19)\n"
+
+def _move(y: str, fed: str) -> str:
+    return f"{{push@{fed}}}X(P11{{pushed}}):0{y} Z(P21+P18*{fed}):(P19)\n"
+
 
 # The same in other words: a line that is reported by its text alone is then known by its number.
-_BACK_ON_PATH = "X(P11):0{y} Z(P21+(P25-P49)*P18):(P19)\n"
+_BACK_ON_PATH = "{push@(P25-P49)}X(P11" + hold.LIFTED + "{pushed}):0{y} Z(P21+(P25-P49)*P18):(P19)\n"
 
 _HELD_CUT = {
-    "cut": _MOVE.format(y=SPINDLE_STEP, fed="(P25-P49)"),
+    "cut": _move(SPINDLE_STEP, "(P25-P49)"),
     "loop": hold.LOOP,
     "not_held": " AND {not_held}",
     "held": "+P49",
@@ -206,7 +218,7 @@ _HELD_CUT = {
 }
 """The turns of a cut that can be held; only one whose spindle the program turns comes back to the same angle."""
 
-_STEADY_CUT = dict.fromkeys(_HELD_CUT, "") | {"cut": _MOVE.format(y="", fed="P25"), "fed": "P25"}
+_STEADY_CUT = dict.fromkeys(_HELD_CUT, "") | {"cut": _move("", "P25"), "fed": "P25"}
 
 
 def _filled(template: str, pieces: dict[str, str]) -> str:
@@ -230,7 +242,9 @@ _OUT = (
 P25=P25+{hold_out} P45=P45+{hold_out}
 X(P20):0 Y(P28+P16*P25):(P17) Z(P29+P33*{approach}/3000):0
 """
-    + hold.HELD.replace("{enter}", hold.ENTER_ON_TABLE).replace("{cut}", _BACK_ON_PATH)
+    + hold.HELD.replace("{lift}", hold.LIFT.replace("{fed}", "P25-P49"))
+    .replace("{enter}", hold.ENTER_ON_TABLE)
+    .replace("{cut}", _BACK_ON_PATH)
     + """\
 P30=P28+P16*P25
 P29=P29+P33*{approach}/3000
@@ -238,7 +252,7 @@ P29=P29+P33*{approach}/3000
 )
 
 _TURNED = (
-    _SET_UP_TURNED.replace("IF(I51=0", "{no_hold}IF(I51=0")
+    _SET_UP_TURNED.replace("{push_begin}", "{no_hold}{push_begin}")
     + RUN_UP
     + _filled(_CUT, _HELD_CUT)
     + _OUT.replace("{out_ms}", "{approach}").replace("{y}", SPINDLE_STEP)

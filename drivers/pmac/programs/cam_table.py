@@ -33,6 +33,7 @@ class Cam:
 
     `mean` is the program's tool position, the table's constant included. Up to `zero_z` the carriage is in a row
     of zeros, from `full_z` on the amplitude is full. `chord_error_um` is the error of the linear interpolation.
+    `push_um` is that of the command.
     """
 
     table: CompensationTable
@@ -40,6 +41,7 @@ class Cam:
     zero_z: float
     full_z: float
     chord_error_um: float
+    push_um: float = 0.0
 
     @property
     def bytes_to_send(self) -> int:
@@ -78,6 +80,7 @@ def make_cam(machine: MachineProfile, setup: CutSetup, command: LobedPath) -> Ca
         zero_z=(front - 1) * spacing - INSIDE_MM * per_mm,
         full_z=front * spacing,
         chord_error_um=_chord_error_um(command, columns),
+        push_um=command.push_um,
     )
 
 

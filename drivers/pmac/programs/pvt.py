@@ -18,6 +18,7 @@ import numpy as np
 
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs import hold, live_trim
+from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
 from profiles.job import Job
@@ -25,12 +26,13 @@ from profiles.job import Job
 SPINDLE_STEP = " Y(P28+P16*P25):(P17)"  # The statement that moves the spindle in a segment
 
 _ON_PATH = """\
+{push@P25-P24-P49}\
 P27=P14+P56+P13*P25
-X(P11+P12*P55*COS(P27)):(-P15*P55*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
+X(P11{lifted}{pushed}+P12*P55*COS(P27)):(-P15*P55*SIN(P27)){y} Z(P21+P18*(P25-P24-P49)):(P19)
 """
 
 # The same in other words: a line that is reported by its text alone is then known by its number.
-_BACK_ON_PATH = _ON_PATH.replace("P25-P24-P49", "P25-P49-P24")
+_BACK_ON_PATH = _ON_PATH.replace("P25-P24-P49", "P25-P49-P24").replace("{lifted}", hold.LIFTED)
 
 LOBE_PATH = (
     """\
@@ -59,7 +61,7 @@ ENDIF
 P25=P25+1 P45=P45+1
 """
     + live_trim.IN_SEGMENT
-    + _ON_PATH
+    + _ON_PATH.replace("{lifted}", "")
     + """\
 ENDWHILE
 P43=P30 ; turns of the cut
@@ -76,12 +78,14 @@ P25=P25+1 P45=P45+1
 P27=P14+P56+P13*P25
 P35=P34/{out_segments} ; from 1 to 0
 P36=P35*P35*(3-2*P35) ; what is left of the path
-P37=P11+P12*P55*COS(P27)-P20
+P37=P11{pushed}+P12*P55*COS(P27)-P20
 P38=-P15*P55*SIN(P27)*P36-P37*6*P35*(1-P35)/{out_ms}*1000
 X(P20+P37*P36):(P38){y} Z(P29+P33*{out_ms}/3000*(1-P35*P35*P35)):(P33*P35*P35)
 ENDWHILE
 """
-    + hold.HELD.replace("{enter}", hold.ENTER_ON_PATH).replace("{cut}", _BACK_ON_PATH)
+    + hold.HELD.replace("{lift}", hold.LIFT.replace("{fed}", "P25-P24-P49"))
+    .replace("{enter}", hold.ENTER_ON_PATH)
+    .replace("{cut}", _BACK_ON_PATH)
 )
 """The lines that move the tool along the lobe, with the spindle as an axis of the program or as its time base.
 
@@ -119,12 +123,12 @@ P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P28=P22+{before} ; spindle at the first segment
 P32={turn} ; segments in one turn
-{end_marks}CLOSE
+{push_values}{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
-{no_trim}{no_hold}"""
+{no_trim}{no_hold}{push_begin}"""
 
 RUN_UP = """\
 PVT{half} ; the spindle runs up
@@ -251,7 +255,8 @@ def pvt_program(job: Job, setup: CutSetup, command: LobedPath) -> str:
         "half": HALF_RUN_UP_MS,
         "program": PROGRAM_NUMBER,
     }
-    return (_TEXT + RUN_UP + LOBE_PATH + _AT_REST).format(**values)
+    text = with_push(_TEXT + RUN_UP + LOBE_PATH + _AT_REST, job, setup, command.push_um, timing.segment_ms)
+    return text.format(**values)
 
 
 def path_values(
@@ -283,7 +288,12 @@ def path_values(
         "no_trim": live_trim.BEGIN,
         **live_trim.live_trim_values(command.lobes),
         **hold.hold_values(
-            job.feed_mm_per_rev, 60_000.0 / job.spindle_speed_rpm, timing.segment_ms, timing.retract_segments
+            job.feed_mm_per_rev,
+            60_000.0 / job.spindle_speed_rpm,
+            timing.segment_ms,
+            timing.retract_segments,
+            setup.tool_count_um,
+            setup.land_turns,
         ),
         "out_ms": timing.retract_segments * timing.segment_ms,
         "approach": timing.approach_ms,

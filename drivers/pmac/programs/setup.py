@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from drivers.pmac.language.text import format_number
 from drivers.pmac.programs import hold
+from profiles.axis.stiffness import relaxation_ms
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
@@ -44,7 +45,8 @@ class CutSetup:
     the work. `carriage_start` is clear of the part, `carriage_counts` the distance from there to the end of the
     cut, `carriage_middle` the middle of the cut. `spindle_start` is the spindle position when the program begins,
     in counts from its index. `watchdog` is a condition of the controller's language that has to hold for the cut
-    to continue, such as that a host's timer has not run out; empty is without.
+    to continue, such as that a host's timer has not run out; empty is without. In `relaxation_ms` the integrator
+    takes over 63 % of a force on the tool, infinite without one; `land_turns` are the turns that cut a place.
     """
 
     surface: float
@@ -57,6 +59,8 @@ class CutSetup:
     spindle_start: float
     counts_per_turn: int
     tool_count_um: float
+    relaxation_ms: float = math.inf
+    land_turns: float = 1.0
     watchdog: str = ""
 
     @property
@@ -107,6 +111,8 @@ def cut_setup(
         spindle_start=spindle_start,
         counts_per_turn=machine.spindle.counts_per_rev,
         tool_count_um=tool.count_um,
+        relaxation_ms=relaxation_ms(machine),
+        land_turns=tool.wiper_land_mm / job.feed_mm_per_rev,
         watchdog=watchdog,
     )
 

@@ -22,6 +22,7 @@ from drivers.pmac.master.time_base import (
     nearest_factor,
     real_time_counts_per_ms,
 )
+from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.pvt import LOBE_PATH, path_values, pvt_timing
 from drivers.pmac.programs.setup import SERVO, CutSetup
 from drivers.pmac.settings import settings_with
@@ -106,9 +107,10 @@ def timebase_program(
     }
     turned = machine.spindle.drive == SERVO
     head = _HEAD.replace("{spindle_up}", _SPINDLE_UP if turned else "")
-    return (
+    text = (
         head + LOBE_PATH + _END + (_SPINDLE_DOWN if turned else "") + "IF(P45=P25 AND P26=1) P44=1\nENDIF\nCLOSE\n"
-    ).format(**values)
+    )
+    return with_push(text, programmed, setup, command.push_um, timing.segment_ms).format(**values)
 
 
 def _clock_values(machine: MachineProfile, clock: SpindleClock, dialect: Dialect) -> dict[str, object]:
@@ -188,12 +190,12 @@ P21={z} ; carriage clear of the part
 P23={turns} ; turns of the cut
 P24={ramp} ; segments in which the amplitude grows
 P32={turn} ; segments in one turn
-{end_marks}CLOSE
+{push_values}{end_marks}CLOSE
 OPEN PROG {program}
 CLEAR
 ABS
 {flag}=0 ; the host sets it to end the cut at the end of a turn
-{no_trim}{no_hold}IF({kept_source}!={address}) ; there is a time base to go back to, or nothing moves
+{no_trim}{no_hold}{push_begin}IF({kept_source}!={address}) ; there is a time base to go back to, or nothing moves
 {spindle_up}{trigger}={frozen} ; no time passes
 {slew}={fastest} ; nothing of the spindle's counts is lost
 {source}={address} ; the spindle is the clock

@@ -61,7 +61,7 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
                 lathe.mount(job_from_table(request["job"]))
                 return {}
             case "look":
-                return asdict(lathe.look())
+                return {**asdict(lathe.look()), "held_s": 0.0 if pace is None else pace.held_s}
             case "measure":
                 trace = lathe.measure()
                 columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}

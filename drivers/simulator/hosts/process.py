@@ -268,6 +268,10 @@ class SimulatorProcess:
         self._looked = said, view
         return view
 
+    def held_s(self) -> float:
+        """Return by how much the lathe has held its time in all, while its computer was busy."""
+        return self.look().held_s
+
     def indicate(self, places: int | None = None) -> ClampReadings:
         """Return what an indicator on the part shows of its clamping, see `SimulatedWorkshop.indicate`.
 

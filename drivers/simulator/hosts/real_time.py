@@ -17,6 +17,7 @@ from typing import Any, Protocol
 from drivers.ending_signals import ENDING_SIGNALS
 
 TICK_S = 0.005
+LATE_S = 0.02  # simulated time by which a tick comes late from which on this computer is busy
 MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended process loses the rest
 SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
 HEARD_S = 0.18  # how far simulated time runs without input: shorter than a watchdog timeout just renewed
@@ -27,10 +28,13 @@ Advance = Callable[[float], None]  # advances the time of a lathe by so many sec
 
 
 class Pace:
-    """How many times as fast as real time simulated time runs; 0 while it is paused. `changed_s` is real time."""
+    """How many times as fast as real time simulated time runs; 0 while it is paused. `changed_s` is real time.
+
+    `held_s` is by how much simulated time was behind since the beginning, because this computer was busy.
+    """
 
     def __init__(self, speed: float = 1.0) -> None:
-        self.speed, self.changed_s = speed, -math.inf
+        self.speed, self.changed_s, self.held_s = speed, -math.inf, 0.0
 
     def set(self, speed: float) -> None:
         """Run this many times as fast from now on."""
@@ -107,6 +111,8 @@ async def run_clock(
         now_s = clock.now_s()
         if lags_s is not None:
             lags_s.append(now_s - last_s - TICK_S)
+        late_s = (now_s - last_s - TICK_S) * pace.speed
+        pace.held_s += late_s if late_s > LATE_S else 0.0
         behind_s = min(now_s - last_s, MOST_CATCH_UP_S) * pace.speed
         last_s = now_s
         while behind_s > 0.0 and pace.speed > 0.0:
@@ -138,5 +144,7 @@ def patient(
         if soon or silent_s >= TIMEOUT_S:
             ran_s += seconds
             advance(seconds)
+        else:
+            pace.held_s += seconds
 
     return wait

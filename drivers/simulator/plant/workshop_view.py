@@ -52,13 +52,14 @@ class WorkshopView:
     clamped surface before it, below 0 when the tip is inside; None when there is no part before it. `collisions`
     are the kinds of collision since the blank was clamped, each value of `CollisionKind` once, in the order in
     which they began. With `dials` the lathe is seen as a real one is: the angle is what the eye makes of it, and
-    no gap is known.
+    no gap is known. `held_s` is by how much the lathe's time was held in all while its computer was busy.
     """
 
     jaw_1_past_mark_deg: float
     tool_gap_mm: float | None
     collisions: tuple[str, ...] = ()
     dials: Dials | None = None
+    held_s: float = 0.0
 
     @property
     def in_scratch(self) -> bool:

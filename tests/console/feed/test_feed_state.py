@@ -94,7 +94,12 @@ def test_a_value_of_another_type_or_beyond_its_limits_is_refused_by_name(name: s
     assert str(error.value)
 
 
-@pytest.mark.parametrize("name", SOUND)
+def test_a_line_of_an_older_console_has_no_verdict() -> None:
+    older = {name: value for name, value in SOUND.items() if name != "cut_verdict"}
+    assert read_state(line_of(older)).cut_verdict is None
+
+
+@pytest.mark.parametrize("name", [name for name in SOUND if name != "cut_verdict"])
 def test_a_line_without_one_of_its_values_is_refused(name: str) -> None:
     with pytest.raises(TypeError, match=f"{name} missing"):
         read_state(json.dumps({key: value for key, value in SOUND.items() if key != name}).encode())

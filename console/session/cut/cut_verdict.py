@@ -1,0 +1,256 @@
+"""The verdict on a cut that has ended: was the tool where its plan has it, in every turn of the feed?
+
+A controller reports where the tool is and where it is commanded. So two things are told apart:
+
+- disturbed: the command left the plan. Only a change of the program, its tables or a zero does that. Such a part
+  is neither measured nor learned from.
+- tool error: the command kept to the plan, and the tool did not follow: servo, friction, cutting force. It is
+  stated in um; the part is measured and learned from.
+
+Where the polls do not carry either, because they are too few or scatter too much, the cut is not proven.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+
+from console.session.cut.tool_error import WORTH_TELLING, ToolError, fit_tool_error
+from drivers.cutting.corrected import source_is_late
+from drivers.cutting.planning import CutPlan
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.preview.program_prediction import predict
+from profiles.arrays import Floats
+from profiles.job import Job
+from profiles.least_squares import fit, harmonic_columns, phasors
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+BUDGET = {"tool": 0.7, "clamping": 0.2, "gauge": 0.1}
+"""Fraction of a tolerance of the job that each may use: the gauge by the rule of ten, the tool what is left."""
+
+COMMAND_UM = 0.5
+"""Least deviation of a command that is a disturbance. Ripple of the spindle shows as up to 0.2 um."""
+
+MOST_SKEW_CYCLES = 3.0  # servo cycles between the polled angle of a spindle that others turn, and the tool
+LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
+LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
+EXIT_NOT_PROVEN = 4
+
+
+class CutJudgement(StrEnum):
+    """What is known of a cut by the polls of its feed."""
+
+    AS_PLANNED = "as_planned"
+    TOOL_ERROR = "tool_error"
+    DISTURBED = "disturbed"
+    NOT_PROVEN = "not_proven"
+
+    @property
+    def exit_code(self) -> int:
+        """Exit code of a command that made the cut; a tool error alone leaves it to the measured part."""
+        return {CutJudgement.DISTURBED: 1, CutJudgement.NOT_PROVEN: EXIT_NOT_PROVEN}.get(self, 0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutVerdict:
+    """Judgement of a cut, with the figures it rests on.
+
+    `tool` is the error of the actual tool against the path that its program makes, `command` that of its command;
+    None where the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
+    peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. A `trimmed` cut
+    was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
+    course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
+    """
+
+    tool: ToolError | None = None
+    command: ToolError | None = None
+    polls: int = 0
+    round_limit_um: float = math.inf
+    size_limit_um: float | None = None
+    trimmed: bool = False
+    pushed: bool = False
+
+    @property
+    def judgement(self) -> CutJudgement:
+        """Return the one word for the cut."""
+        if self.command_problem is not None:
+            return CutJudgement.DISTURBED
+        if any(True for _ in self.tool_problems):
+            return CutJudgement.TOOL_ERROR
+        return CutJudgement.AS_PLANNED if self.unproven is None else CutJudgement.NOT_PROVEN
+
+    @property
+    def proven(self) -> bool:
+        """Whether the part can be judged by its measurement."""
+        return self.judgement is not CutJudgement.NOT_PROVEN
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        """What is to be said of the cut; nothing of one that is as planned."""
+        if self.command_problem is not None:
+            return (self.command_problem,)
+        return tuple(self.tool_problems) or (() if self.unproven is None else (self.unproven,))
+
+    @property
+    def command_problem(self) -> Problem | None:
+        """Where the command was furthest off its plan, if that is more than scatter; None while it kept to it."""
+        if self.command is None:
+            return None
+        each = self.command
+        off = [(0.0, 0.0, "Ø")]
+        if not self.pushed:
+            off = [(abs(each.mean_um), each.mean_se_um, "Ø"), (abs(each.slope_um), each.slope_se_um, "Z")]
+        if not self.trimmed:
+            off += [(abs(um), each.orders_se_um[n], f"{n}/rev") for n, um in each.orders.items()]
+        off_um, se_um, where = max(off, key=lambda one: one[0] - 2.0 * WORTH_TELLING * one[1])
+        if off_um <= COMMAND_UM + 2.0 * WORTH_TELLING * se_um:
+            return None
+        limit = f"{COMMAND_UM:g} um"
+        return Problem(
+            code="cut.command_off_plan", key=AxisName.TOOL, where=where, value=f"{off_um:.2f} um", limit=limit
+        )
+
+    @property
+    def tool_problems(self) -> Iterator[Problem]:
+        """Yield what of the tool's own error is surely beyond its budget."""
+        for code, off_um, within_um, limit_um in self._judged:
+            if off_um - within_um > limit_um:
+                value, limit = f"{off_um:.1f} ± {within_um:.1f} um", f"{limit_um:.3g} um"
+                yield Problem(code=code, key=AxisName.TOOL, value=value, limit=limit)
+
+    @property
+    def unproven(self) -> Problem | None:
+        """Why the tool is not proven to be within its budget; None where it is."""
+        if self.tool is None or self.command is None:
+            return Problem(code="cut.too_few_polls", value=f"{self.polls}")
+        for _, off_um, within_um, limit_um in self._judged:
+            if off_um + within_um > limit_um:
+                value, limit = f"{off_um:.1f} ± {within_um:.1f} um", f"{limit_um:.3g} um"
+                return Problem(code="cut.not_proven", key=AxisName.TOOL, value=value, limit=limit)
+        return None
+
+    @property
+    def _judged(self) -> Iterator[tuple[str, float, float, float]]:
+        if self.tool is None:
+            return
+        yield "cut.tool_not_round", self.tool.roundness_um, self.tool.roundness_within_um, self.round_limit_um
+        if self.size_limit_um is not None:
+            yield "cut.tool_off_size", self.tool.size_um, self.tool.size_within_um, self.size_limit_um
+
+    def event(self) -> dict[str, object]:
+        """Return the verdict as JSON and the record have it."""
+        return {
+            "cut_verdict": self.judgement.value,
+            "tool": None if self.tool is None else self._figures(self.tool),
+        }
+
+    def _figures(self, tool: ToolError) -> dict[str, object]:
+        names = ("mean_um", "mean_se_um", "slope_um", "slope_se_um", "decay_um", "decay_se_um", "polls")
+        more = ("roundness_um", "roundness_within_um", "size_um", "size_within_um")
+        return {
+            **{name: getattr(tool, name) for name in names},
+            "independent_polls": tool.independent,
+            "orders": [
+                {"n": n, "amplitude_um": abs(um), "crest_deg": -math.degrees(cmath.phase(um)) / n, "se_um": se_um}
+                for (n, um), se_um in zip(tool.orders.items(), tool.orders_se_um.values(), strict=True)
+            ],
+            **{name: getattr(tool, name) for name in more},
+            "roundness_limit_um": self.round_limit_um,
+            "size_limit_um": self.size_limit_um,
+        }
+
+
+NO_VERDICT = CutVerdict()
+
+
+class ToolPolls:
+    """The polls of a cut from a turn after the tool has met the part to the turn in which it retracts."""
+
+    def __init__(self, plan: CutPlan, machine: MachineProfile, job: Job) -> None:
+        self._plan, self._machine, self._job = plan, machine, job
+        setup = plan.setup
+        land = machine.tool.wiper_land_mm * machine.carriage.counts_per_mm
+        self._first = setup.carriage_face - 0.5 * land + setup.carriage_per_turn
+        self._last = plan.carriage_start + (setup.whole_turns - LAST_TURN) * setup.carriage_per_turn
+        self._rows: list[tuple[float, ...]] = []
+        self._over, self._trimmed = False, plan.trimmed
+
+    def see(self, snapshot: Snapshot, *, trimmed: bool = False) -> None:
+        """Take a poll of the program; `trimmed` by this console, the place of the tool is without that."""
+        self._trimmed = self._trimmed or trimmed
+        at, tool = snapshot.carriage.commanded, snapshot.tool
+        self._over = self._over or at > self._last
+        if not self._over and at > self._first and snapshot.program_running:
+            took_s, middle_s = snapshot.at_s - snapshot.asked_s, 0.5 * (snapshot.at_s + snapshot.asked_s)
+            places = (snapshot.spindle.position, snapshot.carriage.position)
+            self._rows.append((took_s, middle_s, *places, tool.position, tool.commanded))
+
+    def verdict(self) -> CutVerdict:
+        """Return the verdict on the cut as far as it was polled."""
+        plan, job = self._plan, self._job
+        rows = np.array(self._rows).reshape(-1, 6)
+        if len(rows):
+            rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
+        turns = rows[:, 2] / self._machine.spindle.counts_per_rev
+        past_mm = (rows[:, 3] - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
+        error, command_error = None, None
+        if len(rows) > 1:
+            turns_per_s = (turns[-1] - turns[0]) / (rows[-1, 1] - rows[0, 1])
+            infeed_um = (rows[:, 4:] - plan.setup.surface) * self._machine.tool.count_um
+            cycle_deg = 0.36 * turns_per_s * self._machine.controller.servo_period_ms
+            if self._machine.spindle.followed and plan.strategy.traits.inverts:
+                turns = turns + self._skew_turns(turns, infeed_um[:, 1], cycle_deg)
+            path_um, command_um = self._planned(turns, past_mm, cycle_deg)
+            error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
+            command_error = fit_tool_error(turns, past_mm, infeed_um[:, 1] - command_um, job.jaws)
+        size_um = job.diameter_tolerance_um
+        return CutVerdict(
+            tool=error,
+            command=command_error,
+            polls=len(rows),
+            round_limit_um=BUDGET["tool"] * job.roundness_tolerance_um,
+            size_limit_um=None if size_um is None else BUDGET["tool"] * size_um,
+            trimmed=self._trimmed,
+            pushed=bool(plan.command.push_um),
+        )
+
+    def _late_deg(self, cycle_deg: float) -> float:
+        """Return by how much a controller that reads the spindle a servo cycle before is late with the command."""
+        plan = self._plan
+        late = plan.clock is not None or (plan.table is not None and source_is_late(plan.table, 0))
+        return cycle_deg * late
+
+    def _skew_turns(self, turns: Floats, commanded_um: Floats, cycle_deg: float) -> float:
+        """Return how many turns too low a spindle that others turn is polled, by the command; 0 beyond any skew.
+
+        Its angle is not of the servo cycle of the other axes. What is more than that is left to be judged.
+        """
+        path, lobes = self._plan.command.turned(self._late_deg(cycle_deg)), self._plan.command.lobes
+        found = fit(harmonic_columns(2.0 * np.pi * turns, (lobes,)), commanded_um)
+        expected = path.harmonics[0].coefficient
+        if not expected:
+            return 0.0
+        skew_deg = math.degrees(cmath.phase(phasors(found.coefficients, (lobes,))[lobes] / expected)) / lobes
+        return skew_deg / 360.0 if abs(skew_deg) <= MOST_SKEW_CYCLES * abs(cycle_deg) else 0.0
+
+    def _planned(self, turns: Floats, past_mm: Floats, cycle_deg: float) -> tuple[Floats, Floats]:
+        """Return where the plan has the tool and its command at each poll, um of infeed.
+
+        A program that does not invert the servo makes a path of its own, which is that of the modelled servo.
+        """
+        plan, machine, angle_deg = self._plan, self._machine, 360.0 * turns
+        if not plan.strategy.traits.inverts:
+            made = predict(self._job, machine, plan)
+            path_um, command_um = (
+                np.interp(angle_deg, made.angle_deg, each, period=360.0)
+                for each in (made.path_um, made.command_um)
+            )
+            return path_um, command_um
+        command_deg = angle_deg - self._late_deg(cycle_deg)
+        return plan.target.at_um(angle_deg, past_mm), plan.command.at_um(command_deg, past_mm)

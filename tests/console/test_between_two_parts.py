@@ -1,0 +1,77 @@
+"""Between the reference part and the compensated one of a run, and what is left of a cut's phases."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from console.session.cut import run as run_module
+from console.session.cut.run import CutOutcome
+from console.session.stages import Stage
+from console.session.station.progress import CutPhase, PhaseClock, planned_phases
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.stop import StopPath, StoppedError
+from profiles.store import load_job, load_machine
+
+MACHINE = load_machine("lee-2001-lathe").machine
+PLAN = plan_cut(load_job("lee-2001-experiment-1").job, MACHINE, Strategy.NONE)
+
+
+@pytest.mark.parametrize("stopped", [True, False])
+def test_a_stop_after_the_reference_part_begins_no_second_one(
+    monkeypatch: pytest.MonkeyPatch, stopped: bool
+) -> None:
+    """A stop that comes while the first part is measured: nothing of the first cut refuses it."""
+    stop = StopPath(cast(Any, SimpleNamespace(send_urgent=lambda _: None)))
+    opened: list[None] = []
+    cut: list[str] = []
+
+    def open_machine() -> Any:
+        opened.append(None)
+        return SimpleNamespace(lathe=SimpleNamespace(stop=stop), simulated=True)
+
+    def cut_part(*_: Any, name: Any, **__: Any) -> Any:
+        cut.append(name.name)
+        if stopped:
+            stop.stop("ctrl-c")
+        return CutOutcome(trace=None, figures=cast(Any, None), collisions=())
+
+    monkeypatch.setattr(run_module, "cut_part", cut_part)
+    plan: Any = SimpleNamespace(job=None, reference=object(), cut=object(), stage=Stage.FULL)
+    if not stopped:
+        run_module.run(plan, open_machine, lambda *_: None)
+        assert (cut, len(opened)) == (["before", "after"], 2)
+        return
+    with pytest.raises(StoppedError):
+        run_module.run(plan, open_machine, lambda *_: None)
+    assert (cut, len(opened)) == (["before"], 1)
+
+
+def test_the_retract_has_the_time_that_the_program_gives_it() -> None:
+    """160 turns at 1000 rpm are 9.6 s; then 0.32 s of retract, within a segment of 8 ms; in all, the program."""
+    left_s = {each.phase: each.left_s for each in planned_phases(PLAN, MACHINE)}
+    assert left_s[CutPhase.CUT] == pytest.approx(9.6)
+    assert left_s[CutPhase.RETRACT] == pytest.approx(0.32, abs=0.0085)
+    assert sum(left_s.values()) == pytest.approx(PLAN.duration_s)
+
+
+@pytest.mark.parametrize("pace", [1.0, 0.5])
+def test_what_is_left_of_the_retract_falls_and_its_delay_comes_off_the_next_phase(pace: float) -> None:
+    clock = PhaseClock(PLAN, MACHINE)
+    planned_s = {each.phase: each.left_s / pace for each in planned_phases(PLAN, MACHINE)}
+
+    def left(at_s: float) -> list[tuple[CutPhase, float]]:
+        snapshot: Any = SimpleNamespace(at_s=at_s)
+        return [(each.phase, each.left_s) for each in clock.left(CutPhase.RETRACT, snapshot, 0.0, pace)]
+
+    retract_s, home_s = planned_s[CutPhase.RETRACT], planned_s[CutPhase.HOME]
+    for gone_s, expected in (
+        (0.0, (retract_s, home_s)),
+        (0.1, (retract_s - 0.1, home_s)),
+        (retract_s + 0.2, (0.0, home_s - 0.2)),
+    ):
+        found = left(50.0 + gone_s)
+        assert [phase for phase, _ in found] == [CutPhase.RETRACT, CutPhase.HOME]
+        assert [seconds for _, seconds in found] == pytest.approx(expected, abs=1e-9)

@@ -1,0 +1,203 @@
+"""The tool is judged against its plan: what lasted for the whole feed is told, and what is not proven."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolPolls
+from console.session.cut.tool_error import ToolError, fit_tool_error
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.lathe.snapshot import AxisState, Snapshot
+from profiles.arrays import Floats, floats
+from profiles.store import load_job
+from tests.system.lathe_sites import compact
+
+MACHINE = compact("pmac")
+JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=3.0)
+POLL_S, TURN_S = 0.023, 0.06
+
+
+def polls_of(count: int) -> tuple[Floats, Floats]:
+    """Turns of the spindle and mm along the cut, at even times."""
+    turns = floats(np.arange(count) * POLL_S / TURN_S)
+    return turns, floats(0.05 * turns)
+
+
+def known_error(noise_um: float, count: int = 160) -> ToolError:
+    """Fit an error whose parts are written down here."""
+    turns, past_mm = polls_of(count)
+    z = (past_mm - past_mm.mean()) / np.ptp(past_mm)
+    error_um = (
+        -14.0 + 9.0 * z + 4.0 * np.cos(2.0 * np.pi * 3.0 * turns - 1.0) + 0.8 * np.sin(2.0 * np.pi * 7.0 * turns)
+    )
+    error_um += np.random.default_rng(5).normal(0.0, noise_um, count)
+    found = fit_tool_error(turns, past_mm, error_um, 3)
+    assert found is not None
+    return found
+
+
+def test_the_error_is_told_part_by_part() -> None:
+    found = known_error(1e-6)
+    assert found.mean_um == pytest.approx(-14.0, abs=1e-4)
+    assert found.slope_um == pytest.approx(9.0, abs=1e-4)
+    assert abs(found.orders[3]) == pytest.approx(4.0, abs=1e-4)
+    assert np.angle(found.orders[3]) == pytest.approx(-1.0, abs=1e-4)
+    assert abs(found.orders[7]) == pytest.approx(0.8, abs=1e-4)
+    assert abs(found.orders[2]) < 1e-4
+    assert found.size_um == pytest.approx(2.0 * (14.0 + 4.5), abs=1e-3), "the diameter, at the worse end"
+
+
+def test_the_standard_errors_are_those_of_a_second_formulation() -> None:
+    """The same model by `numpy.linalg.lstsq`, in columns written down anew, residual scatter over freedom."""
+    turns, past_mm = polls_of(160)
+    noise = np.random.default_rng(2).normal(0.0, 0.4, 160)
+    found = fit_tool_error(turns, past_mm, noise, 3)
+    assert found is not None
+    z = (past_mm - past_mm.mean()) / np.ptp(past_mm)
+    decays = [np.exp(-turns / over) for over in (3.0, 12.0)]
+    waves = [wave(2.0 * np.pi * n * turns) for n in range(1, 16) for wave in (np.cos, np.sin)]
+    columns = np.stack([np.ones(160), z, *(each - each.mean() for each in decays), *waves], axis=1)
+    solved, squares, *_ = np.linalg.lstsq(columns, noise, rcond=None)
+    covariance = np.linalg.inv(columns.T @ columns) * squares[0] / (160 - columns.shape[1])
+    wider = np.sqrt(found.polls / found.independent)
+    assert found.mean_um == pytest.approx(solved[0], abs=1e-9)
+    assert found.mean_se_um == pytest.approx(wider * np.sqrt(covariance[0, 0]), rel=1e-6)
+    assert found.slope_se_um == pytest.approx(wider * np.sqrt(covariance[1, 1]), rel=1e-6)
+    assert found.orders[4] == pytest.approx(complex(solved[10], -solved[11]), abs=1e-9)
+
+
+def test_neighbours_that_are_alike_count_as_fewer_polls() -> None:
+    turns, past_mm = polls_of(3000)
+    white = np.random.default_rng(1).normal(0.0, 1.0, 3001)
+    alone, alike = (fit_tool_error(turns, past_mm, each, 3) for each in (white[1:], white[1:] + white[:-1]))
+    assert alone is not None
+    assert alike is not None
+    # r = 1/2 for the sum of neighbours: (1 - r) / (1 + r) = 1/3.
+    assert alike.independent == pytest.approx(1000, rel=0.2)
+    assert alone.independent > 2700
+
+
+def test_what_is_only_scatter_is_no_roundness() -> None:
+    turns, past_mm = polls_of(160)
+    found = fit_tool_error(turns, past_mm, np.zeros(160), 3)
+    assert found is not None
+    assert (found.roundness_um, found.size_um) == (0.0, 0.0)
+    assert known_error(0.3).roundness_um == pytest.approx(9.5, abs=0.5), "4 and 0.8 um: 8 to 9.6 peak to peak"
+
+
+@pytest.mark.parametrize("count", [0, 1, 15])
+def test_too_few_polls_tell_nothing(count: int) -> None:
+    turns, past_mm = polls_of(count)
+    assert fit_tool_error(turns, past_mm, np.zeros(count), 3) is None
+
+
+def test_a_poll_a_turn_tells_no_harmonic() -> None:
+    """Always at the same angle: a mean and a lobe are the same there."""
+    turns = np.arange(100.0)
+    assert fit_tool_error(turns, 0.05 * turns, np.zeros(100), 3) is None
+
+
+@cache
+def plan(strategy: Strategy = Strategy.PVT) -> CutPlan:
+    return plan_cut(JOB, MACHINE, strategy)
+
+
+def verdict(
+    *, tool: complex = 0j, command: complex = 0j, order: int = 3, deeper_um: float = 0.0, scatter_um: float = 0.3
+) -> CutVerdict:
+    """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper."""
+    setup, chance, per_um = plan().setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
+    polls = ToolPolls(plan(), MACHINE, JOB)
+    for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
+        at_s = number * POLL_S
+        turn = at_s / TURN_S
+        z = setup.carriage_start + turn * setup.carriage_per_turn
+        wave = np.exp(2j * np.pi * order * turn)
+        commanded_um = plan().command.at_um(360.0 * turn) + (command * wave).real
+        tool_um = (
+            plan().target.at_um(360.0 * turn) + (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
+        )
+        at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
+        places = ((at, asked - at), (turn * setup.counts_per_turn, 0.0), (z, 0.0))
+        axes = [AxisState(position=float(p), following_error=float(e), flags=frozenset()) for p, e in places]
+        polls.see(
+            Snapshot(
+                asked_s=at_s,
+                at_s=at_s + 0.005,
+                program_running=True,
+                runtime_error=False,
+                tool=axes[0],
+                spindle=axes[1],
+                carriage=axes[2],
+            )
+        )
+    return polls.verdict()
+
+
+def test_a_tool_on_its_path_is_as_planned() -> None:
+    found = verdict()
+    assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
+
+
+@pytest.mark.parametrize("order", [2, 3, 9])
+def test_a_command_that_is_off_all_along_is_a_disturbance(order: int) -> None:
+    """Every turn is like the others: only the plan tells."""
+    found = verdict(command=0.7 + 0j, tool=0.7 + 0j, order=order)
+    assert found.judgement is CutJudgement.DISTURBED
+    assert [(each.code, each.where) for each in found.problems] == [("cut.command_off_plan", f"{order}/rev")]
+    assert found.judgement.exit_code == 1
+
+
+def test_the_least_change_of_a_command_is_half_a_micrometre() -> None:
+    assert verdict(command=0.45 + 0j).judgement is not CutJudgement.DISTURBED
+    assert verdict(command=0.55 + 0j).judgement is CutJudgement.DISTURBED
+
+
+def test_a_tool_that_does_not_follow_has_an_error_of_its_own() -> None:
+    """2.5 um of amplitude are 5 um of roundness, and the tool may use 70 % of the 5 um of the job."""
+    found = verdict(tool=2.5 + 0j)
+    assert found.judgement is CutJudgement.TOOL_ERROR
+    assert [each.code for each in found.problems] == ["cut.tool_not_round"]
+    assert found.problems[0].limit == "3.5 um"
+    assert found.judgement.exit_code == 0, "the measured part decides"
+
+
+def test_the_mean_is_judged_by_the_tolerance_of_the_diameter() -> None:
+    """The bundled job allows 60 um of diameter either way, 42 of them to the tool: 21 um of radius."""
+    assert verdict(deeper_um=-19.0).judgement is CutJudgement.AS_PLANNED
+    assert [each.code for each in verdict(deeper_um=-23.0).problems] == ["cut.tool_off_size"]
+
+
+def test_without_a_tolerance_the_diameter_is_told_and_not_judged() -> None:
+    judged = verdict(deeper_um=-23.0)
+    told = replace(judged, size_limit_um=None)
+    assert told.judgement is CutJudgement.AS_PLANNED
+    assert told.tool is not None
+    assert told.tool.size_um == pytest.approx(46.0, abs=1.0)
+
+
+def test_a_tool_at_its_limit_is_not_proven() -> None:
+    found = verdict(tool=1.75 + 0j, scatter_um=1.0)
+    assert found.judgement is CutJudgement.NOT_PROVEN
+    assert found.judgement.exit_code == 4
+
+
+def test_a_cut_without_polls_is_not_proven() -> None:
+    found = ToolPolls(plan(), MACHINE, JOB).verdict()
+    assert [each.code for each in found.problems] == ["cut.too_few_polls"]
+
+
+def test_the_budget_is_the_whole_tolerance() -> None:
+    assert sum(BUDGET.values()) == pytest.approx(1.0)
+
+
+def test_the_event_is_plain_json() -> None:
+    said = json.loads(json.dumps(verdict(tool=2.5 + 0j).event(), allow_nan=False))
+    assert said["cut_verdict"] == "tool_error"
+    wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
+    assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)

@@ -1,0 +1,192 @@
+"""Limits between a plan and its machine: margins of the guard, ends of a home search, rate of reports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+
+from drivers.cutting.feed_hold import FeedHold
+from drivers.cutting.guarding import cut_guard
+from drivers.cutting.override import FeedOverride
+from drivers.cutting.planning import Strategy, plan_cut
+from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
+from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.lathe.drift import rest_limits
+from drivers.lathe.polling import SLOW_LINE_S
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
+from drivers.lathe.standstill import HomeSearch, prove_rest
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+from tests.drivers.conftest import JobMaker
+
+IN_CUT = frozenset({"activated", "amplifier_enabled", "home_complete"})
+RESTING = frozenset({"activated", "amplifier_enabled", "desired_velocity_zero"})
+
+
+def polled(at_s: float = 0.0, **axes: AxisState) -> Snapshot:
+    still = AxisState(position=0.0, following_error=0.0, flags=IN_CUT)
+    return Snapshot(
+        asked_s=at_s,
+        at_s=at_s,
+        program_running=True,
+        runtime_error=False,
+        override_percent=100.0,
+        tool=axes.get("tool", still),
+        spindle=axes.get("spindle", still),
+        carriage=axes.get("carriage", still),
+    )
+
+
+def commanded(counts: float) -> AxisState:
+    return AxisState(position=counts, following_error=0.0, flags=IN_CUT)
+
+
+@pytest.mark.parametrize(
+    ("axis", "margin_counts"),
+    [
+        (AxisName.TOOL, 30.0 / 0.2),  # 30 um at 5000 counts a mm
+        (AxisName.SPINDLE, 5.0 / 360.0 * 12_000.0),  # 5 deg
+        (AxisName.CARRIAGE, 0.1 * 1000.0),  # 0.1 mm
+    ],
+)
+def test_a_running_cut_may_leave_its_plan_by_its_margins(
+    machine: MachineProfile, experiment: JobMaker, axis: AxisName, margin_counts: float
+) -> None:
+    plan = plan_cut(experiment(1), machine, Strategy.NONE)
+    motors = {AxisName.TOOL: 1, AxisName.SPINDLE: 2, AxisName.CARRIAGE: 3}
+    assert (machine.tool.counts_per_mm, machine.carriage.counts_per_mm) == (5000.0, 1000.0)
+    margin_counts *= machine.spindle.counts_per_rev / 12_000.0 if axis is AxisName.SPINDLE else 1.0
+    inside = {name: plan.checked.highest[motor] for name, motor in motors.items()}
+    for planned, way in ((plan.checked.highest, 1.0), (plan.checked.lowest, -1.0)):
+        for beyond, codes in ((0.9, []), (1.1, ["cut.outside_plan"])):
+            at = {**inside, axis: planned[motors[axis]] + way * beyond * margin_counts}
+            states = {name.value: commanded(counts) for name, counts in at.items()}
+            found = cut_guard(plan, machine)(polled(0.0, **states))
+            assert [problem.code for problem in found] == codes, (axis, way, beyond)
+
+
+def searched(*flags: frozenset[str]) -> list[bool]:
+    search = HomeSearch(AxisName.CARRIAGE, 50.0)
+    states = (AxisState(position=0.0, following_error=0.0, flags=each) for each in flags)
+    return [search.is_over(polled(0.1 * k, carriage=state)) for k, state in enumerate(states)]
+
+
+def test_a_home_search_that_rests_three_times_without_a_zero_is_over() -> None:
+    """Once or twice in a row it may turn round; a poll of the search between them begins the count anew."""
+    searching = frozenset({"activated", "home_search"})
+    assert searched(RESTING, RESTING, RESTING) == [False, False, True]
+    assert searched(RESTING, RESTING, searching, RESTING, RESTING, RESTING) == [False] * 5 + [True]
+    assert searched(*[searching | RESTING] * 5) == [False] * 5
+    assert searched(*[IN_CUT - {"home_complete"}] * 5) == [False] * 5
+
+
+def test_a_home_search_with_a_zero_is_over_in_position_and_not_by_its_rests() -> None:
+    zero = RESTING | {"home_complete"}
+    assert searched(*[zero] * 5) == [False] * 5
+    assert searched(zero | {"in_position"}) == [True]
+    assert searched(zero | {"in_position", "home_search"}) == [False]
+
+
+def test_every_poll_of_a_stopped_machine_ends_its_watchdog_and_a_failed_one_stops_again(
+    machine: MachineProfile,
+) -> None:
+    """The second poll fails: the stop is sent again, and three polls behind a first one have to report rest."""
+    resting = AxisState(position=0.0, following_error=0.0, flags=RESTING | {"in_position"})
+    polls = iter([True, False, True, True, True, True])
+    clock: Any = SimpleNamespace(at_s=0.0)
+    clock.now_s = lambda: clock.at_s
+    stop: Any = SimpleNamespace(mark=1, leave_by_s=100.0, killed=False, given_up=False, proven=False, repeats=0)
+    clock.wait = lambda seconds: setattr(clock, "at_s", clock.at_s + seconds)
+    stop.repeat = lambda: setattr(stop, "repeats", stop.repeats + 1)
+    stop.rest_proven = lambda mark: setattr(stop, "proven", mark == 1)
+
+    def poll_once(_: float) -> Snapshot:
+        clock.at_s += 0.1
+        if not next(polls):
+            raise DriverError(Problem(code="link.timeout"))
+        return replace(polled(clock.at_s, tool=resting, spindle=resting, carriage=resting), program_running=False)
+
+    poller = SimpleNamespace(poll_once=poll_once, quick_timeout_s=0.1)
+    ended: list[float] = []
+    prove_rest(
+        cast(Any, poller),
+        cast(Any, stop),
+        cast(Any, clock),
+        rest_limits(machine),
+        lambda: ended.append(clock.at_s),
+    )
+    assert (len(ended), stop.repeats, stop.proven, list(polls)) == (5, 1, True, [])
+
+
+class Queried:
+    """A controller that counts its queries."""
+
+    def __init__(self, problem: str = "") -> None:
+        self.queries, self.problem = 0, problem
+
+    def request(self, _: str, __: float) -> list[str]:
+        self.queries += 1
+        if self.problem:
+            raise LinkError(Problem(code=self.problem))
+        return [""]
+
+
+def reports(queried: Queried, round_trip_s: float = 0.01) -> ProgramReports:
+    poller = SimpleNamespace(round_trip_s=round_trip_s)
+    return ProgramReports(cast(Any, queried), cast(Any, poller), cast(Any, None))
+
+
+def test_a_program_is_asked_for_its_line_once_in_twelve_polls() -> None:
+    queried = Queried()
+    read, asked = reports(queried).read, []
+    for _ in range(36):
+        read()
+        asked.append(queried.queries)
+    assert POLLS_A_REPORT == 12
+    assert asked == [0] * 11 + [1] * 12 + [2] * 12 + [3]
+
+
+def test_a_slow_line_is_left_to_the_polls() -> None:
+    for round_trip_s, queries in ((SLOW_LINE_S, 0), (0.9 * SLOW_LINE_S, 2)):
+        queried = Queried()
+        read = reports(queried, round_trip_s).read
+        for _ in range(24):
+            read()
+        assert queried.queries == queries
+
+
+@pytest.mark.parametrize(("code", "gone"), [("link.timeout", False), ("link.lost", True)])
+def test_a_missing_reply_is_left_to_the_next_round_and_a_lost_link_is_not(code: str, gone: bool) -> None:
+    queried = Queried(code)
+    read = reports(queried).read
+    for _ in range(11):
+        read()
+    if gone:
+        with pytest.raises(LinkError):
+            read()
+        return
+    for _ in range(13):
+        read()
+    assert queried.queries == 2
+
+
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda client, sending, stop: FeedOverride(client, sending, stop).command(90),
+        lambda client, sending, _: FeedHold(client, sending).ask(),
+    ],
+)
+def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
+    """Neither its speed nor its end: nothing reaches the controller."""
+    queried, stop = Queried(), SimpleNamespace(check=lambda: None)
+
+    def refuse_unless_owner() -> None:
+        raise RefusedError(Problem(code="owner.observer"))
+
+    with pytest.raises(RefusedError):
+        ask(queried, SimpleNamespace(refuse_unless_owner=refuse_unless_owner), stop)
+    assert queried.queries == 0
