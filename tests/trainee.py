@@ -88,6 +88,10 @@ class Trainee:
         assert found is not None, f"{key} was there and is gone\n{self.terminal.text}"
         return found
 
+    def finds(self, key: str) -> bool:
+        """Whether a sentence of the catalogue is on the screen now."""
+        return re.search(self._pattern(key), self.terminal.text) is not None
+
     def press(self, *keys: str, pace_s: float = PACE_S) -> None:
         """Press keys at the pace of a person: what comes faster is not taken.
 
@@ -129,7 +133,7 @@ class Trainee:
             with suppress(AssertionError):
                 self.sees(then, 1.0)
                 return
-            if re.search(self._pattern("problem.screen.key_repeats"), self.terminal.text) is None:
+            if not self.finds("problem.screen.key_repeats"):
                 break
         self.sees(then)
 

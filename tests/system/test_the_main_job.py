@@ -112,7 +112,11 @@ def line_stalls(trainee: Trainee, data: Path) -> None:
     trainee.terminal.resume()
     trainee.sees("activity.stopped", 5.0)
     trainee.sees("problem.session.screen_silent", 5.0)
-    # An even number of them: the list of keys is closed again.
+    # What was pressed while it stood still is not done any more, so the list of keys may be open or closed.
+    trainee.sees("problem.screen.keys_late", 5.0)
+    if trainee.finds("glossary.title"):
+        trainee.press("backspace")
+    trainee.press("5")  # the page that it is: takes the message away
 
 
 STOPS = {"en": presses_stop, "ko": line_stalls}
