@@ -130,7 +130,7 @@ def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPa
 def test_a_version_of_a_day_to_come_is_told_when_it_is_learned_from_listed_and_cut_with(
     console: Console, data: Path, tmp_path: Path, close: tuple[str, str], job_file: Callable[..., Path]
 ) -> None:
-    job, part = str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")), str(tmp_path / "part.csv")
+    job, part = str(job_file(cut_length_mm="1.5", feed_mm_per_rev="0.1")), str(tmp_path / "part.csv")
     plant = tmp_path / "larger-lobe.toml"
     plant.write_text('schema = 1\nsource = "a wrench that pulls harder"\n[chuck]\nlobe_factor = 1.2\n')
     run = ("run", job, "--sim", "--plant", str(plant), *close, "--strategy", "cam", "--json")

@@ -160,7 +160,7 @@ def taught_by(
         stage=stage,
         warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
-        causes=causes(part, cut, filed, tool_um=tool_um, placed=part.is_placed),
+        causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
     )
 
 

@@ -61,6 +61,8 @@ def _records(kind: Any) -> st.SearchStrategy[Any]:
     given = {field.name: hints[field.name] for field in fields(kind)}
     if kind in (PartLearning, PartLobe):  # what they hold is not recorded
         given["taught" if kind is PartLearning else "found"] = NoneType
+    # What holds one of its own kind holds it once.
+    given = {name: NoneType if hint == kind | None else hint for name, hint in given.items()}
     return st.builds(
         kind, **{name: st.none() if hint is NoneType else values(hint) for name, hint in given.items()}
     )

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 
 from console.session.flight.plain_values import ARRAY, changes, plain
 from console.session.flight.recorded_forms import Moment, recorded, work_of
@@ -37,6 +37,7 @@ def test_any_moment_comes_back_as_it_was(moment: Moment) -> None:
 
 
 @pytest.mark.long
+@settings(suppress_health_check=[HealthCheck.large_base_example])  # a moment is large, and here are two
 @given(MOMENTS, MOMENTS)
 def test_what_changed_leads_from_any_moment_to_any_other(before: Moment, now: Moment) -> None:
     tree = patched(written(plain(before, recorded)), written(changes(before, now, recorded)))
