@@ -96,7 +96,7 @@ def test_a_run_is_shown_in_full_by_the_beginning_of_its_id(console: Console, kep
     listed = console("records", "list", "--data", str(kept), "--json").json["runs"]
     said = console("records", "show", listed[0]["run"][:8], "--data", str(kept))
     assert max(map(cell_width, said.out.splitlines())) <= 80
-    for word in (listed[0]["run"], "ring", "kim", "RONt 3.25 um", "D 51.800 mm", "start", "Alarms", "phase"):
+    for word in (listed[0]["run"], "ring", "kim", "RONt 3.25 um", "D 51.800 mm", "start", "Alarms", "tool lag"):
         assert word in said.out
     fields = console("records", "show", listed[1]["run"], "--data", str(kept), "--json").json
     assert [event["kind"] for event in fields["events"]] and fields["ended"]["how"] == "stopped"

@@ -102,6 +102,7 @@ def test_every_poll_of_a_stopped_machine_ends_its_watchdog_and_a_failed_one_stop
     clock.wait = lambda seconds: setattr(clock, "at_s", clock.at_s + seconds)
     stop.repeat = lambda: setattr(stop, "repeats", stop.repeats + 1)
     stop.rest_proven = lambda mark: setattr(stop, "proven", mark == 1)
+    stop.only_repeated = lambda mark, latest: mark == latest
 
     def poll_once(_: float) -> Snapshot:
         clock.at_s += 0.1
