@@ -23,6 +23,7 @@ from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
+from drivers.identification.settings_watch import SettingsWatch
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
@@ -97,6 +98,7 @@ def identify(
     error is raised. A machine of which another console has taken control is left as it is.
     Raises RefusedError: nothing has moved; ProblemError: what went wrong, or who stopped it.
     """
+    settings = SettingsWatch(rig, origin)
     refuse_before(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
         raise RefusedError(*problems)
@@ -114,12 +116,13 @@ def identify(
         for frequency_hz in request.frequencies_hz:
             if table:
                 rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
-            point = measure(rig, excitation, frequency_hz, request)
+            point = measure(rig, excitation, frequency_hz, request, settings)
             points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
             tell(points[-1])
         if table:  # at the zero of the table switching it off causes next to no step
             rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
             _refuse_step(rig, excitation)
+        settings.refuse_changed()
         put_back(rig, gathering, table=table, table_before=before)
     except BaseException as error:
         restore_after(rig, gathering, error, table=table, table_before=before)

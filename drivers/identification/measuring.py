@@ -10,6 +10,7 @@ from drivers.identification.excitation import PROGRAM, Excitation, Sweep
 from drivers.identification.request import IdentificationRequest
 from drivers.identification.result import IdentifiedPoint
 from drivers.identification.rig import Rig
+from drivers.identification.settings_watch import SettingsWatch
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.gathering.gather import GatherError
@@ -31,13 +32,15 @@ class Watch:
     rig: Rig
     plan: GatherPlan
     standstill: Standstill
+    settings: SettingsWatch
     steady_at_s: float
     enough_at_s: float = math.inf
     ended: bool = False
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process a poll of the machine. Raises DriverError: `identify.no_motion`; the link broke."""
+        """Process a poll. Raises DriverError: `identify.no_motion`, `measurement.changed`; the link broke."""
         self.standstill.see(snapshot)
+        self.settings.see()
         if math.isinf(self.enough_at_s):
             if snapshot.at_s >= self.steady_at_s and snapshot.program_running:
                 # The buffer was reserved at rest: it is empty and keeps its place.
@@ -51,13 +54,17 @@ class Watch:
 
 
 def measure(
-    rig: Rig, excitation: Excitation, frequency_hz: float, request: IdentificationRequest
+    rig: Rig,
+    excitation: Excitation,
+    frequency_hz: float,
+    request: IdentificationRequest,
+    settings: SettingsWatch,
 ) -> IdentifiedPoint:
     """Swing the tool at one frequency, and return its response.
 
     Raises:
         DriverError: `identify.gather`, nothing is gathered; `identify.ended_early`; `identify.not_steady`;
-            what ended the motion, as for `Lathe.follow`.
+            `measurement.changed`, one of the `settings`; what ended the motion, as for `Lathe.follow`.
         ProfileError: `identification.*`, the gathered data cannot be evaluated.
     """
     sweep = excitation.sweep(frequency_hz, request.periods)
@@ -66,18 +73,21 @@ def measure(
     samples = math.ceil(request.periods / frequency_hz / (rig.machine.controller.servo_period_ms / 1000.0))
     try:
         plan = gathering.prepare(gathering.motor_channels(*excitation.channels), samples + SPARE_SAMPLES)
-        run_gathered(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
+        run_gathered(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um), settings)
         data = gathering.fetch(plan)
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
     return _point(rig, excitation, data, frequency_hz)
 
 
-def run_gathered(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
+def run_gathered(
+    rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill, settings: SettingsWatch
+) -> None:
     """Run the loaded program to its end, and gather from where it is steady. Raises as `measure`."""
     out_counts = rig.lathe.snapshot().tool.position  # the tool is clear of everything where it swings
     began_s = rig.clock.now_s()
-    watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=began_s + sweep.steady_s)
+    steady_at_s = began_s + sweep.steady_s
+    watch = Watch(rig=rig, plan=plan, standstill=standstill, settings=settings, steady_at_s=steady_at_s)
     rig.lathe.program.start(PROGRAM, out_counts)
     rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
     if not watch.ended:
