@@ -242,8 +242,8 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
         rig.lathe.jog_to(AxisName.TOOL, 0.0)
         data = _moved(rig, request, settings)
         sine = measure(rig, PvtPath(rig.machine, request.step_um), request.sine_hz, request.sine, settings)
-        settings.refuse_changed()
         put_back(rig, gathering, table=False)
+        settings.refuse_changed()
     except BaseException as error:
         restore_after(rig, gathering, error, table=False)
         raise

@@ -118,7 +118,7 @@ def test_an_axis_that_another_host_scales_otherwise_is_named_at_the_end(machine:
     disturb(stand.sim, (0.2, "&1#1->1.001X"))  # before the program runs: later the controller refuses it
     problem = refusal(checked, stand, origin)
     assert (problem.code, problem.key) == ("measurement.changed", "#1->")
-    assert (problem.value, problem.limit) == ("1.001X", "X")
+    assert (problem.value, problem.limit) == ("&1 1.001X", "&1 X")
 
 
 @ON_ONE
