@@ -112,6 +112,15 @@ def test_a_setting_that_changed_after_it_was_read_moves_nothing(
 
 
 @ON_ONE
+def test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end(machine: MachineProfile) -> None:
+    stand = ready(machine)
+    origin = stand.origin
+    disturb(stand.sim, (1.0, "I117=50"))  # the greatest acceleration of a program
+    problem = refusal(identified, stand, origin)
+    assert (problem.code, problem.key) == ("measurement.changed", "I117")
+
+
+@ON_ONE
 def test_an_axis_that_another_host_scales_otherwise_is_named_at_the_end(machine: MachineProfile) -> None:
     stand = ready(machine)
     origin = stand.origin

@@ -93,6 +93,20 @@ def test_a_program_that_knows_no_lease_is_ended_by_the_card_when_this_host_is_si
     assert not kept.stop.reason, "it was left to the card"
 
 
+def test_a_cut_that_lost_its_host_is_watched_until_the_controller_has_ended_it(kept: Kept) -> None:
+    """A host that is back in time still passes on that the cut shall end early: it is called with each poll."""
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
+    kept.silent_once(0.5)  # the lease of 0.3 s has run out, the grace of the program has not
+    seen: list[Snapshot] = []
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.program.follow(seen.append, 60.0)
+    assert code(failed) == "heartbeat.lapsed"
+    lost = [snapshot for snapshot in seen if snapshot.lost]
+    assert len(lost) > 10 and lost[0].moving and lost[-1].at_rest
+
+
 def test_what_was_ended_is_acknowledged_before_anything_moves_again(kept: Kept) -> None:
     kept.silent_once(2.0)
     with pytest.raises(DriverError):
