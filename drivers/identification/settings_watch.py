@@ -15,10 +15,11 @@ from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems,
 from drivers.commissioning.judged import same
 from drivers.commissioning.reading import of_motors, read_configuration
 from drivers.commissioning.setting_names import named
-from drivers.errors import DriverError, RefusedError
+from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.identification.result import Origin
 from drivers.identification.rig import Rig
-from drivers.lathe.polling import POLLS_A_READING, SLOW_LINE_S
+from drivers.lathe.polling import POLLS_A_READING, QUICK_TIMEOUT_S, SLOW_LINE_S
+from drivers.link.base import is_gone
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.problem import Problem
 
@@ -46,13 +47,21 @@ class SettingsWatch:
         self._refuse_other(origin)
 
     def see(self) -> None:
-        """Read the next ones after every few polls. Raises DriverError: `measurement.changed`; the link broke."""
+        """Read the next ones after every few polls; a missing reply is left to the next poll.
+
+        Raises DriverError: `measurement.changed`; LinkError: the link is gone.
+        """
         self._polls_made += 1
         if self._polls_made % POLLS_A_READING:
             return
         fast = self._rig.lathe.round_trip_s < SLOW_LINE_S
         turn = tuple(islice(self._turn, SETTINGS_A_READING if fast else 1))
-        found = self._rig.client.numbers(*(f"I{index}" for index in turn), again=True)
+        try:
+            found = self._rig.client.numbers(*(f"I{index}" for index in turn), timeout_s=QUICK_TIMEOUT_S)
+        except LinkError as error:
+            if is_gone(error):
+                raise
+            return
         _refuse(DriverError, self._differing(self._values, dict(zip(turn, found, strict=True))))
 
     def refuse_changed(self) -> None:
