@@ -96,17 +96,10 @@ _STOPPING: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="A setting that changed while a response was measured is seen after it.",
-        file="drivers/identification/settings_watch.py",
+        file="drivers/identification/settings_comparison.py",
         old="        found = fingerprint_problems(self._before, self._read(), left_out)",
         new="        found = fingerprint_problems(self._before, self._before, left_out)",
         test=f"{DISTURBED}::test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end",
-    ),
-    Mutation(
-        rule="A setting that was put back while a response was measured is seen.",
-        file="drivers/identification/measuring.py",
-        old="self.settings.see()",
-        new="pass",
-        test=f"{DISTURBED}::test_a_setting_that_is_put_back_before_the_end_is_named",
     ),
     Mutation(
         rule="An override that this console has not commanded stops the cut.",

@@ -30,7 +30,7 @@ from drivers.identification.request import (
 )
 from drivers.identification.result import IdentifiedPoint, Origin
 from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
-from drivers.identification.settings_watch import SettingsWatch
+from drivers.identification.settings_comparison import SettingsComparison
 from drivers.identification.standstill import Standstill, link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.gathering.gather import GatherError
@@ -233,15 +233,15 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
 
     Raises as `identify`, and ProfileError: `health.no_step`.
     """
-    settings = SettingsWatch(rig, origin)
+    settings = SettingsComparison(rig, origin)
     refuse_health(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.step_um)):
         raise RefusedError(*problems)
     gathering = read_gathering(rig.client, rig.dialect)
     try:
         rig.lathe.jog_to(AxisName.TOOL, 0.0)
-        data = _moved(rig, request, settings)
-        sine = measure(rig, PvtPath(rig.machine, request.step_um), request.sine_hz, request.sine, settings)
+        data = _moved(rig, request)
+        sine = measure(rig, PvtPath(rig.machine, request.step_um), request.sine_hz, request.sine)
         put_back(rig, gathering, table=False)
         settings.refuse_changed()
     except BaseException as error:
@@ -250,7 +250,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
     return _result(rig.machine, request, data, origin, date, sine)
 
 
-def _moved(rig: Rig, request: HealthRequest, settings: SettingsWatch) -> GatheredData:
+def _moved(rig: Rig, request: HealthRequest) -> GatheredData:
     """Run step and parabola, and return what was gathered."""
     moves, machine = request.moves, rig.machine
     word = axis_word(machine, machine.tool.motor)
@@ -261,7 +261,7 @@ def _moved(rig: Rig, request: HealthRequest, settings: SettingsWatch) -> Gathere
     sweep = Sweep(text="", steady_s=SETTLE_S, longest_s=moves.longest_s)
     try:
         plan = gathering.prepare(gathering.motor_channels(*_channels(machine)), samples)
-        run_gathered(rig, sweep, plan, Standstill(rig, WATCHED_HZ, request.step_um), settings)
+        run_gathered(rig, sweep, plan, Standstill(rig, WATCHED_HZ, request.step_um))
         return gathering.fetch(plan)
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error

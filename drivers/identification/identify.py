@@ -23,7 +23,7 @@ from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
-from drivers.identification.settings_watch import GAINS, SERVO_TIME, SettingsWatch
+from drivers.identification.settings_comparison import GAINS, SERVO_TIME, SettingsComparison
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
@@ -95,7 +95,7 @@ def identify(
     error is raised. A machine of which another console has taken control is left as it is.
     Raises RefusedError: nothing has moved; ProblemError: what went wrong, or who stopped it.
     """
-    settings = SettingsWatch(rig, origin)
+    settings = SettingsComparison(rig, origin)
     refuse_before(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
         raise RefusedError(*problems)
@@ -113,7 +113,7 @@ def identify(
         for frequency_hz in request.frequencies_hz:
             if table:
                 rig.lathe.jog_to(AxisName.CARRIAGE, 0.0, settle=False)
-            point = measure(rig, excitation, frequency_hz, request, settings)
+            point = measure(rig, excitation, frequency_hz, request)
             points.append(_later(point, cycles * origin.servo_period_ms / 1000.0))
             tell(points[-1])
         if table:  # at the zero of the table switching it off causes next to no step

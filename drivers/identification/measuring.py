@@ -10,7 +10,7 @@ from drivers.identification.excitation import PROGRAM, Excitation, Sweep
 from drivers.identification.request import IdentificationRequest
 from drivers.identification.result import IdentifiedPoint
 from drivers.identification.rig import Rig
-from drivers.identification.settings_watch import SettingsWatch
+from drivers.identification.settings_comparison import changes_in
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.gathering.gather import GatherError
@@ -32,15 +32,13 @@ class Watch:
     rig: Rig
     plan: GatherPlan
     standstill: Standstill
-    settings: SettingsWatch
     steady_at_s: float
     enough_at_s: float = math.inf
     ended: bool = False
 
     def see(self, snapshot: Snapshot) -> None:
-        """Process a poll. Raises DriverError: `identify.no_motion`, `measurement.changed`; the link broke."""
+        """Process a poll of the machine. Raises DriverError: `identify.no_motion`; the link broke."""
         self.standstill.see(snapshot)
-        self.settings.see()
         if math.isinf(self.enough_at_s):
             if snapshot.at_s >= self.steady_at_s and snapshot.program_running:
                 # The buffer was reserved at rest: it is empty and keeps its place.
@@ -54,17 +52,13 @@ class Watch:
 
 
 def measure(
-    rig: Rig,
-    excitation: Excitation,
-    frequency_hz: float,
-    request: IdentificationRequest,
-    settings: SettingsWatch,
+    rig: Rig, excitation: Excitation, frequency_hz: float, request: IdentificationRequest
 ) -> IdentifiedPoint:
     """Swing the tool at one frequency, and return its response.
 
     Raises:
         DriverError: `identify.gather`, nothing is gathered; `identify.ended_early`; `identify.not_steady`;
-            `measurement.changed`, one of the `settings`; what ended the motion, as for `Lathe.follow`.
+            `measurement.changed`; what ended the motion, as for `Lathe.follow`.
         ProfileError: `identification.*`, the gathered data cannot be evaluated.
     """
     sweep = excitation.sweep(frequency_hz, request.periods)
@@ -73,23 +67,25 @@ def measure(
     samples = math.ceil(request.periods / frequency_hz / (rig.machine.controller.servo_period_ms / 1000.0))
     try:
         plan = gathering.prepare(gathering.motor_channels(*excitation.channels), samples + SPARE_SAMPLES)
-        run_gathered(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um), settings)
+        run_gathered(rig, sweep, plan, Standstill(rig, frequency_hz, request.amplitude_um))
         data = gathering.fetch(plan)
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
     return _point(rig, excitation, data, frequency_hz)
 
 
-def run_gathered(
-    rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill, settings: SettingsWatch
-) -> None:
+def run_gathered(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
     """Run the loaded program to its end, and gather from where it is steady. Raises as `measure`."""
     out_counts = rig.lathe.snapshot().tool.position  # the tool is clear of everything where it swings
-    began_s = rig.clock.now_s()
-    steady_at_s = began_s + sweep.steady_s
-    watch = Watch(rig=rig, plan=plan, standstill=standstill, settings=settings, steady_at_s=steady_at_s)
-    rig.lathe.program.start(PROGRAM, out_counts)
-    rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
+    rig.lathe.program.start(PROGRAM, out_counts)  # it reads the settings first, which may take seconds
+    steady_at_s = rig.clock.now_s() + sweep.steady_s
+    watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=steady_at_s)
+    try:
+        rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
+    except DriverError as error:
+        if changed := changes_in(error):
+            raise DriverError(*changed) from error
+        raise
     if not watch.ended:
         raise DriverError(Problem(code="identify.ended_early", where=rig.where, key=f"PROG {PROGRAM}"))
 

@@ -91,7 +91,7 @@ def test_a_setting_that_another_host_changes_and_leaves_is_named(
 def test_a_setting_that_is_put_back_before_the_end_is_named(machine: MachineProfile, measured: Measure) -> None:
     stand = ready(machine)
     origin = stand.origin
-    disturb(stand.sim, (0.9, "I168=40"), (1.9, "I168=0"))  # friction feedforward, while the tool is moved
+    disturb(stand.sim, (1.3, "I168=40"), (1.9, "I168=0"))  # friction feedforward, while the tool is moved
     problem = refusal(measured, stand, origin)
     assert (problem.code, problem.key) == ("measurement.changed", "I168")
 
@@ -139,6 +139,22 @@ def test_stops_that_were_measured_with_another_ramp_are_not_kept(machine: Machin
     with pytest.raises(DriverError) as ended:
         prove(card.client, card.stop, card.sim, verification)
     assert [(each.code, each.key) for each in ended.value.problems] == [("measurement.changed", "I315")]
+
+
+@ON_ONE
+def test_over_a_slow_line_the_sine_is_gathered_once_it_is_steady(
+    machine: MachineProfile, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Settings are read before the program starts; 30 s would be 9600 baud with an echo."""
+    stand = ready(machine)
+    note = stand.rig.lathe.program.note_settings
+
+    def slowly() -> None:
+        stand.sim.wait(30.0)
+        note()
+
+    monkeypatch.setattr(stand.rig.lathe.program, "note_settings", slowly)
+    assert identified(stand, stand.origin)
 
 
 def test_what_is_measured_undisturbed_is_kept() -> None:
