@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
+from drivers.pmac.reserved import ECHO
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
@@ -143,3 +145,33 @@ def test_a_stop_ends_the_guard_so_that_the_card_moves_nothing_behind_it(kept: Ke
     kept.sim.wait(5.0)
     assert kept.sim.controller.motors[1].desired == tool
     assert kept.lathe.snapshot().at_rest
+
+
+def test_a_plc_that_shows_the_same_count_twice_gets_its_time(kept: Kept, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy controller scans its PLC less often than it answers: it has 0.3 s to count."""
+    numbers, told = kept.client.numbers, list[float]()
+
+    def slowly(*items: str, **more: Any) -> tuple[float, ...]:
+        found = numbers(*items, **more)
+        if f"P{ECHO}" not in items or len(told) > 3:
+            return found
+        at = items.index(f"P{ECHO}")
+        told.append(told[0] if told else found[at])
+        return (*found[:at], told[0], *found[at + 1 :])
+
+    kept.lathe.home()
+    monkeypatch.setattr(kept.client, "numbers", slowly)
+    kept.lathe.jog_to(AxisName.CARRIAGE, 500.0)
+    assert len(told) == 4 and kept.lathe.snapshot().carriage.position == pytest.approx(500, abs=1)
+
+
+@pytest.mark.parametrize("held_counts", [0.0, 40.0])
+def test_a_step_of_the_tool_is_as_long_with_what_a_table_has_left(kept: Kept, held_counts: float) -> None:
+    """Its commanded position has the correction, and that of a jog has not: it must count once."""
+    kept.lathe.home()
+    before = kept.lathe.snapshot().tool.commanded
+    kept.sim.controller.motors[1].correction = held_counts
+    kept.sim.wait(0.5)
+    assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts, abs=1)
+    kept.lathe.jog_by(AxisName.TOOL, 500.0)
+    assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts + 500.0, abs=1)
