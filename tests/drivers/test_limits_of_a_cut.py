@@ -20,7 +20,7 @@ from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
-from drivers.lathe.standstill import HomeSearch, prove_rest
+from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import run_through
 from drivers.pmac.program_text import read_program
@@ -73,6 +73,21 @@ def test_a_running_cut_may_leave_its_plan_by_its_margins(
             states = {name.value: commanded(counts) for name, counts in at.items()}
             found = cut_guard(plan, machine)(polled(0.0, **states))
             assert [problem.code for problem in found] == codes, (axis, way, beyond)
+
+
+def test_a_tool_near_its_end_does_not_end_the_move_of_another_axis() -> None:
+    """The tool alone may lag, by its band and for its time: 50 counts, 1 s."""
+    rest, lag = RESTING | {"in_position"}, RESTING
+
+    def over(tool_lag: float, carriage: frozenset[str]) -> list[bool]:
+        settling = Settling((AxisName.TOOL, AxisName.CARRIAGE), 50.0, 1.0)
+        tool = AxisState(position=0.0, following_error=tool_lag, flags=lag)
+        other = AxisState(position=0.0, following_error=0.0, flags=carriage)
+        return [settling.is_over(polled(at_s, tool=tool, carriage=other)) for at_s in (0.0, 0.9, 1.0, 2.0)]
+
+    assert over(50.0, rest) == [False, False, True, True]
+    assert over(50.1, rest) == [False] * 4
+    assert over(50.0, lag) == [False] * 4
 
 
 def searched(*flags: frozenset[str]) -> list[bool]:

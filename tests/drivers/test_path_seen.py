@@ -40,10 +40,12 @@ def found(
     lags: bool = False,
     silent_s: tuple[float, float] = (0.0, 0.0),
     held_s: float = 0.0,
+    took_s: float = 0.005,
 ) -> list[Problem]:
     """What is found of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
 
-    No poll comes within `silent_s`; `held_s` is what a simulated lathe has held its time.
+    No poll comes within `silent_s`; `held_s` is what a simulated lathe has held its time. A poll of that moment
+    takes `took_s`, every other one 5 ms.
     Where it `lags`, tool and carriage are commanded as planned all the time; else they are where commanded.
 
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
@@ -75,7 +77,7 @@ def found(
         seen.see(
             Snapshot(
                 asked_s=at_s,
-                at_s=at_s + 0.005,
+                at_s=at_s + (took_s if off else 0.005),
                 program_running=True,
                 runtime_error=False,
                 tool=tool,
@@ -98,6 +100,12 @@ def test_where_polls_came_late_the_busy_computer_is_named_first() -> None:
     said = load("en").problem(problem)
     assert said.index("this computer was busy") < said.index("another host")
     assert "busy" not in load("en").problem(found(turns=3.0)[0])
+
+
+def test_a_poll_that_was_interrupted_accuses_nobody() -> None:
+    """Its axes are read at different moments: a tool of half a lobe later looks like one that was moved."""
+    assert [problem.code for problem in found(30.0, took_s=0.005)] == ["cut.off_path"]
+    assert found(30.0, took_s=0.02) == []
 
 
 def told(tool_um: float = 0.0, **how: Any) -> list[str]:

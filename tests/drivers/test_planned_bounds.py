@@ -14,6 +14,7 @@ from drivers.cutting.planning import Strategy, plan_cut
 from drivers.identification.nominal import path_response
 from drivers.lathe.heartbeat import cut_condition
 from profiles.problem import ProblemError
+from tests.drivers.cut_floor import with_inverter
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine
 from tests.drivers.test_limits_of_a_cut import commanded, polled
@@ -76,3 +77,18 @@ def test_a_trim_is_in_the_path_and_taken_out_of_a_poll(machine: MachineProfile, 
 def test_a_program_knows_its_watchdog_unless_it_may_finish(machine: MachineProfile, policy: str) -> None:
     held = replace(machine, heartbeat=replace(machine.heartbeat, policy=policy))
     assert (cut_condition(held) == "") is (policy == "finish")
+
+
+@ON_ONE
+def test_on_a_spindle_that_the_controller_does_not_turn_only_what_counts_its_angle_is_cut(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """A table on its angle, or its time base: where a program commands the spindle, nothing would turn it."""
+    turned, refused = with_inverter(machine), dict[Strategy, tuple[str, str]]()
+    for strategy in Strategy:
+        try:
+            plan_cut(experiment(1), turned, strategy)
+        except ProblemError as error:
+            refused[strategy] = error.problems[0].code, error.problems[0].limit
+    told = "program.not_turned", "cam, timebase"
+    assert refused == dict.fromkeys((Strategy.PAPER, Strategy.NONE, Strategy.PVT), told)
