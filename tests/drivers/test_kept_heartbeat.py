@@ -175,3 +175,14 @@ def test_a_step_of_the_tool_is_as_long_with_what_a_table_has_left(kept: Kept, he
     assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts, abs=1)
     kept.lathe.jog_by(AxisName.TOOL, 500.0)
     assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts + 500.0, abs=1)
+
+
+@pytest.mark.parametrize(("policy", "within_s"), [("retract", 6.35), ("stop", 6.35), ("finish", float("inf"))])
+def test_a_lost_cut_is_waited_for_as_long_as_the_controller_may_take(
+    machine: MachineProfile, policy: str, within_s: float
+) -> None:
+    """Its grace, here 3 s, 0.35 s for the program to end, 2 s for the tool to come out, and 1 s of allowance."""
+    sim = SimulatedLathe(machine)
+    client = PmacClient(MemoryLink(sim.connect(), sim), sim)
+    given = replace(machine, heartbeat=replace(machine.heartbeat, policy=policy, grace_ms=3000.0))
+    assert Heartbeat(client, sim, given).ends_within_s == pytest.approx(within_s)
