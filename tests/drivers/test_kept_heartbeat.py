@@ -186,3 +186,14 @@ def test_a_lost_cut_is_waited_for_as_long_as_the_controller_may_take(
     client = PmacClient(MemoryLink(sim.connect(), sim), sim)
     given = replace(machine, heartbeat=replace(machine.heartbeat, policy=policy, grace_ms=3000.0))
     assert Heartbeat(client, sim, given).ends_within_s == pytest.approx(within_s)
+
+
+@pytest.mark.parametrize("number", [13, 14, 15, 19, 20, 21, 22, 23])
+def test_no_axis_is_jogged_with_other_limits_ramps_or_speeds_than_the_profile_has(kept: Kept, number: int) -> None:
+    """Travel, the ramp of a stop, the ramps and speeds of a jog and of a home search."""
+    kept.lathe.refuse_other_jog(AxisName.CARRIAGE)
+    (value,) = kept.client.numbers(f"I3{number}")
+    kept.client.request(f"I3{number}={value + 1.0}", lines=0)
+    with pytest.raises(RefusedError) as refused:
+        kept.lathe.refuse_other_jog(AxisName.CARRIAGE)
+    assert [(each.code, each.key) for each in refused.value.problems] == [("controller.setting", f"I3{number}")]

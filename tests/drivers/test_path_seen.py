@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -106,6 +107,13 @@ def test_a_poll_that_was_interrupted_accuses_nobody() -> None:
     """Its axes are read at different moments: a tool of half a lobe later looks like one that was moved."""
     assert [problem.code for problem in found(30.0, took_s=0.005)] == ["cut.off_path"]
     assert found(30.0, took_s=0.02) == []
+
+
+@pytest.mark.parametrize("polls", [0, 1, 2, 15])
+def test_too_few_polls_accuse_nobody(polls: int) -> None:
+    """Three turns too many in one of 15 polls: they do not show what the other turns are."""
+    silent_s = (polls * POLL_S - 0.001, math.inf)
+    assert found(turns=3.0, within_s=(0.14, 0.17), silent_s=silent_s) == []
 
 
 def told(tool_um: float = 0.0, **how: Any) -> list[str]:

@@ -12,7 +12,9 @@ from drivers.cutting.live_trim import trim_um, untrimmed
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.identification.nominal import path_response
+from drivers.lathe.drift import rest_limits
 from drivers.lathe.heartbeat import cut_condition
+from drivers.lathe.snapshot import AxisName
 from profiles.problem import ProblemError
 from tests.drivers.cut_floor import with_inverter
 from tests.drivers.families import ON_ONE
@@ -92,3 +94,26 @@ def test_on_a_spindle_that_the_controller_does_not_turn_only_what_counts_its_ang
             refused[strategy] = error.problems[0].code, error.problems[0].limit
     told = "program.not_turned", "cam, timebase"
     assert refused == dict.fromkeys((Strategy.PAPER, Strategy.NONE, Strategy.PVT), told)
+
+
+@ON_ONE
+def test_the_land_of_the_tool_stays_clear_of_the_jaws_by_their_clearance(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Of a land of 0.4 mm half is in front of the place of the tool."""
+    plan = plan_cut(experiment(1), machine, Strategy.PVT)
+    tool, carriage = replace(machine.tool, wiper_land_mm=0.4), machine.carriage
+    furthest_mm = plan.checked.highest[carriage.motor] / carriage.counts_per_mm
+    for more_mm, refused in ((0.05, False), (-0.05, True)):
+        clearance_mm = carriage.jaw_face_mm - furthest_mm - 0.2 - more_mm
+        near = replace(machine, tool=tool, carriage=replace(carriage, jaw_clearance_mm=clearance_mm))
+        found = {finding.problem.code for finding in plan_cut(experiment(1), near, Strategy.PVT).findings}
+        assert ("cut.near_jaws" in found) is refused
+
+
+@ON_ONE
+def test_what_is_rest_goes_by_the_counts_of_an_axis(machine: MachineProfile) -> None:
+    """5 counts/s; of a scale of 5 nm 1 um/s, which are 200 of its counts."""
+    fine = replace(machine, tool=replace(machine.tool, counts_per_mm=200_000.0))
+    assert rest_limits(machine) == dict.fromkeys(AxisName, 5.0)
+    assert rest_limits(fine) == {**dict.fromkeys(AxisName, 5.0), AxisName.TOOL: pytest.approx(200.0)}
