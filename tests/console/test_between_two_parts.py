@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from console.session.cut import run as run_module
+from console.session.cut.engine import cut, load
+from console.session.cut.in_process import simulated_context
 from console.session.cut.run import CutOutcome
 from console.session.stages import Stage
 from console.session.station.progress import CutPhase, PhaseClock, planned_phases
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
 from profiles.store import load_job, load_machine
+from tests.compact import compact_machine
 
 MACHINE = load_machine("lee-2001-lathe").machine
 PLAN = plan_cut(load_job("lee-2001-experiment-1").job, MACHINE, Strategy.NONE)
@@ -75,3 +80,27 @@ def test_what_is_left_of_the_retract_falls_and_its_delay_comes_off_the_next_phas
         found = left(50.0 + gone_s)
         assert [phase for phase, _ in found] == [CutPhase.RETRACT, CutPhase.HOME]
         assert [seconds for _, seconds in found] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_cut_that_is_ended_before_the_feed_ends_held_and_without_figures() -> None:
+    """F7 while the spindle runs up: the tool is out again before a turn was polled, and nothing has gone wrong."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    machine = compact_machine().machine
+    context, _ = simulated_context(machine)
+    lathe, workshop = context.lathe, context.workshop
+    lathe.connect()
+    assert workshop is not None
+    workshop.mount(job)
+    lathe.enable()
+    lathe.home()
+    plan = plan_cut(job, machine, Strategy.PVT, watchdog=lathe.program.watchdog)
+    load(context, plan, lambda *_: None, aligned=True)
+    asked: list[bool] = []
+
+    def see(_: Snapshot) -> None:
+        if not asked:
+            asked.append(True)
+            lathe.program.end_after_turn()
+
+    ended = cut(context, job, plan, lambda *_: None, see)
+    assert (ended.held, ended.figures) == (True, None)

@@ -123,19 +123,15 @@ def verdict(
     """
     setup, chance, per_um = plan(strategy).setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     late_turns = 0.0 if strategy is Strategy.PVT else 1e-3 * MACHINE.controller.servo_period_ms / TURN_S
-    polls, target = ToolPolls(plan(strategy), MACHINE, JOB), plan(strategy).target
+    polls = ToolPolls(plan(strategy), MACHINE, JOB)
     for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
         at_s = number * POLL_S
         turn = at_s / TURN_S
         z = setup.carriage_start + turn * setup.carriage_per_turn
         wave = np.exp(2j * np.pi * order * turn)
         commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns)) + (command * wave).real
-        tool_um = (
-            plan(strategy).target.at_um(360.0 * turn)
-            + (tool * wave).real
-            + deeper_um
-            + chance.normal(0.0, scatter_um)
-        )
+        off_um = (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
+        tool_um = plan(strategy).target.at_um(360.0 * turn) + off_um
         at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
         places = ((at, asked - at), ((from_turn + turn) * setup.counts_per_turn, 0.0), (z, 0.0))
         axes = [AxisState(position=float(p), following_error=float(e), flags=frozenset()) for p, e in places]

@@ -114,6 +114,8 @@ def test_the_land_of_the_tool_stays_clear_of_the_jaws_by_their_clearance(
 @ON_ONE
 def test_what_is_rest_goes_by_the_counts_of_an_axis(machine: MachineProfile) -> None:
     """5 counts/s; of a scale of 5 nm 1 um/s, which are 200 of its counts."""
-    fine = replace(machine, tool=replace(machine.tool, counts_per_mm=200_000.0))
     assert rest_limits(machine) == dict.fromkeys(AxisName, 5.0)
-    assert rest_limits(fine) == {**dict.fromkeys(AxisName, 5.0), AxisName.TOOL: pytest.approx(200.0)}
+    for axis in (AxisName.TOOL, AxisName.CARRIAGE):
+        finer = replace(getattr(machine, axis.value), counts_per_mm=200_000.0)
+        found = rest_limits(replace(machine, **{axis.value: finer}))
+        assert found == {**dict.fromkeys(AxisName, 5.0), axis: pytest.approx(200.0)}
