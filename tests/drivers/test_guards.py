@@ -152,7 +152,8 @@ def test_a_motion_that_nobody_here_asked_for_is_told_with_what_moves(
     axes = {
         name: state(0.0, flags=CLOSED if name in moving else resting) for name in ("tool", "spindle", "carriage")
     }
-    problem = unasked_motion(seen(running=program, **axes))
+    tool, spindle, carriage = axes.values()
+    problem = unasked_motion(seen(running=program, tool=tool, spindle=spindle, carriage=carriage))
     assert problem is not None and (problem.code, problem.key) == ("machine.moves_unasked", key)
-    still = dict.fromkeys(axes, state(0.0, flags=resting))
-    assert unasked_motion(seen(running=False, **still)) is None
+    still = state(0.0, flags=resting)
+    assert unasked_motion(seen(running=False, tool=still, spindle=still, carriage=still)) is None
