@@ -17,6 +17,7 @@ from console.session.station.progress import CutPhase, PhaseClock, planned_phase
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
+from profiles.job import Job
 from profiles.store import load_job, load_machine
 from tests.compact import compact_machine
 
@@ -104,3 +105,28 @@ def test_a_cut_that_is_ended_before_the_feed_ends_held_and_without_figures() -> 
 
     ended = cut(context, job, plan, lambda *_: None, see)
     assert (ended.held, ended.figures) == (True, None)
+
+
+@pytest.mark.parametrize("clamped", [False, True])
+def test_a_part_that_is_clamped_is_not_clamped_anew_and_what_it_ran_into_is_told(
+    monkeypatch: pytest.MonkeyPatch, clamped: bool
+) -> None:
+    """Its fingerprint is that of this clamping."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    machine, mounted, mark = compact_machine().machine, list[str](), cast(Any, "the jaws")
+    context, sim = simulated_context(machine)
+    mount, look = sim.mount, sim.look
+
+    def noting(job: Job) -> None:
+        mounted.append(job.name)
+        mount(job)
+
+    sim.mount(job)
+    monkeypatch.setattr(sim, "mount", noting)
+    monkeypatch.setattr(sim, "look", lambda: replace(look(), collisions=(mark,)))
+    watchdog = context.lathe.program.watchdog
+    plan = plan_cut(job, machine, Strategy.NONE, watchdog=watchdog)
+    outcome = run_module.cut_part(context, job, plan, lambda *_: None, clamped=clamped)
+    assert mounted == ([] if clamped else [job.name])
+    assert outcome.collisions == (mark,)
+    assert outcome.trace is not None
