@@ -19,6 +19,7 @@ class Mutation:
 
 STOP, STOPPING = "drivers/lathe/stop.py", "tests/drivers/test_stopping.py"
 LIMITS, BETWEEN = "tests/drivers/test_limits_of_a_cut.py", "tests/console/test_between_two_parts.py"
+DISTURBED = "tests/drivers/test_disturbed_measurements.py"
 UNEVEN = "tests/profiles/test_uneven_traces.py"
 INTERLOCKS = "console/session/cut/interlocks.py"
 _STOPPING: tuple[Mutation, ...] = (
@@ -84,6 +85,21 @@ _STOPPING: tuple[Mutation, ...] = (
         old="max(out_s - begun_s - cut_s, 0.0)",
         new="max(out_s - begun_s + cut_s, 0.0)",
         test=f"{BETWEEN}::test_the_retract_has_the_time_that_the_program_gives_it",
+    ),
+    Mutation(
+        rule="A cut that the controller ends is watched to its end.",
+        file="drivers/lathe/motion.py",
+        old="                watch(snapshot)\n            self._clock.wait(CUT_POLL_S)",
+        new="                pass\n            self._clock.wait(CUT_POLL_S)",
+        test="tests/drivers/test_kept_heartbeat.py::"
+        "test_a_cut_that_lost_its_host_is_watched_until_the_controller_has_ended_it",
+    ),
+    Mutation(
+        rule="A setting that changed while a response was measured is seen after it.",
+        file="drivers/identification/settings_comparison.py",
+        old="        found = fingerprint_problems(self._before, self._read(), left_out)",
+        new="        found = fingerprint_problems(self._before, self._before, left_out)",
+        test=f"{DISTURBED}::test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end",
     ),
     Mutation(
         rule="An override that this console has not commanded stops the cut.",

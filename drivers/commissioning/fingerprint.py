@@ -110,7 +110,8 @@ def read_fingerprint(
 def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozenset[str]) -> tuple[Problem, ...]:
     """Return everything that another host has changed, by name, with its present and previous value."""
     problems = []
-    for name, was, found in (*_settings(before, after), *_facts(before, after)):
+    settings = changed_settings(before.configuration, after.configuration, after.machine)
+    for name, was, found in (*settings, *_facts(before, after)):
         if name not in ours:
             code = "fingerprint.changed"
             if not (was and found):
@@ -119,14 +120,16 @@ def fingerprint_problems(before: Fingerprint, after: Fingerprint, ours: frozense
     return tuple(problems)
 
 
-def _settings(before: Fingerprint, after: Fingerprint) -> Iterator[tuple[str, str, str]]:
+def changed_settings(
+    before: Configuration, after: Configuration, machine: MachineProfile
+) -> Iterator[tuple[str, str, str]]:
     """Yield each setting that differs: its name, its value before and after."""
-    old, new = before.configuration.standing, after.configuration.standing
+    old, new = before.standing, after.standing
     for index in sorted(old.keys() | new.keys()):
         values = old.get(index), new.get(index)
         if values[0] is None or values[1] is None or not same(values[0], values[1]):
-            of = named(index, after.configuration.dialect)
-            was, found = ("" if value is None else amount(value, of, after.machine) for value in values)
+            of = named(index, after.dialect)
+            was, found = ("" if value is None else amount(value, of, machine) for value in values)
             yield f"I{index}", was, found
 
 

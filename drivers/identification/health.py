@@ -30,6 +30,7 @@ from drivers.identification.request import (
 )
 from drivers.identification.result import IdentifiedPoint, Origin
 from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
+from drivers.identification.settings_comparison import SettingsComparison
 from drivers.identification.standstill import Standstill, link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.gathering.gather import GatherError
@@ -232,6 +233,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
 
     Raises as `identify`, and ProfileError: `health.no_step`.
     """
+    settings = SettingsComparison(rig, origin)
     refuse_health(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.step_um)):
         raise RefusedError(*problems)
@@ -241,6 +243,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
         data = _moved(rig, request)
         sine = measure(rig, PvtPath(rig.machine, request.step_um), request.sine_hz, request.sine)
         put_back(rig, gathering, table=False)
+        settings.refuse_changed()
     except BaseException as error:
         restore_after(rig, gathering, error, table=False)
         raise

@@ -23,6 +23,7 @@ from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
+from drivers.identification.settings_comparison import GAINS, SERVO_TIME, SettingsComparison
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
@@ -32,9 +33,6 @@ from drivers.pmac.language.errors import PmacError
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.compensations.path import delayed
 from profiles.problem import Problem, ProblemError
-
-GAINS = range(30, 40)  # Ix30 to Ix35, and the notch filter
-SERVO_TIME = 10
 
 MOST_STEP_COUNTS = 10.0  # by switching the table: the carriage rests within counts of its zero
 
@@ -97,6 +95,7 @@ def identify(
     error is raised. A machine of which another console has taken control is left as it is.
     Raises RefusedError: nothing has moved; ProblemError: what went wrong, or who stopped it.
     """
+    settings = SettingsComparison(rig, origin)
     refuse_before(rig, request)
     if problems := (*standing_problems(rig), *link_problems(rig, request.amplitude_um)):
         raise RefusedError(*problems)
@@ -121,6 +120,7 @@ def identify(
             rig.lathe.jog_to(AxisName.CARRIAGE, 0.0)
             _refuse_step(rig, excitation)
         put_back(rig, gathering, table=table, table_before=before)
+        settings.refuse_changed()
     except BaseException as error:
         restore_after(rig, gathering, error, table=table, table_before=before)
         raise

@@ -10,6 +10,7 @@ from drivers.identification.excitation import PROGRAM, Excitation, Sweep
 from drivers.identification.request import IdentificationRequest
 from drivers.identification.result import IdentifiedPoint
 from drivers.identification.rig import Rig
+from drivers.identification.settings_comparison import changes_in
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.gathering.gather import GatherError
@@ -57,7 +58,7 @@ def measure(
 
     Raises:
         DriverError: `identify.gather`, nothing is gathered; `identify.ended_early`; `identify.not_steady`;
-            what ended the motion, as for `Lathe.follow`.
+            `measurement.changed`; what ended the motion, as for `Lathe.follow`.
         ProfileError: `identification.*`, the gathered data cannot be evaluated.
     """
     sweep = excitation.sweep(frequency_hz, request.periods)
@@ -76,10 +77,15 @@ def measure(
 def run_gathered(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:
     """Run the loaded program to its end, and gather from where it is steady. Raises as `measure`."""
     out_counts = rig.lathe.snapshot().tool.position  # the tool is clear of everything where it swings
-    began_s = rig.clock.now_s()
-    watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=began_s + sweep.steady_s)
-    rig.lathe.program.start(PROGRAM, out_counts)
-    rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
+    rig.lathe.program.start(PROGRAM, out_counts)  # it reads the settings first, which may take seconds
+    steady_at_s = rig.clock.now_s() + sweep.steady_s
+    watch = Watch(rig=rig, plan=plan, standstill=standstill, steady_at_s=steady_at_s)
+    try:
+        rig.lathe.program.follow(watch.see, sweep.longest_s + END_S)
+    except DriverError as error:
+        if changed := changes_in(error):
+            raise DriverError(*changed) from error
+        raise
     if not watch.ended:
         raise DriverError(Problem(code="identify.ended_early", where=rig.where, key=f"PROG {PROGRAM}"))
 

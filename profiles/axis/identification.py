@@ -11,7 +11,8 @@ H  = sum Y_k conj(R_k) / sum |R_k|^2                                     least s
     g2 = |sum Y_k conj(R_k)|^2 / (sum |R_k|^2 sum |Y_k|^2)                   coherence, magnitude squared, 0 to 1
 
 (J. S. Bendat and A. G. Piersol, Random Data: the estimator H1 and its coherence, at one frequency). A lag is a
-negative phase. The coherence of K segments without any relation has the mean 1/K, not 0.
+negative phase. The coherence of K segments without any relation has the mean 1/K, not 0. It is over the segments,
+and shows what differs between them; what is the same in all of them, such as a wrong gain, leaves it at 1.
 
 The confidence is the larger of two, because each is blind to something. By the scatter of the segments, with
 e_k = Y_k - H R_k, a component of H has the variance sum |e_k|^2 / (2 (K - 1)) / sum |R_k|^2, of 2 (K - 1) degrees

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import pytest
 
 from console.session.cut import run as run_module
+from console.session.cut.engine import cut, load
+from console.session.cut.in_process import simulated_context
 from console.session.cut.run import CutOutcome
 from console.session.stages import Stage
 from console.session.station.progress import CutPhase, PhaseClock, planned_phases
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
+from profiles.job import Job
 from profiles.store import load_job, load_machine
+from tests.compact import compact_machine
 
 MACHINE = load_machine("lee-2001-lathe").machine
 PLAN = plan_cut(load_job("lee-2001-experiment-1").job, MACHINE, Strategy.NONE)
@@ -75,3 +81,52 @@ def test_what_is_left_of_the_retract_falls_and_its_delay_comes_off_the_next_phas
         found = left(50.0 + gone_s)
         assert [phase for phase, _ in found] == [CutPhase.RETRACT, CutPhase.HOME]
         assert [seconds for _, seconds in found] == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_cut_that_is_ended_before_the_feed_ends_held_and_without_figures() -> None:
+    """F7 while the spindle runs up: the tool is out again before a turn was polled, and nothing has gone wrong."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    machine = compact_machine().machine
+    context, _ = simulated_context(machine)
+    lathe, workshop = context.lathe, context.workshop
+    lathe.connect()
+    assert workshop is not None
+    workshop.mount(job)
+    lathe.enable()
+    lathe.home()
+    plan = plan_cut(job, machine, Strategy.PVT, watchdog=lathe.program.watchdog)
+    load(context, plan, lambda *_: None, aligned=True)
+    asked: list[bool] = []
+
+    def see(_: Snapshot) -> None:
+        if not asked:
+            asked.append(True)
+            lathe.program.end_after_turn()
+
+    ended = cut(context, job, plan, lambda *_: None, see)
+    assert (ended.held, ended.figures) == (True, None)
+
+
+@pytest.mark.parametrize("clamped", [False, True])
+def test_a_part_that_is_clamped_is_not_clamped_anew_and_what_it_ran_into_is_told(
+    monkeypatch: pytest.MonkeyPatch, clamped: bool
+) -> None:
+    """Its fingerprint is that of this clamping."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    machine, mounted, mark = compact_machine().machine, list[str](), cast(Any, "the jaws")
+    context, sim = simulated_context(machine)
+    mount, look = sim.mount, sim.look
+
+    def noting(job: Job) -> None:
+        mounted.append(job.name)
+        mount(job)
+
+    sim.mount(job)
+    monkeypatch.setattr(sim, "mount", noting)
+    monkeypatch.setattr(sim, "look", lambda: replace(look(), collisions=(mark,)))
+    watchdog = context.lathe.program.watchdog
+    plan = plan_cut(job, machine, Strategy.NONE, watchdog=watchdog)
+    outcome = run_module.cut_part(context, job, plan, lambda *_: None, clamped=clamped)
+    assert mounted == ([] if clamped else [job.name])
+    assert outcome.collisions == (mark,)
+    assert outcome.trace is not None

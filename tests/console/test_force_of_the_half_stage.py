@@ -13,6 +13,7 @@ from typing import Any
 import pytest
 
 from console.session.cut.engine import CutContext
+from console.session.cut.force_watch import ForceWatch
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, plan_run, run_once
 from console.session.stages import Stage
@@ -21,6 +22,8 @@ from console.session.station.state import StationState
 from console.session.work import Work, opened
 from console.tui.pages.run_lines import checks
 from drivers.controller import Controller
+from drivers.cutting.plan import CutPlan
+from drivers.cutting.sampling import BatchGather
 from drivers.cutting.strategy import Strategy
 from drivers.errors import LinkTimeoutError
 from drivers.pmac.gathering.gather import GatherError
@@ -223,3 +226,24 @@ def test_after_a_restart_arming_the_whole_says_it_from_the_record(
     machine = compact_machine()
     assert state.armed is not None
     assert warned(state, opened(job, machine), machine) == ["force.wrong_sign"]
+
+
+def test_five_turns_of_air_and_six_of_a_full_chip_are_gathered(monkeypatch: pytest.MonkeyPatch) -> None:
+    """At 1000 rpm a turn is 60 ms: 135 servo cycles of 0.4427 ms. The chip is full after two turns."""
+    prepared: dict[str, Any] = {}
+
+    def prepare(_: BatchGather, plan: CutPlan, samples: int, seconds: float, take: object, **more: Any) -> None:
+        prepared.update(more, samples=samples, seconds=seconds, plan=plan)
+
+    monkeypatch.setattr(BatchGather, "prepare", prepare)
+    machine = compact_machine().machine
+    plan = plan_run(experiment_1(), machine, Strategy.PVT, stage=Stage.PARTIAL, simulated=True)
+    context: CutContext = simulated_context(machine, plant_named("steady", machine, 1))[0]
+    ForceWatch(context.lathe, plan.job).begin(plan.cut)
+    assert plan.cut.spindle_speed_rpm == pytest.approx(1000.0, rel=0.001)
+    setup, land_mm = plan.cut.setup, machine.tool.wiper_land_mm
+    touches = setup.carriage_face - 0.5 * land_mm * machine.carriage.counts_per_mm
+    air_turns = (touches - prepared["from_counts"]) / setup.carriage_per_turn
+    assert 1.0 < air_turns <= 5.0 + 0.15 / 0.060 + 1e-9
+    assert prepared["seconds"] == pytest.approx((air_turns + 2.0 + 6.0) * 0.060, rel=0.002)
+    assert (prepared["samples"], prepared["thrust"]) == (135, True)

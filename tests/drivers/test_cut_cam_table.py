@@ -127,7 +127,7 @@ def turning(duration_ms: float, z_from: float, z_per_ms: float) -> CheckedProgra
     )
 
 
-@pytest.mark.parametrize(("z_from", "z_per_ms"), [(172_000.0, 0.8), (155_000.0, 10.0)])
+@pytest.mark.parametrize(("z_from", "z_per_ms"), [(172_000.0, 0.8), (155_000.0, 10.0), (160_000.0, 20.0)])
 def test_what_the_table_adds_is_put_into_the_motion_a_cycle_late(z_from: float, z_per_ms: float) -> None:
     """Motors 2 and 3 come behind motor 1: the table sees them where they were in the cycle before."""
     period_ms = 0.4427

@@ -14,6 +14,7 @@ from drivers.lathe.guards import (
     ProgramGuard,
     open_loop_problem,
     reset_problem,
+    unasked_motion,
 )
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
@@ -138,3 +139,21 @@ def test_a_loop_that_opens_is_named_and_one_of_an_inverter_is_not_looked_at() ->
     problem = open_loop_problem(opened)
     assert problem is not None and (problem.code, problem.key) == ("machine.loop_open", "spindle")
     assert open_loop_problem(replace(opened, driven=(AxisName.TOOL, AxisName.CARRIAGE))) is None
+
+
+@pytest.mark.parametrize(
+    ("moving", "program", "key"),
+    [(("carriage",), False, "carriage"), (("spindle", "tool"), True, "tool, spindle"), ((), True, "program")],
+)
+def test_a_motion_that_nobody_here_asked_for_is_told_with_what_moves(
+    moving: tuple[str, ...], program: bool, key: str
+) -> None:
+    resting = CLOSED | {"desired_velocity_zero", "in_position"}
+    axes = {
+        name: state(0.0, flags=CLOSED if name in moving else resting) for name in ("tool", "spindle", "carriage")
+    }
+    tool, spindle, carriage = axes.values()
+    problem = unasked_motion(seen(running=program, tool=tool, spindle=spindle, carriage=carriage))
+    assert problem is not None and (problem.code, problem.key) == ("machine.moves_unasked", key)
+    still = state(0.0, flags=resting)
+    assert unasked_motion(seen(running=False, tool=still, spindle=still, carriage=still)) is None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import pytest
 
@@ -15,6 +16,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
+from drivers.pmac.reserved import ECHO
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
@@ -93,6 +95,20 @@ def test_a_program_that_knows_no_lease_is_ended_by_the_card_when_this_host_is_si
     assert not kept.stop.reason, "it was left to the card"
 
 
+def test_a_cut_that_lost_its_host_is_watched_until_the_controller_has_ended_it(kept: Kept) -> None:
+    """A host that is back in time still passes on that the cut shall end early: it is called with each poll."""
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
+    kept.silent_once(0.5)  # the lease of 0.3 s has run out, the grace of the program has not
+    seen: list[Snapshot] = []
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.program.follow(seen.append, 60.0)
+    assert code(failed) == "heartbeat.lapsed"
+    lost = [snapshot for snapshot in seen if snapshot.lost]
+    assert len(lost) > 10 and lost[0].moving and lost[-1].at_rest
+
+
 def test_what_was_ended_is_acknowledged_before_anything_moves_again(kept: Kept) -> None:
     kept.silent_once(2.0)
     with pytest.raises(DriverError):
@@ -129,3 +145,55 @@ def test_a_stop_ends_the_guard_so_that_the_card_moves_nothing_behind_it(kept: Ke
     kept.sim.wait(5.0)
     assert kept.sim.controller.motors[1].desired == tool
     assert kept.lathe.snapshot().at_rest
+
+
+def test_a_plc_that_shows_the_same_count_twice_gets_its_time(kept: Kept, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A busy controller scans its PLC less often than it answers: it has 0.3 s to count."""
+    numbers, told = kept.client.numbers, list[float]()
+
+    def slowly(*items: str, **more: Any) -> tuple[float, ...]:
+        found = numbers(*items, **more)
+        if f"P{ECHO}" not in items or len(told) > 3:
+            return found
+        at = items.index(f"P{ECHO}")
+        told.append(told[0] if told else found[at])
+        return (*found[:at], told[0], *found[at + 1 :])
+
+    kept.lathe.home()
+    monkeypatch.setattr(kept.client, "numbers", slowly)
+    kept.lathe.jog_to(AxisName.CARRIAGE, 500.0)
+    assert len(told) == 4 and kept.lathe.snapshot().carriage.position == pytest.approx(500, abs=1)
+
+
+@pytest.mark.parametrize("held_counts", [0.0, 40.0])
+def test_a_step_of_the_tool_is_as_long_with_what_a_table_has_left(kept: Kept, held_counts: float) -> None:
+    """Its commanded position has the correction, and that of a jog has not: it must count once."""
+    kept.lathe.home()
+    before = kept.lathe.snapshot().tool.commanded
+    kept.sim.controller.motors[1].correction = held_counts
+    kept.sim.wait(0.5)
+    assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts, abs=1)
+    kept.lathe.jog_by(AxisName.TOOL, 500.0)
+    assert kept.lathe.snapshot().tool.commanded == pytest.approx(before + held_counts + 500.0, abs=1)
+
+
+@pytest.mark.parametrize(("policy", "within_s"), [("retract", 6.35), ("stop", 6.35), ("finish", float("inf"))])
+def test_a_lost_cut_is_waited_for_as_long_as_the_controller_may_take(
+    machine: MachineProfile, policy: str, within_s: float
+) -> None:
+    """Its grace, here 3 s, 0.35 s for the program to end, 2 s for the tool to come out, and 1 s of allowance."""
+    sim = SimulatedLathe(machine)
+    client = PmacClient(MemoryLink(sim.connect(), sim), sim)
+    given = replace(machine, heartbeat=replace(machine.heartbeat, policy=policy, grace_ms=3000.0))
+    assert Heartbeat(client, sim, given).ends_within_s == pytest.approx(within_s)
+
+
+@pytest.mark.parametrize("number", [13, 14, 15, 19, 20, 21, 22, 23])
+def test_no_axis_is_jogged_with_other_limits_ramps_or_speeds_than_the_profile_has(kept: Kept, number: int) -> None:
+    """Travel, the ramp of a stop, the ramps and speeds of a jog and of a home search."""
+    kept.lathe.refuse_other_jog(AxisName.CARRIAGE)
+    (value,) = kept.client.numbers(f"I3{number}")
+    kept.client.request(f"I3{number}={value + 1.0}", lines=0)
+    with pytest.raises(RefusedError) as refused:
+        kept.lathe.refuse_other_jog(AxisName.CARRIAGE)
+    assert [(each.code, each.key) for each in refused.value.problems] == [("controller.setting", f"I3{number}")]

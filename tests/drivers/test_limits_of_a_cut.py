@@ -8,8 +8,11 @@ from typing import Any, cast
 
 import pytest
 
+from drivers.cutting.bounds import Trim
+from drivers.cutting.corrected import with_spindle
 from drivers.cutting.feed_hold import FeedHold
 from drivers.cutting.guarding import cut_guard
+from drivers.cutting.live_trim import LiveTrim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
@@ -17,7 +20,11 @@ from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
-from drivers.lathe.standstill import HomeSearch, prove_rest
+from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.check import run_through
+from drivers.pmac.program_text import read_program
+from drivers.pmac.trajectory.linear import timing_of
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from tests.drivers.conftest import JobMaker
@@ -66,6 +73,21 @@ def test_a_running_cut_may_leave_its_plan_by_its_margins(
             states = {name.value: commanded(counts) for name, counts in at.items()}
             found = cut_guard(plan, machine)(polled(0.0, **states))
             assert [problem.code for problem in found] == codes, (axis, way, beyond)
+
+
+def test_a_tool_near_its_end_does_not_end_the_move_of_another_axis() -> None:
+    """The tool alone may lag, by its band and for its time: 50 counts, 1 s."""
+    rest, lag = RESTING | {"in_position"}, RESTING
+
+    def over(tool_lag: float, carriage: frozenset[str]) -> list[bool]:
+        settling = Settling((AxisName.TOOL, AxisName.CARRIAGE), 50.0, 1.0)
+        tool = AxisState(position=0.0, following_error=tool_lag, flags=lag)
+        other = AxisState(position=0.0, following_error=0.0, flags=carriage)
+        return [settling.is_over(polled(at_s, tool=tool, carriage=other)) for at_s in (0.0, 0.9, 1.0, 2.0)]
+
+    assert over(50.0, rest) == [False, False, True, True]
+    assert over(50.1, rest) == [False] * 4
+    assert over(50.0, lag) == [False] * 4
 
 
 def searched(*flags: frozenset[str]) -> list[bool]:
@@ -179,10 +201,11 @@ def test_a_missing_reply_is_left_to_the_next_round_and_a_lost_link_is_not(code: 
     [
         lambda client, sending, stop: FeedOverride(client, sending, stop).command(90),
         lambda client, sending, _: FeedHold(client, sending).ask(),
+        lambda client, sending, stop: LiveTrim(client, sending, stop).ask(Trim(gain_percent=5.0)),
     ],
 )
 def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
-    """Neither its speed nor its end: nothing reaches the controller."""
+    """Neither its speed nor its end nor its trim: nothing reaches the controller."""
     queried, stop = Queried(), SimpleNamespace(check=lambda: None)
 
     def refuse_unless_owner() -> None:
@@ -191,3 +214,13 @@ def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
     with pytest.raises(RefusedError):
         ask(queried, SimpleNamespace(refuse_unless_owner=refuse_unless_owner), stop)
     assert queried.queries == 0
+
+
+def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
+    """The clock of a program that the spindle drives is stretched whole: acceleration, S-curve and move."""
+    text = read_program("OPEN PROG 1\nCLEAR\nINC TA100 TS40 TM500\nX300\nCLOSE")
+    checked = run_through(text, {190: 1000.0}, read_definitions(("#1->X",)), {1: 0.0})
+    slower = with_spindle(checked, 2, 5.0, stretch=1.5)
+    (record,) = (move.record for move in slower.moves)
+    assert record.asked == record.timing == timing_of(150.0, 60.0, 750.0)
+    assert slower.duration_ms == pytest.approx(1.5 * checked.duration_ms)

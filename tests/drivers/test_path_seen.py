@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -40,10 +41,12 @@ def found(
     lags: bool = False,
     silent_s: tuple[float, float] = (0.0, 0.0),
     held_s: float = 0.0,
+    took_s: float = 0.005,
 ) -> list[Problem]:
     """What is found of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
 
-    No poll comes within `silent_s`; `held_s` is what a simulated lathe has held its time.
+    No poll comes within `silent_s`; `held_s` is what a simulated lathe has held its time. A poll of that moment
+    takes `took_s`, every other one 5 ms.
     Where it `lags`, tool and carriage are commanded as planned all the time; else they are where commanded.
 
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
@@ -75,7 +78,7 @@ def found(
         seen.see(
             Snapshot(
                 asked_s=at_s,
-                at_s=at_s + 0.005,
+                at_s=at_s + (took_s if off else 0.005),
                 program_running=True,
                 runtime_error=False,
                 tool=tool,
@@ -98,6 +101,19 @@ def test_where_polls_came_late_the_busy_computer_is_named_first() -> None:
     said = load("en").problem(problem)
     assert said.index("this computer was busy") < said.index("another host")
     assert "busy" not in load("en").problem(found(turns=3.0)[0])
+
+
+def test_a_poll_that_was_interrupted_accuses_nobody() -> None:
+    """Its axes are read at different moments: a tool of half a lobe later looks like one that was moved."""
+    assert [problem.code for problem in found(30.0, took_s=0.005)] == ["cut.off_path"]
+    assert found(30.0, took_s=0.02) == []
+
+
+@pytest.mark.parametrize("polls", [0, 1, 2, 15])
+def test_too_few_polls_accuse_nobody(polls: int) -> None:
+    """Three turns too many in one of 15 polls: they do not show what the other turns are."""
+    silent_s = (polls * POLL_S - 0.001, math.inf)
+    assert found(turns=3.0, within_s=(0.14, 0.17), silent_s=silent_s) == []
 
 
 def told(tool_um: float = 0.0, **how: Any) -> list[str]:

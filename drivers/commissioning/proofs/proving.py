@@ -14,13 +14,14 @@ from dataclasses import dataclass
 from drivers.clock import Clock
 from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
+from drivers.commissioning.fingerprint import changed_settings
 from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.reading import Extent, holds_program, read_configuration, read_gathering
 from drivers.commissioning.stop_record import StopEntry
-from drivers.commissioning.verification import Verification
+from drivers.commissioning.verification import Verification, read_of_machine
 from drivers.controller import Controller
-from drivers.errors import ControllerError, LinkError
+from drivers.errors import ControllerError, DriverError, LinkError
 from drivers.lathe.stop import StopPath
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import CompensationTable, TableDefinition, TableSource
@@ -32,6 +33,7 @@ from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
 from profiles.findings import Severity, worst
+from profiles.problem import Problem
 
 BEGIN_CYCLES = 4_000_000  # written into the timer: more cycles than the measurement takes
 MEASURED_S = 1.0
@@ -322,7 +324,8 @@ def prove(
     Raises:
         StoppedError: somebody stopped; the drives are killed.
         LinkError: the link broke; check the machine.
-        DriverError: an axis does not arrive; the drives are killed. `owner.ousted`.
+        DriverError: an axis does not arrive; the drives are killed. `owner.ousted`. `measurement.changed`, another
+            host has written settings meanwhile: the stops are those of neither.
     """
     judged = verification.judged
     names = names_of(judged.machine)
@@ -346,9 +349,21 @@ def prove(
             checks += stops.checks
     finally:
         _leave(bench, restoring)
+    if stops.entries:
+        _refuse_changed(bench)
     done = {check.code.removeprefix("proof_").removeprefix("unproven_") for check in checks}
     missing = [name for name in names if name not in done]
     return Proven(checks=(*checks, *unproven(missing)), stops=stops.entries)
+
+
+def _refuse_changed(bench: ProofRig) -> None:
+    machine, before = bench.judged.machine, bench.judged.configuration
+    now = read_of_machine(bench.client, machine, bench.dialect)
+    changed = changed_settings(before, now, machine)
+    if problems := [
+        Problem(code="measurement.changed", key=name, value=found, limit=was) for name, was, found in changed
+    ]:
+        raise DriverError(*problems)
 
 
 def _stage(bench: ProofRig, proofs: Iterable[Proof]) -> list[Check]:
