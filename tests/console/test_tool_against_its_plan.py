@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -108,9 +109,18 @@ def plan(strategy: Strategy = Strategy.PVT) -> CutPlan:
 
 
 def verdict(
-    *, tool: complex = 0j, command: complex = 0j, order: int = 3, deeper_um: float = 0.0, scatter_um: float = 0.3
+    *,
+    tool: complex = 0j,
+    command: complex = 0j,
+    order: int = 3,
+    deeper_um: float = 0.0,
+    scatter_um: float = 0.3,
+    uneven_deg: float = 0.0,
 ) -> CutVerdict:
-    """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper."""
+    """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
+
+    The spindle is ahead of its command and behind it by `uneven_deg`, twice a turn.
+    """
     setup, chance, per_um = plan().setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     polls = ToolPolls(plan(), MACHINE, JOB)
     for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
@@ -123,7 +133,9 @@ def verdict(
             plan().target.at_um(360.0 * turn) + (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
         )
         at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
-        places = ((at, asked - at), (turn * setup.counts_per_turn, 0.0), (z, 0.0))
+        ahead = uneven_deg / 360.0 * np.sin(4.0 * np.pi * turn)
+        spindle = ((turn + ahead) * setup.counts_per_turn, -ahead * setup.counts_per_turn)
+        places = ((at, asked - at), spindle, (z, 0.0))
         axes = [AxisState(position=float(p), following_error=float(e), flags=frozenset()) for p, e in places]
         polls.see(
             Snapshot(
@@ -156,6 +168,14 @@ def test_a_command_that_is_off_all_along_is_a_disturbance(order: int) -> None:
 def test_the_least_change_of_a_command_is_half_a_micrometre() -> None:
     assert verdict(command=0.45 + 0j).judgement is not CutJudgement.DISTURBED
     assert verdict(command=0.55 + 0j).judgement is CutJudgement.DISTURBED
+
+
+def test_a_spindle_of_uneven_speed_is_an_error_of_the_tool_and_no_disturbance() -> None:
+    """5 % of ripple twice a turn are 0.05 / 2 rad of angle: 27.5 um x 3 x 0.025 / 2 at 1 and at 5 a turn."""
+    found = verdict(uneven_deg=math.degrees(0.025))
+    assert found.command_problem is None
+    assert found.tool is not None
+    assert [abs(found.tool.orders[n]) for n in (1, 5)] == pytest.approx([1.03, 1.03], abs=0.1)
 
 
 def test_a_tool_that_does_not_follow_has_an_error_of_its_own() -> None:

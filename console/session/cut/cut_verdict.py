@@ -188,13 +188,15 @@ class ToolPolls:
         self._over = self._over or at > self._last
         if not self._over and at > self._first and snapshot.program_running:
             took_s, middle_s = snapshot.at_s - snapshot.asked_s, 0.5 * (snapshot.at_s + snapshot.asked_s)
-            places = (snapshot.spindle.position, snapshot.carriage.position)
-            self._rows.append((took_s, middle_s, *places, tool.position, tool.commanded))
+            spindle, z = snapshot.spindle, snapshot.carriage.position
+            self._rows.append(
+                (took_s, middle_s, spindle.position, z, tool.position, tool.commanded, spindle.commanded)
+            )
 
     def verdict(self) -> CutVerdict:
         """Return the verdict on the cut as far as it was polled."""
         plan, job = self._plan, self._job
-        rows = np.array(self._rows).reshape(-1, 6)
+        rows = np.array(self._rows).reshape(-1, 7)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
@@ -202,13 +204,14 @@ class ToolPolls:
         error, command_error = None, None
         if len(rows) > 1:
             turns_per_s = (turns[-1] - turns[0]) / (rows[-1, 1] - rows[0, 1])
-            infeed_um = (rows[:, 4:] - plan.setup.surface) * self._machine.tool.count_um
+            infeed_um = (rows[:, 4:6] - plan.setup.surface) * self._machine.tool.count_um
             cycle_deg = 0.36 * turns_per_s * self._machine.controller.servo_period_ms
             if self._machine.spindle.followed and plan.strategy.traits.inverts:
                 turns = turns + self._skew_turns(turns, infeed_um[:, 1], cycle_deg)
-            path_um, command_um = self._planned(turns, past_mm, cycle_deg)
+            ordered = rows[:, 6] / self._machine.spindle.counts_per_rev if self._turns_spindle else turns
+            path_um, command_um = self._planned(turns, ordered, past_mm, cycle_deg)
             error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
-            command_error = fit_tool_error(turns, past_mm, infeed_um[:, 1] - command_um, job.jaws)
+            command_error = fit_tool_error(ordered, past_mm, infeed_um[:, 1] - command_um, job.jaws)
         size_um = job.diameter_tolerance_um
         return CutVerdict(
             tool=error,
@@ -239,18 +242,23 @@ class ToolPolls:
         skew_deg = math.degrees(cmath.phase(phasors(found.coefficients, (lobes,))[lobes] / expected)) / lobes
         return skew_deg / 360.0 if abs(skew_deg) <= MOST_SKEW_CYCLES * abs(cycle_deg) else 0.0
 
-    def _planned(self, turns: Floats, past_mm: Floats, cycle_deg: float) -> tuple[Floats, Floats]:
+    @property
+    def _turns_spindle(self) -> bool:
+        """Whether the program itself commands the spindle, and does not follow it by a table or its time."""
+        plan = self._plan
+        return plan.table is None and plan.clock is None and not self._machine.spindle.followed
+
+    def _planned(self, turns: Floats, ordered: Floats, past_mm: Floats, cycle_deg: float) -> tuple[Floats, Floats]:
         """Return where the plan has the tool and its command at each poll, um of infeed.
 
-        A program that does not invert the servo makes a path of its own, which is that of the modelled servo.
+        The part is made by the angle of the spindle, the command by the one `ordered`: a spindle of uneven speed
+        leaves the tool off its path, while the command keeps to the plan. A program that does not invert the servo
+        makes a path of its own, which is that of the modelled servo.
         """
-        plan, machine, angle_deg = self._plan, self._machine, 360.0 * turns
+        plan, machine, angle_deg, command_deg = self._plan, self._machine, 360.0 * turns, 360.0 * ordered
         if not plan.strategy.traits.inverts:
             made = predict(self._job, machine, plan)
-            path_um, command_um = (
-                np.interp(angle_deg, made.angle_deg, each, period=360.0)
-                for each in (made.path_um, made.command_um)
-            )
-            return path_um, command_um
-        command_deg = angle_deg - self._late_deg(cycle_deg)
+            path_um = np.interp(angle_deg, made.angle_deg, made.path_um, period=360.0)
+            return path_um, np.interp(command_deg, made.angle_deg, made.command_um, period=360.0)
+        command_deg = command_deg - self._late_deg(cycle_deg)
         return plan.target.at_um(angle_deg, past_mm), plan.command.at_um(command_deg, past_mm)
