@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from drivers.cutting.bounds import REAL_TIME
@@ -11,6 +12,7 @@ from drivers.cutting.live_trim import LiveTrim, has_trim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
+from drivers.cutting.watch_table import CutWatch, begin_watch, watch_table
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
@@ -46,6 +48,7 @@ class CutProgram:
         self.definitions = wiring.machine.controller.axis_definitions
         self._to_restore: tuple[str, ...] = ()
         self._loaded: LoadedProgram | None = None
+        self._watch: CutWatch | None = None
         self._client, self._machine, self._clock = wiring.client, wiring.machine, wiring.clock
         self._stop, self._heartbeat, self._poller = wiring.stop, wiring.heartbeat, wiring.poller
         self._sending, self._motion, self._tables = wiring.sending, motion, wiring.tables
@@ -72,7 +75,7 @@ class CutProgram:
         self._stop.check()
         self._sending.refuse_unless_owner()
         self.definitions = axis_definitions or self._machine.controller.axis_definitions
-        self._to_restore, self._loaded = restore, None
+        self._to_restore, self._loaded, self._watch = restore, None, None
         self.hold = FeedHold(self._client, self._sending)
         self._client.request(f"{STOPPED_BY_ITEM}=0")
         self._loaded = load_program(self._client, program, DIALECTS[self._machine.controller.family])
@@ -180,6 +183,8 @@ class CutProgram:
             guarded = line if self._heartbeat is None else self._heartbeat.cut(line, retracted_counts)
             return f"&1 {guarded}"
 
+        if self._watch is None:
+            self.note_settings()
         self._poller.positions.forget()
         self.hold = FeedHold(self._client, self._sending)
         self.live_trim = LiveTrim(self._client, self._sending, self._stop, lobes, running=True)
@@ -224,12 +229,24 @@ class CutProgram:
         loaded = self._loaded
         return None if loaded is None else ProgramReports(self._client, self._poller, loaded.program)
 
-    def follow(self, watch: Callable[[Snapshot], None], timeout_s: float, guard: Guard = unguarded) -> Snapshot:
+    def note_settings(self) -> None:
+        """Read what shapes a cut beside its path, and has to stay so; before plan and profile are compared."""
+        if self._loaded is not None:
+            self._watch = begin_watch(self._client, watch_table(self._machine, self._loaded))
+
+    def follow(
+        self,
+        watch: Callable[[Snapshot], None],
+        timeout_s: float,
+        guard: Guard = unguarded,
+        clear_counts: float = -math.inf,
+    ) -> Snapshot:
         """Poll the machine until the program has ended and the axes have arrived.
 
         After `REST_S` it suffices that the tool is commanded to rest and lags by less than its warning limit.
-        Meanwhile `guard` judges each poll, and the constants of the program are read in turn. A feed hold takes
-        its own time: the program bounds it.
+        Meanwhile `guard` judges each poll, and what was noted of the settings is read in turn: all of it once more
+        from the end of the feed, when the tool is commanded below `clear_counts`. A feed hold takes its own time:
+        the program bounds it.
 
         Raises:
             DriverError: `machine.fault`, `machine.timeout`, `safety.not_good`, `cut.constant_differs`,
@@ -238,16 +255,19 @@ class CutProgram:
             StoppedError: somebody stopped the machine.
         """
         settling = Settling(driven_axes(self._machine), band_counts(self._machine, AxisName.TOOL), REST_S)
-        self._poller.watched = None if self._loaded is None else self._loaded.watch()
+        watched = self._poller.watched = self._watch
         self._poller.changed = None
+
+        def over(seen: Snapshot) -> bool:
+            if watched is not None:
+                watched.see_feed(over=not seen.program_running or seen.tool.commanded < clear_counts)
+            return not seen.program_running and settling.is_over(seen)
+
         try:
-            return self._motion.until(
-                lambda seen: not seen.program_running and settling.is_over(seen),
-                timeout_s,
-                "program",
-                watch,
-                guard=guard,
-                waits=lambda: self.hold.report.active,
+            last = self._motion.until(
+                over, timeout_s, "program", watch, guard=guard, waits=lambda: self.hold.report.active
             )
+            self._poller.finish_watch()
+            return last
         finally:
-            self._poller.watched, self._poller.changed = None, None
+            self._poller.watched, self._poller.changed, self._watch = None, None, None

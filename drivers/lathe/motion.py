@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import count
 
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
@@ -17,7 +18,11 @@ from drivers.pmac.heartbeat.plc import Policy
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-CUT_POLL_S = 0.023  # not an integer fraction of any usual turn, so that every angle is sampled
+CUT_POLL_S = 0.023  # mean pause between two polls of a cut
+UNEVEN, GOLDEN = 1.4, 0.618034
+"""The pauses are spread evenly over this fraction of their mean, in the order of the golden section: so every
+angle is sampled, however long a turn takes.
+"""
 WAY_HOME_S = 10.0  # of a program ended early, after its retract: a table is left in its row of zeros
 JOG_POLL_S = 0.05  # polling interval for an axis in motion
 LINK_LATENCY_MS = 50.0  # allowance for a stop from the key to the controller
@@ -72,15 +77,15 @@ class Motion:
         homed = frozenset() if last is None else last.homed_axes - {homing}
         standing_on = frozenset() if watch is not None or last is None else last.limits
         alone: tuple[Problem, ...] = ()
+        numbers = count()
         while True:
-            before, snapshot = self._poller.last, self._next_poll(deadline, watch, homed)
+            before, snapshot = self._poller.last, self._next_poll(next(numbers), deadline, watch, homed)
             faults = snapshot.axis_faults if watch is None else snapshot.faults
             self._refuse_faults(before, snapshot, what, [fault for fault in faults if fault not in standing_on])
             self._refuse_astray(snapshot, guard)
             if not alone and self._heartbeat is not None and self._heartbeat.silent is not None:
                 alone = (self._heartbeat.silent,)
                 deadline = min(deadline, self._end_unguarded(self._heartbeat, alone[0], in_cut=watch is not None))
-            self._poller.watch_constants()
             if watch is not None:
                 watch(snapshot)
             if done(snapshot):
@@ -130,10 +135,15 @@ class Motion:
         return self._clock.now_s() + heartbeat.ends_within_s + WAY_HOME_S
 
     def _next_poll(
-        self, deadline: float, watch: Callable[[Snapshot], None] | None, homed: frozenset[AxisName]
+        self,
+        number: int,
+        deadline: float,
+        watch: Callable[[Snapshot], None] | None,
+        homed: frozenset[AxisName],
     ) -> Snapshot:
         """Let time pass with the watchdog renewed, then poll; `homed` are the axes that must have kept their zero.
 
+        In the pause some of what shapes a cut is read. `number` is that of the poll, from 0.
         A controller that was reset has also forgotten its owner, so lost positions are judged first.
 
         Raises:
@@ -141,8 +151,12 @@ class Motion:
                 `controller.home_lost`; `owner.ousted`, the machine is no longer ours.
             StoppedError: somebody stopped the machine.
         """
-        pause_s = JOG_POLL_S if watch is None else CUT_POLL_S
+        pause_s, begun_s = JOG_POLL_S, self._clock.now_s()
+        if watch is not None:
+            pause_s = CUT_POLL_S * (1.0 + UNEVEN * (number * GOLDEN % 1.0 - 0.5))
         try:
+            self._poller.read_beside()
+            pause_s = max(begun_s + pause_s - self._clock.now_s(), 0.0)
             if self._heartbeat is None:
                 self._clock.wait(pause_s)
             else:

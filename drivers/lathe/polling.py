@@ -5,10 +5,12 @@ Each poll updates the stop path with the drive state, because the right stop dep
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
 from drivers.clock import Clock
-from drivers.controller import Controller
+from drivers.controller import REPLY_TIMEOUT_S, Controller
+from drivers.cutting.watch_table import CutWatch, WatchItem, values_of
 from drivers.errors import DriverError, LinkError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
@@ -18,7 +20,6 @@ from drivers.lathe.snapshot_items import SnapshotItems
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
-from drivers.pmac.program_constants import ConstantsWatch
 from profiles.problem import Problem
 
 POLL_TIMEOUT_S = 0.3  # timeout for the reply to a poll: during a cut nothing else reports a fault
@@ -26,9 +27,10 @@ QUICK_TIMEOUT_S = 0.17
 """Minimum reply timeout under a watchdog, whose renewal must not wait for more than one retry, and while rest is
 being proven: the next repetition of the stop must not wait."""
 
-POLLS_A_READING, CONSTANTS_A_READING = 4, 4  # polls between two readings, and constants per reading
+READING_S = 0.02
+"""How long a reading beside the polls of a cut may take: within their pause. On a slow line it is one item."""
 
-SLOW_LINE_S = 0.05  # where a poll takes longer, a reading is one constant: watchdog and polls come first
+SLOW_LINE_S = 0.05  # where a poll takes longer, a program is not asked for its line: watchdog and polls come first
 
 
 class Poller:
@@ -37,8 +39,7 @@ class Poller:
     `last` is the last successful poll. `loops_closed` is whether the last poll saw every driven axis in closed
     loop, False when it failed. `verified` is set by the code that has compared the controller with its profile.
     `round_trip_s` is the duration of the last poll. `positions` judges whether axes stay where they were left.
-    `watched` are the constants of the program that runs;
-    `changed` is the first of them that differed from the plan.
+    `watched` is what shapes the cut that runs; `changed` is the first of it that was no longer as at its start.
     """
 
     def __init__(
@@ -59,9 +60,9 @@ class Poller:
         self.verified = False
         self.round_trip_s = 0.0
         self.positions = positions
-        self.watched: ConstantsWatch | None = None
+        self.watched: CutWatch | None = None
         self.changed: Problem | None = None
-        self._polls_made = 0
+        self._poll_bytes = 0
         self._client, self._clock, self._stop, self._items = client, clock, stop, items
         self._seen, self._heartbeat, self._ownership = seen, heartbeat, ownership
 
@@ -132,32 +133,42 @@ class Poller:
         self.last = snapshot
         self.loops_closed = snapshot.loops_closed
         self.round_trip_s = at_s - asked_s
+        self._poll_bytes = len(line) + sum(map(len, replies)) + len(replies)
         if self._seen is not None:
             self._seen(snapshot)
         return snapshot
 
-    def watch_constants(self) -> None:
-        """Read a few constants of the running program, every few polls, and judge them.
+    def read_beside(self) -> None:
+        """Read a part of what shapes the cut that runs, in the pause between two polls, and judge it.
 
-        An unanswered reading is left to the next round: the next poll reports a bad line. Errors as for `look`.
+        Its line is never longer than that of a poll, so a stop has not to wait longer. At the end of the feed it
+        takes as long as a poll, too. An unanswered reading is left to the next turn: the next poll reports a bad
+        line. Errors as for `look`.
         """
         watched = self.watched
-        if watched is None:
+        if watched is None or self._stop.reason is not None:
             return
-        self._polls_made += 1
-        if self._polls_made % POLLS_A_READING:
-            return
-        names = watched.names(CONSTANTS_A_READING if self.round_trip_s < SLOW_LINE_S else 1)
-        if not names or self._stop.reason is not None:
-            return
-        line = self._renewing(*names)
+        pause_bytes = self._poll_bytes * READING_S / max(self.round_trip_s, 1e-6)
+        items = watched.next_items(
+            max(pause_bytes, self._poll_bytes) if watched.at_end else pause_bytes, len(self.line)
+        )
         try:
-            answers = self._client.request(line, self._first_timeout_s, lines=len(names))
-            found = watched.see(names, [self._client.number(answer) for answer in answers])
+            self._read_watched(watched, items, self._first_timeout_s)
         except LinkError as error:
             if is_gone(error):
                 raise
-            return
+
+    def finish_watch(self) -> None:
+        """Read the rest of the last turn, at rest. Raises DriverError: what differed, or the link broke."""
+        watched = self.watched
+        while watched is not None and watched.at_end and self.changed is None:
+            self._read_watched(watched, watched.next_items(math.inf), REPLY_TIMEOUT_S)
+        if self.changed is not None:
+            raise DriverError(self.changed)
+
+    def _read_watched(self, watched: CutWatch, items: tuple[WatchItem, ...], timeout_s: float) -> None:
+        line = self._renewing(*(item.query for item in items))
+        found = watched.see(items, self._client.request(line, timeout_s, lines=values_of(items)))
         self.changed = self.changed or found
 
     def _renewing(self, *items: str) -> str:

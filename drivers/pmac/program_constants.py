@@ -11,7 +11,6 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from itertools import cycle, islice
 
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect
@@ -133,9 +132,14 @@ def constant_problems(
     return tuple(_differing(_values(constants, copied), actual, code))
 
 
+def pointers_of(program: ProgramText) -> dict[str, str]:
+    """Return the M-variable definitions before a program, by name."""
+    return {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
+
+
 def pointer_problems(client: Controller, program: ProgramText, code: str = NOT_STARTED) -> Iterator[Problem]:
     """Compare the M-variable definitions before a program with those of the controller."""
-    planned = {found[1].upper(): found[2] for text in program.commands if (found := _POINTER.fullmatch(text))}
+    planned = pointers_of(program)
     if not planned:
         return
     reported = client.query(*(f"{name}->" for name in planned), again=True)
@@ -171,20 +175,3 @@ def _hexadecimal(text: str) -> list[int] | None:
         return [int(word, 16) for word in text.split()]
     except ValueError:
         return None
-
-
-class ConstantsWatch:
-    """Monitors the constants of a running program, a few at a time, for changes."""
-
-    def __init__(self, constants: Sequence[Constant], copied: Mapping[str, float]) -> None:
-        """Take `copied`: the values of those that are copies of what the controller held."""
-        self._planned = _values([each for each in constants if each.kept], copied)
-        self._turn = cycle(self._planned)
-
-    def names(self, count: int) -> tuple[str, ...]:
-        """Return the next names to query, each once."""
-        return tuple(islice(self._turn, min(count, len(self._planned))))
-
-    def see(self, names: Sequence[str], values: Sequence[float]) -> Problem | None:
-        """Compare the values of `names`; return the first difference from the plan."""
-        return next(_differing(self._planned, dict(zip(names, values, strict=True)), IN_THE_CUT), None)

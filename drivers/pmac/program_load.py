@@ -26,7 +26,6 @@ from drivers.pmac.program_constants import (
     AFTER_IT,
     NOT_STARTED,
     Constant,
-    ConstantsWatch,
     constant_problems,
     constants_of,
     pointer_problems,
@@ -51,10 +50,6 @@ class LoadedProgram:
     dialect: Dialect
     constants: tuple[Constant, ...] = ()
     copied: Mapping[str, float] = field(default_factory=dict)
-
-    def watch(self) -> ConstantsWatch:
-        """Return a monitor that reads the constants in turn while the program runs."""
-        return ConstantsWatch(self.constants, self.copied)
 
 
 def load_program(client: Controller, program: ProgramText, dialect: Dialect) -> LoadedProgram:

@@ -10,8 +10,9 @@ from itertools import groupby
 
 LOOK = re.compile(r"(?P<renewal>(?:M\d+|I\d+)=\d+ )?#\d+P F \? .*")
 WATCHDOG = re.compile(r"(?:M\d+|I\d+)=\d+(?: P1002)?")
-CONSTANTS = re.compile(r"(?:M\d+|I\d+)=\d+(?: P\d+)+")
-"""Some constants of the program that runs, read between two looks."""
+_ITEM = r"(?: [IP]\d+(?:\.\.\d+|,\d+,\d+)?| RH[XY]:\$[0-9A-F]+| (?:#\d+|M\d+)-> &1)"
+BESIDE = re.compile(rf"(?:M\d+|I\d+)=\d+{_ITEM}+")
+"""Some of what shapes the cut that runs, read between two looks."""
 ENTRIES = re.compile(r"-?\d+(?: -?\d+){15}")
 LONG_ANSWER = 4
 UNFOLDED = 2
@@ -33,7 +34,7 @@ class Exchange:
     @property
     def waits(self) -> bool:
         """Whether somebody only looks on, or renews the watchdog timer."""
-        return any(each.fullmatch(self.said) is not None for each in (LOOK, WATCHDOG, CONSTANTS))
+        return any(each.fullmatch(self.said) is not None for each in (LOOK, WATCHDOG, BESIDE))
 
 
 def exchanges(lines: Sequence[str]) -> list[Exchange]:

@@ -144,24 +144,6 @@ def test_what_a_program_sets_itself_is_left_out_once_it_has_ended() -> None:
 
 
 @every_family
-def test_the_watch_comes_round_to_every_constant_that_stays(family: str) -> None:
-    _, program = loaded(family, Strategy.PVT)
-    watch = program.watch()
-    kept = [each for each in program.constants if each.kept]
-    names = [name for _ in range(len(kept)) for name in watch.names(4)]
-    assert {each.name for each in kept} == set(names) and TURNS_CUT not in names
-
-
-def test_the_watch_names_the_constant_that_was_changed() -> None:
-    _, program = loaded("pmac", Strategy.PVT)
-    watch, values = program.watch(), {each.name: each.value or 0.0 for each in program.constants}
-    names = watch.names(4)
-    assert watch.see(names, [values[name] for name in names]) is None
-    problem = watch.see(names, [values[name] + (name == names[2]) for name in names])
-    assert problem is not None and problem.key == names[2]
-
-
-@every_family
 @every_strategy
 def test_rounding_behind_the_eighth_digit_is_no_difference(family: str, strategy: Strategy) -> None:
     """Controllers report some ten digits; nine of them say the same."""

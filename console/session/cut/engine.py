@@ -167,6 +167,7 @@ def cut(
         StoppedError: somebody stopped the machine.
     """
     lathe = context.lathe
+    lathe.program.note_settings()
     _refuse_changed(context, plan)
     _go_to_start(lathe, plan, settle_tool=settle_tool)
     _turn(context, job.spindle_speed_rpm)
@@ -244,7 +245,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
         see(snapshot)
 
     lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
-    lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard)
+    lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard, _clear_of(plan))
     lathe.program.put_back()
     _refuse_another(lathe, plan, length, path.problems(context.held_s() - held_s))
     figures, verdict = telemetry.figures(), tool.verdict()

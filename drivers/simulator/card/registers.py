@@ -117,8 +117,8 @@ The values are those of `READERS` for the motor, shown as it was after each cycl
 class CardMemory:
     """X and Y words of 24 bits, together a D word of 48, or a floating-point L word with 36 bits of mantissa.
 
-    A write to a register is lost, except for the variable jog position and the correction. Some words may be
-    timers, and some set up the encoder conversion table.
+    A write to a register is lost, except for the variable jog position, the bias and the correction. Some words
+    may be timers, and some set up the encoder conversion table.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -259,10 +259,11 @@ class CardMemory:
     def set_double(self, address: int, value: int) -> None:
         """Store the lowest 48 bits."""
         name, number = self._registers.get(("D", address), ("", 0))
-        if name == "compensation":
+        if name in ("bias", "compensation"):
             motor = self._controller.motors[number]
             scale = motor.variable(8) * PARTS
-            motor.correction = _signed(value & _mask(DOUBLE_BITS), DOUBLE_BITS) / scale if scale else 0.0
+            counts = _signed(value & _mask(DOUBLE_BITS), DOUBLE_BITS) / scale if scale else 0.0
+            motor.bias, motor.correction = (counts, motor.correction) if name == "bias" else (motor.bias, counts)
             return
         self.set_word("X", address, value >> WORD_BITS)
         self.set_word("Y", address, value)

@@ -1,0 +1,197 @@
+"""The table of what shapes a cut beside its path: read when it begins, all through its feed, and at its end.
+
+It has the settings that are compared at arming, the axis definitions, the words of the encoder conversion table,
+the bias of the tool, the M-definitions and the constants of the program. What the program sets itself is left
+out, as are the words of a time base in use and the correction of a table, which change with the spindle. A setting
+that was allowed to deviate from the profile has to stay as it was.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from itertools import cycle, islice
+
+from drivers.commissioning.configuration import passing_settings
+from drivers.commissioning.judged import stated_settings_of
+from drivers.commissioning.reading import of_motors
+from drivers.commissioning.setting_names import OTHER, named
+from drivers.controller import Controller
+from drivers.pmac.axes import read_definitions
+from drivers.pmac.dialect import Scope
+from drivers.pmac.expected_replies import number_of
+from drivers.pmac.program_constants import IN_THE_CUT, RELATIVE, assigned, pointers_of
+from drivers.pmac.program_load import LoadedProgram
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+SHAPING = frozenset((*range(2, 10), 29, *range(30, 40), 63, 67, 68, 69))
+"""Ixnn of a motor that shape its path most: encoder, scale, following, loop, notch, friction, output limit."""
+
+SERVO_PERIOD, TIME_BASE = 10, (92, 93, 94, 95)
+VALUES_AN_ITEM = 8
+_END = " &1"
+"""After the query of a definition: what follows it on the line could be read as a new one. A line that begins with
+it would be part of the value that renews the watchdog; polls address system 1 as well.
+"""
+MOST_VALUES, MOST_ASKED = 32, 200  # values and characters of one line
+
+
+@dataclass(frozen=True, slots=True)
+class WatchItem:
+    """A query, such as `I130..133`, and the names of its answers; all of them in one where there is one name."""
+
+    query: str
+    names: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchTable:
+    """The items of a cut: `first` are read more often than the `later` ones."""
+
+    first: tuple[WatchItem, ...]
+    later: tuple[WatchItem, ...]
+
+    @property
+    def items(self) -> tuple[WatchItem, ...]:
+        """All of them."""
+        return (*self.first, *self.later)
+
+    @property
+    def schedule(self) -> tuple[WatchItem, ...]:
+        """One whole turn of the table: the next of what shapes the path most comes after every other item."""
+        return tuple(item for pair in zip(cycle(self.first), self.later) for item in pair)
+
+
+def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
+    """Return what is watched while a program cuts on a machine."""
+    dialect, program, tool = loaded.dialect, loaded.program, machine.tool.motor
+    motors = (tool, machine.spindle.motor, machine.carriage.motor)
+    stated = stated_settings_of(machine, dialect)
+    every = {index for whole in of_motors(dialect, motors).settings for index in whole}
+    known = {index for index in every if named(index, dialect).name.key != OTHER}
+    lines = [motor - 1 for motor in motors if motor <= len(dialect.conversion_table.channels)]
+    conversion, words = dialect.conversion_table.first_setting, tuple[str, ...]()
+    if conversion is not None:
+        known |= {conversion + line for line in lines}
+    else:
+        words = tuple(f"Y:${dialect.conversion_table.first_address + line:X}" for line in lines)
+    own = {int(name[1:]) for name in assigned(program) if name.startswith("I")}
+    settings = {*known, *stated} - passing_settings(dialect) - own
+    others = {dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors}
+    shaping = {dialect.motor_index(tool, number) for number in SHAPING}
+    shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
+    if conversion is not None:
+        shaping.add(conversion + tool - 1)
+    bias = dialect.registers["bias"]
+    registers = [f"{'Y' if bias.space == 'D' else bias.space}:${bias.address + (tool - 1) * bias.stride:X}"]
+    axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
+    constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
+    return WatchTable(
+        first=(
+            *_ranges("I", settings & shaping),
+            *(WatchItem(f"RH{word}", (word,)) for word in (*registers, *words)),
+            *(WatchItem(f"{axis}{_END}", (axis,)) for axis in axes),
+        ),
+        later=(
+            *_ranges("P", constants),
+            *_ranges("I", settings - shaping - others),
+            *_ranges("I", others, step=100),
+            *(WatchItem(f"{name}->{_END}", (f"{name}->",)) for name in pointers_of(program)),
+        ),
+    )
+
+
+def _ranges(kind: str, numbers: Collection[int], step: int = 1) -> Iterator[WatchItem]:
+    """Yield queries of variables, those in a row together."""
+    row: list[int] = []
+    for number in (*sorted(numbers), None):
+        if row and (number != row[-1] + step or len(row) == VALUES_AN_ITEM):
+            form = f"..{row[-1]}" if step == 1 else f",{len(row)},{step}"
+            yield WatchItem(f"{kind}{row[0]}{form if row[1:] else ''}", tuple(f"{kind}{each}" for each in row))
+            row = []
+        if number is not None:
+            row.append(number)
+
+
+def answers_of(items: Iterable[WatchItem], replies: Sequence[str]) -> Iterator[tuple[WatchItem, tuple[str, ...]]]:
+    """Yield each item of a line with its answers."""
+    rest = iter(replies)
+    for item in items:
+        yield item, tuple(islice(rest, len(item.names)))
+
+
+def values_of(items: Iterable[WatchItem]) -> int:
+    """Return how many lines the replies to some items have."""
+    return sum(len(item.names) for item in items)
+
+
+class CutWatch:
+    """Reads the table in turn while a cut runs, and once more from the end of its feed."""
+
+    def __init__(self, table: WatchTable, answers: Mapping[WatchItem, tuple[str, ...]]) -> None:
+        """Take what the controller answered when the cut began."""
+        self._table, self._answers = table, answers
+        self._turn = deque(table.schedule)
+        self._last: deque[WatchItem] | None = None
+
+    def see_feed(self, *, over: bool) -> None:
+        """Begin the last turn where the feed is over; a feed hold, which resumes it, is no end."""
+        if not over:
+            self._last = None
+        elif self._last is None:
+            self._last = deque(self._table.items)
+
+    @property
+    def at_end(self) -> bool:
+        """Whether the last turn is being read."""
+        return bool(self._last)
+
+    def next_items(self, most_bytes: float, most_asked: int = MOST_ASKED) -> tuple[WatchItem, ...]:
+        """Return the next items, at least one; all on one line, of so many characters, both ways so many bytes."""
+        turn, found, asked, used, values = self._last or self._turn, list[WatchItem](), 0, 0, 0
+        while turn and turn[0] not in found:
+            item = turn[0]
+            asked, used = asked + len(item.query) + 1, used + self.bytes_of(item)
+            values += len(item.names)
+            if found and (asked > most_asked or used > most_bytes or values > MOST_VALUES):
+                break
+            found.append(turn.popleft())
+            if turn is self._turn:
+                turn.append(item)
+        return tuple(found)
+
+    def bytes_of(self, item: WatchItem) -> int:
+        """Return the bytes of a query and its answers."""
+        return len(item.query) + 1 + sum(len(answer) + 1 for answer in self._answers[item])
+
+    def see(self, items: Iterable[WatchItem], replies: Sequence[str]) -> Problem | None:
+        """Compare the answers to some items with those at the beginning; return the first that differs."""
+        for item, answers in answers_of(items, replies):
+            for name, before, now in zip(item.names, self._answers[item], answers, strict=True):
+                if not _same(before.strip(), now.strip()):
+                    return Problem(code=IN_THE_CUT, key=name, value=now.strip(), limit=before.strip())
+        return None
+
+
+def _same(before: str, now: str) -> bool:
+    if before == now:
+        return True
+    try:
+        return math.isclose(number_of(before), number_of(now), rel_tol=RELATIVE, abs_tol=RELATIVE)
+    except ValueError:
+        return False
+
+
+def begin_watch(client: Controller, table: WatchTable) -> CutWatch:
+    """Read the whole table. Raises DriverError: the link broke, or the controller refused to answer."""
+    watch = CutWatch(table, dict.fromkeys(table.items, ()))
+    watch.see_feed(over=True)
+    found: dict[WatchItem, tuple[str, ...]] = {}
+    while watch.at_end:
+        items = watch.next_items(math.inf)
+        line = " ".join(("&1", *(item.query for item in items)))
+        found.update(answers_of(items, client.question(line, lines=values_of(items))))
+    return CutWatch(table, found)
