@@ -22,6 +22,7 @@ import numpy as np
 
 from console.session.cut.tool_error import WORTH_TELLING, ToolError, fit_tool_error
 from drivers.cutting.corrected import source_is_late
+from drivers.cutting.path_seen import TIMES_USUAL
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.preview.program_prediction import predict
@@ -35,7 +36,7 @@ BUDGET = {"tool": 0.7, "clamping": 0.2, "gauge": 0.1}
 """Fraction of a tolerance of the job that each may use: the gauge by the rule of ten, the tool what is left."""
 
 COMMAND_UM = 0.5
-"""Least deviation of a command that is a disturbance. Ripple of the spindle shows as up to 0.2 um."""
+"""Least deviation of a command that is a disturbance; polls of a cut that nobody disturbs scatter by 0.1 um."""
 
 MOST_SKEW_CYCLES = 3.0  # servo cycles between the polled angle of a spindle that others turn, and the tool
 LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
@@ -63,7 +64,8 @@ class CutVerdict:
 
     `tool` is the error of the actual tool against the path that its program makes, `command` that of its command;
     None where the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
-    peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. A `trimmed` cut
+    peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. `moment` is where
+    the command was off its plan in two polls in a row, too short to stand out from the whole. A `trimmed` cut
     was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
     course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
     """
@@ -75,6 +77,7 @@ class CutVerdict:
     size_limit_um: float | None = None
     trimmed: bool = False
     pushed: bool = False
+    moment: Problem | None = None
 
     @property
     def judgement(self) -> CutJudgement:
@@ -101,7 +104,7 @@ class CutVerdict:
     def command_problem(self) -> Problem | None:
         """Where the command was furthest off its plan, if that is more than scatter; None while it kept to it."""
         if self.command is None:
-            return None
+            return self.moment
         each = self.command
         off = [(0.0, 0.0, "Ø")]
         if not self.pushed:
@@ -110,7 +113,7 @@ class CutVerdict:
             off += [(abs(um), each.orders_se_um[n], f"{n}/rev") for n, um in each.orders.items()]
         off_um, se_um, where = max(off, key=lambda one: one[0] - 2.0 * WORTH_TELLING * one[1])
         if off_um <= COMMAND_UM + 2.0 * WORTH_TELLING * se_um:
-            return None
+            return self.moment
         limit = f"{COMMAND_UM:g} um"
         return Problem(
             code="cut.command_off_plan", key=AxisName.TOOL, where=where, value=f"{off_um:.2f} um", limit=limit
@@ -201,7 +204,7 @@ class ToolPolls:
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
         past_mm = (rows[:, 3] - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
-        error, command_error = None, None
+        error, command_error, moment = None, None, None
         if len(rows) > 1:
             turns_per_s = (turns[-1] - turns[0]) / (rows[-1, 1] - rows[0, 1])
             infeed_um = (rows[:, 4:6] - plan.setup.surface) * self._machine.tool.count_um
@@ -212,6 +215,7 @@ class ToolPolls:
             path_um, command_um = self._planned(turns, ordered, past_mm, cycle_deg)
             error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
             command_error = fit_tool_error(ordered, past_mm, infeed_um[:, 1] - command_um, job.jaws)
+            moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3])
         size_um = job.diameter_tolerance_um
         return CutVerdict(
             tool=error,
@@ -221,6 +225,25 @@ class ToolPolls:
             size_limit_um=None if size_um is None else BUDGET["tool"] * size_um,
             trimmed=self._trimmed,
             pushed=bool(plan.command.push_um),
+            moment=moment,
+        )
+
+    def _moment(self, off_um: Floats, carriage: Floats) -> Problem | None:
+        """Return where a command was furthest off its plan, by the lesser of two neighbouring polls; None nowhere.
+
+        A command that this console itself corrects, or moves against the push of the cut, is on no such plan.
+        """
+        if self._trimmed or self._plan.command.push_um:
+            return None
+        both_um = np.minimum(np.abs(off_um[1:]), np.abs(off_um[:-1]))
+        worst = int(both_um.argmax())
+        limit_um = max(COMMAND_UM, TIMES_USUAL * float(np.median(np.abs(np.diff(off_um)))))
+        if both_um[worst] <= limit_um:
+            return None
+        face, per_mm = self._plan.setup.carriage_face, self._machine.carriage.counts_per_mm
+        where, value = f"{(carriage[worst] - face) / per_mm:.1f} mm", f"{both_um[worst]:.2f} um"
+        return Problem(
+            code="cut.off_path", key=AxisName.TOOL, where=where, value=value, limit=f"{limit_um:.2g} um"
         )
 
     def _late_deg(self, cycle_deg: float) -> float:
