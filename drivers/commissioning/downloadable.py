@@ -18,7 +18,7 @@ from drivers.pmac.language.listing import stored_line, stored_plc_lines
 from drivers.pmac.language.plc_statements import link_plc
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, OWN_VARIABLES, PROGRAMS
+from drivers.pmac.reserved import END_FLAG, OWN_VARIABLES, PLCS, PROGRAMS, WITNESS, WITNESS_POINTERS
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -35,7 +35,11 @@ class OwnVariables:
     """What belongs to the console in a controller of one family: P1000 to P1023, M-variables and two timers."""
 
     def __init__(self, dialect: Dialect) -> None:
-        own = {"P": set(OWN_VARIABLES), "M": {END_FLAG, *range(RUNNING, TOOL_HOMED + 1)}, "I": set[int]()}
+        own = {
+            "P": {*WITNESS, *OWN_VARIABLES},
+            "M": {END_FLAG, *range(RUNNING, TOOL_HOMED + 1), *WITNESS_POINTERS},
+            "I": set[int](),
+        }
         for timer in (watchdog_timer(dialect), wait_timer(dialect)):
             own[timer.name[0]].add(int(timer.name[1:]))
         self._own: Mapping[str, set[int]] = own
@@ -118,7 +122,7 @@ def _of_buffers(buffers: Iterable[TextBuffer], where: str, own: OwnVariables) ->
 
 def _opened_wrongly(buffer: TextBuffer, seen: set[str]) -> str | None:
     programs = PROGRAMS if buffer.kind is BufferKind.PROGRAM else frozenset[int]()
-    if buffer.number in programs or (buffer.kind is BufferKind.PLC and buffer.number == HEARTBEAT_PLC):
+    if buffer.number in programs or (buffer.kind is BufferKind.PLC and buffer.number in PLCS):
         return "download.reserved"
     if buffer.name in seen:
         return "download.twice"

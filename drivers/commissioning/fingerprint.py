@@ -18,7 +18,7 @@ from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.expressions import HIGHEST_PLC
-from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, STRATEGY_PROGRAMS
+from drivers.pmac.reserved import END_FLAG, PLCS, STRATEGY_PROGRAMS
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -74,7 +74,8 @@ def ours(machine: MachineProfile, dialect: Dialect) -> frozenset[str]:
     else:
         places = [f"I{table.first_setting + line}" for line in lines]
     programs = (f"PROG {number}" for number in STRATEGY_PROGRAMS)
-    return frozenset((*programs, f"PLC {HEARTBEAT_PLC}", f"#{machine.tool.motor} COMP", *places))
+    plcs = (f"PLC {number}" for number in PLCS)
+    return frozenset((*programs, *plcs, f"#{machine.tool.motor} COMP", *places))
 
 
 def read_fingerprint(
@@ -94,7 +95,7 @@ def read_fingerprint(
     known = since is not None and since.free == free
     extent = replace(
         of_motors(dialect, motors, (END_FLAG,)),
-        plcs=tuple(number for number in range(HIGHEST_PLC + 1) if number != HEARTBEAT_PLC),
+        plcs=tuple(number for number in range(HIGHEST_PLC + 1) if number not in PLCS),
         programs=() if known else tuple(number for number in PROGRAM_NUMBERS if number not in STRATEGY_PROGRAMS),
         tables=tuple(since.configuration.tables) if since is not None and known else None,
         unlisted_table=machine.tool.motor,

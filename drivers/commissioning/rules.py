@@ -11,7 +11,7 @@ from drivers.commissioning.judged import Judged, JudgedAxis, same
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Scope, Setting
-from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, WATCHDOG_TIMER
+from drivers.pmac.reserved import END_FLAG, HEARTBEAT_PLC, PLCS, WATCHDOG_TIMER
 from drivers.pmac.settings import PARTS_PER_COUNT, servo_cycle_ms
 from profiles.findings import Severity
 
@@ -129,7 +129,7 @@ def _conversion(judged: Judged) -> Iterator[Check]:
 
 def _buffers(judged: Judged) -> Iterator[Check]:
     card = judged.configuration
-    foreign = [f"PLC {number}" for number in sorted(card.plcs) if number != HEARTBEAT_PLC]
+    foreign = [f"PLC {number}" for number in sorted(card.plcs) if number not in PLCS]
     found = ", ".join((*foreign, *card.locked))
     yield Check(Group.PROGRAMS, "plc_texts", severity(not found, Severity.WARNING), found=found or "-")
     there = HEARTBEAT_PLC in card.plcs

@@ -34,6 +34,7 @@ from drivers.lathe.standstill import prove_rest
 from drivers.lathe.stop import StopPath
 from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS, dialect_of
+from drivers.pmac.witness import Witness
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -44,9 +45,9 @@ SPEED_S = 0.5  # time over which the speed of an external spindle is measured
 class Lathe:
     """One machine at the end of one link. Methods that move check for a stop first and wait for the end.
 
-    `program` is the program of a cut; `driven` are the axes that the controller moves. `home`, `jog_to`, `jog_by`
-    and `retract` are those of `Jogs`. Every method that queries or sends raises `LinkError` when the link breaks
-    or is out of step.
+    `program` is the program of a cut, `witness` what the controller itself sees of it, None without a heartbeat;
+    `driven` are the axes that the controller moves. `home`, `jog_to`, `jog_by` and `retract` are those of `Jogs`.
+    Every method that queries or sends raises `LinkError` when the link breaks or is out of step.
     """
 
     def __init__(
@@ -69,6 +70,7 @@ class Lathe:
         self.on_trial: Mapping[str, float] = {}
         self.friction: Callable[[], str] = str  # dry friction identified in the tool, as text; "" if none was
         self._client, self._clock, self._heartbeat = client, clock, heartbeat
+        self.witness = None if heartbeat is None else Witness(client, machine)
         self._dialect = DIALECTS[machine.controller.family]
         items, held = SnapshotItems(machine, self._dialect), HeldPositions(machine)
         self._poller = Poller(
@@ -233,6 +235,8 @@ class Lathe:
         self._sending.refuse_unsafe()
         if self._heartbeat is not None and not self.stop.inside_guard:
             self._heartbeat.prepare()
+            if self.witness is not None:
+                self.witness.prepare()
         for axis in self.driven:
             self._sending.once(f"#{motor_of(self.machine, axis)}J/")
         if not self.snapshot().loops_closed:

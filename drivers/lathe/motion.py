@@ -19,7 +19,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 CUT_POLL_S = 0.023  # mean pause between two polls of a cut
-UNEVEN, GOLDEN = 1.4, 0.618034
+UNEVEN, GOLDEN = 1.2, 0.618034
 """The pauses are spread evenly over this fraction of their mean, in the order of the golden section: so every
 angle is sampled, however long a turn takes.
 """

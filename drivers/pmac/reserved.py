@@ -9,6 +9,11 @@ from __future__ import annotations
 
 HEARTBEAT_PLC = 20  # The PLC that ends jogs and cuts on a watchdog timeout
 
+WITNESS_PLC = 21  # The PLC that witnesses a cut (`witness.py`)
+PLCS = frozenset((HEARTBEAT_PLC, WITNESS_PLC))
+WITNESS, WITNESS_POINTERS = range(960, 989), range(1016, 1020)
+"""P- and M-variables of the witness."""
+
 STRATEGY_PROGRAMS = frozenset((1, 2, 3, 4))  # what the strategies load (`drivers.pmac.programs`)
 PROGRAMS = STRATEGY_PROGRAMS | {998, 999}
 """Those and what identification and the commissioning tests write and erase."""

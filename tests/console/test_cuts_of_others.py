@@ -10,6 +10,7 @@ from console.session.data.record_file import FILE_NAME
 from console.session.station.commands import EnableDrives, EndCut, Home, Jog, Measure, Recover, Retract, Start
 from console.session.station.state import Activity, StationState
 from drivers.cutting.planning import Strategy
+from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName
 from tests.console.floor import Floor, experiment_1, in_turn, open_floor, set_up_once
 
@@ -79,9 +80,13 @@ def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, lin
 )
 @pytest.mark.first(1)
 def test_a_tool_that_trips_after_another_host_wrote_is_not_called_sticky(
-    floor: Floor, line: str, code: str, key: str
+    floor: Floor, line: str, code: str, key: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A factor of 60 on the path, or next to no gain, trips a tool without friction within a turn."""
+    """A factor of 60 on the path, or next to no gain, trips a tool without friction within a turn.
+
+    Here that comes before it is read beside the polls.
+    """
+    monkeypatch.setattr(Poller, "read_beside", lambda _: None)
     state, _ = cut_with(floor, line)
     found = {alarm.problem.code: alarm.problem for alarm in state.alarms}
     assert state.stop is not None and state.stop.rest_s is not None

@@ -167,7 +167,7 @@ def test_a_hold_in_the_last_turn_comes_too_late_and_raises_no_alarm(tmp_path: Pa
     floor.set_up(experiment_1())
     seen: list[CutProgress] = []
     floor.looks.append(lambda _: seen.append(floor.state.cut) if floor.state.cut else None)
-    state = held(floor, lambda: order(floor, ResumeFeed()), Strategy.CAM, 28.0)
+    state = held(floor, lambda: order(floor, ResumeFeed()), Strategy.CAM, 28.5)
     assert any(moment.hold.asked for moment in seen)
     assert state.cut_done and codes(state) == []
     assert next(moment.turn for moment in seen if moment.stage is CutStage.RETRACT) == 30.0

@@ -20,11 +20,13 @@ from enum import StrEnum
 
 import numpy as np
 
-from console.session.cut.tool_error import WORTH_TELLING, ToolError, fit_tool_error
+from console.session.cut.tool_error import LEAST_POLLS, WORTH_TELLING, ToolError, fit_tool_error
 from drivers.cutting.corrected import source_is_late
 from drivers.cutting.path_seen import TIMES_USUAL
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.pmac.settings import PARTS_PER_COUNT
+from drivers.pmac.witness import GAP, WitnessReport
 from drivers.preview.program_prediction import predict
 from profiles.arrays import Floats
 from profiles.job import Job
@@ -68,6 +70,7 @@ class CutVerdict:
     the command was off its plan in two polls in a row, too short to stand out from the whole. A `trimmed` cut
     was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
     course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
+    `changes` are what the witness in the controller has seen to change, `unwitnessed` is why it has not seen all.
     """
 
     tool: ToolError | None = None
@@ -78,11 +81,13 @@ class CutVerdict:
     trimmed: bool = False
     pushed: bool = False
     moment: Problem | None = None
+    changes: tuple[Problem, ...] = ()
+    unwitnessed: Problem | None = None
 
     @property
     def judgement(self) -> CutJudgement:
         """Return the one word for the cut."""
-        if self.command_problem is not None:
+        if self.changes or self.command_problem is not None:
             return CutJudgement.DISTURBED
         if any(True for _ in self.tool_problems):
             return CutJudgement.TOOL_ERROR
@@ -95,10 +100,11 @@ class CutVerdict:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """What is to be said of the cut; nothing of one that is as planned."""
-        if self.command_problem is not None:
-            return (self.command_problem,)
-        return tuple(self.tool_problems) or (() if self.unproven is None else (self.unproven,))
+        """What is to be said of the cut; of one that is as planned only that no witness saw it."""
+        found = (*self.changes, *(() if self.command_problem is None else (self.command_problem,)))
+        found = found or tuple(self.tool_problems) or (() if self.unproven is None else (self.unproven,))
+        without = self.unwitnessed
+        return found if without is None or without in found else (*found, without)
 
     @property
     def command_problem(self) -> Problem | None:
@@ -129,7 +135,12 @@ class CutVerdict:
 
     @property
     def unproven(self) -> Problem | None:
-        """Why the tool is not proven to be within its budget; None where it is."""
+        """Why the tool is not proven to be within its budget all the time; None where it is.
+
+        A controller without a witness proves as much as its polls do.
+        """
+        if self.unwitnessed is not None and self.unwitnessed.code == GAP:
+            return self.unwitnessed
         if self.tool is None or self.command is None:
             return Problem(code="cut.too_few_polls", value=f"{self.polls}")
         for _, off_um, within_um, limit_um in self._judged:
@@ -196,8 +207,16 @@ class ToolPolls:
                 (took_s, middle_s, spindle.position, z, tool.position, tool.commanded, spindle.commanded)
             )
 
-    def verdict(self) -> CutVerdict:
-        """Return the verdict on the cut as far as it was polled."""
+    @property
+    def feed(self) -> tuple[float, float]:
+        """Where the carriage is in the polls that count, counts."""
+        return self._first, self._last
+
+    def verdict(self, witness: WitnessReport | None = None, *, unheld: bool = True) -> CutVerdict:
+        """Return the verdict on the cut as far as it was polled, and the controller's own `witness` has seen it.
+
+        A cut that was not `unheld` has following errors of its feed hold.
+        """
         plan, job = self._plan, self._job
         rows = np.array(self._rows).reshape(-1, 7)
         if len(rows):
@@ -226,6 +245,8 @@ class ToolPolls:
             trimmed=self._trimmed,
             pushed=bool(plan.command.push_um),
             moment=moment,
+            changes=() if witness is None else tuple(self._changes(witness, rows, unheld=unheld)),
+            unwitnessed=None if witness is None else witness.missing or witness.gap,
         )
 
     def _moment(self, off_um: Floats, carriage: Floats) -> Problem | None:
@@ -245,6 +266,17 @@ class ToolPolls:
         return Problem(
             code="cut.off_path", key=AxisName.TOOL, where=where, value=value, limit=f"{limit_um:.2g} um"
         )
+
+    def _changes(self, witness: WitnessReport, rows: Floats, *, unheld: bool) -> Iterator[Problem]:
+        """Judge what the witness has seen by the table in use, and by the following errors of the polls."""
+        um, following, correction = self._machine.tool.count_um, None, None
+        if unheld and len(rows) >= LEAST_POLLS:
+            errors_um = um * (rows[:, 5] - rows[:, 4])
+            following = float(errors_um.min()), float(errors_um.max())
+        if self._plan.program.tables:
+            entries = [entry for table in self._plan.program.tables for entry in (0, *table.entries)]
+            correction = um * min(entries) / PARTS_PER_COUNT, um * max(entries) / PARTS_PER_COUNT
+        yield from witness.changes(correction, following)
 
     def _late_deg(self, cycle_deg: float) -> float:
         """Return by how much a controller that reads the spindle a servo cycle before is late with the command."""

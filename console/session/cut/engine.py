@@ -244,11 +244,14 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
                 tool.see(as_planned, trimmed=trim != UNTRIMMED)
         see(snapshot)
 
+    if lathe.witness is not None:
+        lathe.witness.begin(lathe.snapshot().carriage.commanded, *tool.feed)
     lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard, _clear_of(plan))
+    verdict = tool.verdict(None if lathe.witness is None else lathe.witness.report(), unheld=not ledger.turns)
     lathe.program.put_back()
-    _refuse_another(lathe, plan, length, path.problems(context.held_s() - held_s))
-    figures, verdict = telemetry.figures(), tool.verdict()
+    _refuse_another(lathe, plan, length, (*verdict.changes, *path.problems(context.held_s() - held_s)))
+    figures = telemetry.figures()
     if verdict.judgement is CutJudgement.DISTURBED:
         raise NotAsPlannedError(*verdict.problems, turns=lathe.program.end().turns)
     if figures is None:

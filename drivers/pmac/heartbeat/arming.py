@@ -158,9 +158,9 @@ def _text(
     if listing is None:
         yield Problem(code="heartbeat.plc_missing", key=PLC)
         return
-    target = _statements(plc_lines(machine, dialect, policy))
+    target = statements_of(plc_lines(machine, dialect, policy))
     try:
-        found = _statements(without_end(listing))
+        found = statements_of(without_end(listing))
     except PmacError as unreadable:
         yield Problem(code="heartbeat.plc_differs", key=PLC, value=unreadable.detail, limit=policy)
         return
@@ -171,7 +171,8 @@ def _text(
             return
 
 
-def _statements(lines: Iterable[str]) -> list[PlcStatement]:
+def statements_of(lines: Iterable[str]) -> list[PlcStatement]:
+    """Return the statements of a text: each controller has its own spelling in listings."""
     return [statement for line in lines for statement in parse_plc_line(line)]
 
 

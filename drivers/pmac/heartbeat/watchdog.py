@@ -104,18 +104,18 @@ def definitions(machine: MachineProfile, dialect: Dialect) -> dict[int, Pointer 
 
     def motor_bit(motor: int, name: str) -> Pointer:
         word, bit = dialect.motor_bits[name]
-        return _register(dialect, motor, f"motor_status_{word}", bit)
+        return register_pointer(dialect, motor, f"motor_status_{word}", bit)
 
     word, bit = dialect.system_bits["running_program"]
-    found[RUNNING] = _register(dialect, SYSTEM, f"system_status_{word}", bit)
+    found[RUNNING] = register_pointer(dialect, SYSTEM, f"system_status_{word}", bit)
     for axis, motor in motors(machine).items():
         found[OPEN_LOOP[axis]] = motor_bit(motor, "open_loop")
         found[AMPLIFIER[axis]] = motor_bit(motor, "amplifier_enabled")
     found[TOOL_STILL] = motor_bit(tool, "desired_velocity_zero")
     found[TOOL_IN_MOVE] = motor_bit(tool, "move_timer_active")
-    found[TOOL_ACTUAL] = _register(dialect, tool, "actual")
-    found[TOOL_BIAS] = _register(dialect, tool, "bias")
-    found[TOOL_TARGET] = _register(dialect, tool, "variable_jog")
+    found[TOOL_ACTUAL] = register_pointer(dialect, tool, "actual")
+    found[TOOL_BIAS] = register_pointer(dialect, tool, "bias")
+    found[TOOL_TARGET] = register_pointer(dialect, tool, "variable_jog")
     found[TOOL_HOMED] = motor_bit(tool, "home_complete")
     if SPINDLE in motors(machine):
         found[SPINDLE_STILL] = motor_bit(spindle, "desired_velocity_zero")
@@ -129,7 +129,7 @@ def definition_lines(machine: MachineProfile, dialect: Dialect) -> Iterator[str]
         yield f"M{number}->{'*' if pointer is None else pointer}"
 
 
-def _register(dialect: Dialect, owner: int, name: str, bit: int | None = None) -> Pointer:
+def register_pointer(dialect: Dialect, owner: int, name: str, bit: int | None = None) -> Pointer:
     """Return a register of a motor or coordinate system, or one bit of it."""
     register = dialect.registers[name]
     address = register.address + (owner - 1) * register.stride
