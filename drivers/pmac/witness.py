@@ -34,7 +34,7 @@ REGISTERS = ("following_error", "compensation", "bias")
 PARTS = 32.0  # of a count, and that Ix08 times: the unit of these registers
 GAP = "cut.witness_gap"
 LEAST_UM = 4.0  # by which a following error has to exceed the polled ones to be told
-IDLE, BEGINS, WATCHES = 0, 1, 2
+IDLE, BEGINS, WATCHES, PASSED = 0, 1, 2, 3  # the carriage has `PASSED` the feed: it may go back through it
 
 _COUNT, _STATE, _FIRST, _LAST = (f"P{number}" for number in WITNESS[:4])
 _EXTREMES = tuple(f"P{number}" for number in WITNESS[4:10])
@@ -51,6 +51,7 @@ class WitnessReport:
 
     `before` and `first` are the settings at the beginning and at their first change, by name; alike without one.
     `extremes` are the lowest and highest value of each register in the feed, in um; None where it saw none of it.
+    The carriage has `passed` the feed; else, of a cut that was ended, they may be of its way back.
     """
 
     missing: Problem | None = None
@@ -59,6 +60,7 @@ class WitnessReport:
     first: Mapping[str, float]
     constants_changed: bool = False
     extremes: Mapping[str, tuple[float, float]] | None = None
+    passed: bool = True
 
     def changes(
         self, correction_um: tuple[float, float] | None, following_um: tuple[float, float] | None
@@ -83,7 +85,7 @@ class WitnessReport:
         least, most = (low, low) if correction_um is None else correction_um
         if (beyond_um := max(high - most, least - low)) > 1e-3:
             yield _register_problem("compensation", beyond_um, 0.0)
-        if following_um is not None:
+        if following_um is not None and self.passed:
             low, high = self.extremes["following_error"]
             margin_um = max(LEAST_UM, following_um[1] - following_um[0])
             beyond_um = max(high - following_um[1], following_um[0] - low)
@@ -144,7 +146,7 @@ class Witness:
         flags = (_STATE, _CHANGED, _CONSTANT_CHANGED, _INSIDE, self._scales[0])
         state, changed, constants, inside, scale = self._client.numbers(*flags, again=True)
         gap = None
-        if abs(counted - echoed) > 1 or state != WATCHES or not inside or not self._is_held():
+        if abs(counted - echoed) > 1 or state < WATCHES or not inside or not self._is_held():
             value, limit = format_number(counted), format_number(echoed)
             gap = Problem(code=GAP, key=f"PLC {WITNESS_PLC}", value=value, limit=limit)
         lows_and_highs = self._client.numbers(*_EXTREMES, again=True)
@@ -158,6 +160,7 @@ class Witness:
             first=dict(zip(self._settings, first, strict=True)),
             constants_changed=bool(constants),
             extremes=ranges if inside else None,
+            passed=state == PASSED,
         )
 
     def _counts(self) -> tuple[float, float]:
@@ -191,15 +194,17 @@ class Witness:
             f"IF({_STATE}={BEGINS})",
             *(f"{name}=0" for name in (_CHANGED, _CONSTANT_CHANGED, _INSIDE)),
             *(f"{_SETTINGS}={_SUM}", f"{_CONSTANTS}={_CONSTANT_SUM}", f"{_STATE}={WATCHES}", "ENDIF"),
-            f"IF({_STATE}={WATCHES} AND {_CHANGED}=0 AND {_SUM}!={_SETTINGS})",
+            f"IF({_STATE}>{BEGINS} AND {_CHANGED}=0 AND {_SUM}!={_SETTINGS})",
             *(f"{kept}={name}" for kept, name in zip(_VALUES, self._settings, strict=True)),
             *(f"{_CHANGED}=1", "ENDIF"),
-            f"IF({_STATE}={WATCHES} AND {_CONSTANT_SUM}!={_CONSTANTS})",
+            f"IF({_STATE}>{BEGINS} AND {_CONSTANT_SUM}!={_CONSTANTS})",
             *(f"{_CONSTANT_CHANGED}=1", "ENDIF"),
             f"IF({_STATE}={WATCHES} AND {_POINTERS[3]}!<{_FIRST} AND {_POINTERS[3]}!>{_LAST})",
             f"IF({_INSIDE}=0)",
             *(f"{kept}={now}" for kept, now in here.items()),
             *("ENDIF", f"{_INSIDE}={_INSIDE}+1", *widen, "ENDIF"),
+            f"IF({_STATE}={WATCHES} AND {_POINTERS[3]}>{_LAST})",
+            *(f"{_STATE}={PASSED}", "ENDIF"),
         )
 
 

@@ -77,3 +77,22 @@ def test_what_is_held_for_as_long_as_the_whole_table_takes_is_seen(family: str, 
     found, _ = cut_with(family, Strategy.PVT, (first, later), 0.5, 1.2)
     assert isinstance(found, Problem), found
     assert (found.code, found.key) == ("cut.constant_differs", key)
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+@pytest.mark.parametrize("family", ["pmac", "turbo"])
+@pytest.mark.first(5)
+def test_what_is_held_for_the_whole_feed_is_seen_with_every_strategy(family: str, strategy: Strategy) -> None:
+    last_s = 0.6 * plan_of(family, strategy).duration_s
+    found, _ = cut_with(family, strategy, ("I130=I130/2", "I130=I130*2"), 0.2, last_s)
+    assert isinstance(found, Problem), found
+    assert (found.code, found.key) == ("cut.constant_differs", "I130")
+
+
+def test_what_is_changed_at_the_end_of_the_feed_is_read_once_more() -> None:
+    """The tool is on its way out, and the carriage limit comes late in the table."""
+    duration_s = plan_of("turbo", Strategy.PVT).duration_s
+    begin = (duration_s - 0.45) / duration_s
+    found, _ = cut_with("turbo", Strategy.PVT, ("I323=I323-1", "I323=I323+1"), begin, 3.0)
+    assert isinstance(found, Problem), found
+    assert (found.code, found.key) == ("cut.constant_differs", "I323")

@@ -92,7 +92,7 @@ def test_a_job_says_what_it_said_to_the_byte(family: str, strategy: Strategy, tm
 def test_a_transcript_can_be_read_by_a_person(family: str, strategy: Strategy) -> None:
     """Not too long, in lines of the trace format, and what a job needs stands in its order."""
     rows = golden_of(family, strategy).read_text(encoding="utf-8").splitlines()
-    assert len(rows) < 2500
+    assert len(rows) < 3000
     assert [row for row in rows if not TRACE_LINE.fullmatch(row) and not row.startswith("# ")] == []
     steps = [
         r"\[\^X\]",
