@@ -118,13 +118,14 @@ OTHER_CUTS = {
 HELD_S, HELD_SHORTLY_S = 2.0, 0.8
 """Of the 2.3 s that are left of the cut: nearly all, and a part."""
 
+KEPT_OUT, DRIFTS = "an axis definition", "a gain that drifts"
 HELD = {
     "half the gain": ("I130=264", "I130=528", HELD_S),
     "twice the scale": ("I108=192", "I108=96", HELD_SHORTLY_S),
     "the servo time": ("I10=4000000", "I10=3713707", HELD_S),
     "the time base": ("I193=0", "I193=1798", HELD_S),
-    "the compensation register": ("M900->D:$46 M900=M900+30720", "M900=M900-30720", HELD_S),
-    "an axis definition": ("&1#1->1.02X", "&1#1->X", HELD_S),
+    "the compensation register": ("M900->D:$46 M900=M900+12288", "M900=M900-12288", HELD_S),
+    KEPT_OUT: ("&1#1->1.02X", "&1#1->X", HELD_S),
 }
 """What another host changes, and how it puts that back before the end of the feed, s later."""
 
@@ -140,7 +141,7 @@ def _drift() -> Row:
     gains = [round(528.0 * (1.0 - 0.5 * step / DRIFT_STEPS)) for step in range(1, DRIFT_STEPS + 1)]
     first, *lines = (f"I130={gain}" for gain in (*gains, 528))
     step_s = HELD_S / DRIFT_STEPS
-    return _held("a gain that drifts", first, *((step_s * n, line) for n, line in enumerate(lines, start=1)))
+    return _held(DRIFTS, first, *((step_s * n, line) for n, line in enumerate(lines, start=1)))
 
 
 NO_FAULT = Row(name="no fault", fault="")
