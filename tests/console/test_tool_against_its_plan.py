@@ -116,10 +116,12 @@ def verdict(
     deeper_um: float = 0.0,
     scatter_um: float = 0.3,
     uneven_deg: float = 0.0,
+    brief_um: float = 0.0,
 ) -> CutVerdict:
     """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
 
-    The spindle is ahead of its command and behind it by `uneven_deg`, twice a turn.
+    The spindle is ahead of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off
+    for one turn, in three polls.
     """
     setup, chance, per_um = plan().setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     polls = ToolPolls(plan(), MACHINE, JOB)
@@ -129,6 +131,7 @@ def verdict(
         z = setup.carriage_start + turn * setup.carriage_per_turn
         wave = np.exp(2j * np.pi * order * turn)
         commanded_um = plan().command.at_um(360.0 * turn) + (command * wave).real
+        commanded_um += brief_um * (20.0 < turn < 21.0)
         tool_um = (
             plan().target.at_um(360.0 * turn) + (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
         )
@@ -168,6 +171,14 @@ def test_a_command_that_is_off_all_along_is_a_disturbance(order: int) -> None:
 def test_the_least_change_of_a_command_is_half_a_micrometre() -> None:
     assert verdict(command=0.45 + 0j).judgement is not CutJudgement.DISTURBED
     assert verdict(command=0.55 + 0j).judgement is CutJudgement.DISTURBED
+
+
+def test_a_command_that_is_off_for_a_moment_is_a_disturbance() -> None:
+    """In a mean over 160 polls three of them are nothing."""
+    found = verdict(brief_um=0.8)
+    assert found.judgement is CutJudgement.DISTURBED
+    assert [each.code for each in found.problems] == ["cut.off_path"]
+    assert verdict(brief_um=0.4).judgement is not CutJudgement.DISTURBED
 
 
 def test_a_spindle_of_uneven_speed_is_an_error_of_the_tool_and_no_disturbance() -> None:

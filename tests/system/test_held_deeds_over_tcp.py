@@ -90,5 +90,5 @@ def test_what_was_changed_for_the_whole_feed_is_not_called_good(number: int, mad
             client.request(change.line(1.0, 0.0), TIMEOUT_S)
             out, err = process.communicate(timeout=TIMEOUT_S)
         assert process.returncode == 1, (change, out, err)
-        codes = {each["code"] for each in json.loads(out)["errors"]}
-        assert codes, (change, out, err)
+        codes = [each["code"] for each in json.loads(out)["errors"]]
+        assert any(code.startswith("cut.") for code in codes), (change, codes)  # and no line or lease was lost
