@@ -1,9 +1,9 @@
 """The table of what shapes a cut beside its path: read when it begins, all through its feed, and at its end.
 
 It has the settings that are compared at arming, the axis definitions, the words of the encoder conversion table,
-the bias of the tool, the M-definitions and the constants of the program. What the program sets itself is left
-out, as are the words of a time base in use and the correction of a table, which change with the spindle. A setting
-that was allowed to deviate from the profile has to stay as it was.
+the bias and correction of each motor, the M-definitions and the constants of the program. What the program sets
+itself is left out, as are the words of a time base in use and the correction of a table, which change with the
+spindle. A setting that was allowed to deviate from the profile has to stay as it was.
 """
 
 from __future__ import annotations
@@ -85,17 +85,26 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
     if conversion is not None:
         shaping.add(conversion + tool - 1)
-    bias = dialect.registers["bias"]
-    registers = [f"{'Y' if bias.space == 'D' else bias.space}:${bias.address + (tool - 1) * bias.stride:X}"]
+    corrected = {table.definition.target for table in program.tables}
+    registers = {
+        motor: [
+            f"{'Y' if place.space == 'D' else place.space}:${place.address + (motor - 1) * place.stride:X}"
+            for name in ("bias", "compensation")
+            if name == "bias" or motor not in corrected
+            for place in (dialect.registers[name],)
+        ]
+        for motor in motors
+    }
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
     return WatchTable(
         first=(
             *_ranges("I", settings & shaping),
-            *(WatchItem(f"RH{word}", (word,)) for word in (*registers, *words)),
+            *(WatchItem(f"RH{word}", (word,)) for word in (*registers[tool], *words)),
             *(WatchItem(f"{axis}{_END}", (axis,)) for axis in axes),
         ),
         later=(
+            *(WatchItem(f"RH{word}", (word,)) for motor in motors[1:] for word in registers[motor]),
             *_ranges("P", constants),
             *_ranges("I", settings - shaping - others),
             *_ranges("I", others, step=100),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
 from functools import cache
 
@@ -116,10 +117,14 @@ def verdict(
     scatter_um: float = 0.3,
     strategy: Strategy = Strategy.PVT,
     from_turn: int = 0,
+    uneven_deg: float = 0.0,
+    brief_um: float = 0.0,
 ) -> CutVerdict:
     """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
 
-    A table reads the spindle one servo cycle late: its command is that of the angle before.
+    A table reads the spindle one servo cycle late: its command is that of the angle before. The spindle is ahead of
+    its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off for one turn, in three
+    polls.
     """
     setup, chance, per_um = plan(strategy).setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     late_turns = 0.0 if strategy is Strategy.PVT else 1e-3 * MACHINE.controller.servo_period_ms / TURN_S
@@ -130,10 +135,13 @@ def verdict(
         z = setup.carriage_start + turn * setup.carriage_per_turn
         wave = np.exp(2j * np.pi * order * turn)
         commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns)) + (command * wave).real
+        commanded_um += brief_um * (20.0 < turn < 21.0)
         off_um = (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
         tool_um = plan(strategy).target.at_um(360.0 * turn) + off_um
         at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
-        places = ((at, asked - at), ((from_turn + turn) * setup.counts_per_turn, 0.0), (z, 0.0))
+        ahead = uneven_deg / 360.0 * np.sin(4.0 * np.pi * turn)
+        spindle = ((from_turn + turn + ahead) * setup.counts_per_turn, -ahead * setup.counts_per_turn)
+        places = ((at, asked - at), spindle, (z, 0.0))
         axes = [AxisState(position=float(p), following_error=float(e), flags=frozenset()) for p, e in places]
         polls.see(
             Snapshot(
@@ -173,6 +181,22 @@ def test_a_command_that_is_off_all_along_is_a_disturbance(order: int) -> None:
 def test_the_least_change_of_a_command_is_half_a_micrometre() -> None:
     assert verdict(command=0.45 + 0j).judgement is not CutJudgement.DISTURBED
     assert verdict(command=0.55 + 0j).judgement is CutJudgement.DISTURBED
+
+
+def test_a_command_that_is_off_for_a_moment_is_a_disturbance() -> None:
+    """In a mean over 160 polls three of them are nothing."""
+    found = verdict(brief_um=0.8)
+    assert found.judgement is CutJudgement.DISTURBED
+    assert [each.code for each in found.problems] == ["cut.off_path"]
+    assert verdict(brief_um=0.4).judgement is not CutJudgement.DISTURBED
+
+
+def test_a_spindle_of_uneven_speed_is_an_error_of_the_tool_and_no_disturbance() -> None:
+    """5 % of ripple twice a turn are 0.05 / 2 rad of angle: 27.5 um x 3 x 0.025 / 2 at 1 and at 5 a turn."""
+    found = verdict(uneven_deg=math.degrees(0.025))
+    assert found.command_problem is None
+    assert found.tool is not None
+    assert [abs(found.tool.orders[n]) for n in (1, 5)] == pytest.approx([1.03, 1.03], abs=0.1)
 
 
 def test_a_tool_that_does_not_follow_has_an_error_of_its_own() -> None:

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.hostile_host import JOB, KINDS, Attack, WitnessedLathe, make, plan_of, said
-from benchmarks.hostile_lines import Deed
+from benchmarks.hostile_host import JOB, Attack, Sent, WitnessedLathe, make, plan_of, said
 from console.session.cut.cut_verdict import CutJudgement
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import cut_part
+from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import Poller
@@ -26,19 +26,22 @@ from tests.system.lathe_sites import compact
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(
-    ("kind", "first", "later", "after_s", "for_s", "outcome"),
+    ("family", "strategy", "first", "later", "after_s", "for_s", "outcome"),
     [
-        (3, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
-        (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.constant_differs"),
-        (5, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
-        (0, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.command_off_plan"),
+        ("turbo", Strategy.PVT, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
+        ("pmac", Strategy.CAM, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.constant_differs"),
+        ("turbo", Strategy.TIMEBASE, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
+        ("pmac", Strategy.PVT, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.command_off_plan"),
     ],
 )
 def test_what_was_undone_is_found(
-    kind: int, first: str, later: str, after_s: float, for_s: float, outcome: str
+    family: str, strategy: Strategy, first: str, later: str, after_s: float, for_s: float, outcome: str
 ) -> None:
-    attack = Attack(deed=Deed(first=first, later=later), step=Step.CUT, after_s=after_s, undone_after_s=for_s)
-    made, _ = make(*KINDS[kind], attack, 1)
+    sent = [
+        Sent(step=Step.CUT, after_s=after_s, line=first),
+        Sent(step=Step.CUT, after_s=after_s + for_s, line=later),
+    ]
+    made, _ = make(family, strategy, Attack(name=first, length="", sent=tuple(sent)), 1)
     assert made.outcome == outcome
 
 
@@ -48,7 +51,7 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: p
     Nobody reads the settings beside the polls here: that would stop the cut.
     """
     monkeypatch.setattr(Poller, "read_beside", lambda _: None)
-    (family, strategy), gain = KINDS[0], "I{tool}30={gain}"
+    family, strategy, gain = "pmac", Strategy.PVT, "I{tool}30={gain}"
     machine, plan = compact(family), plan_of(family, strategy)
     sim = WitnessedLathe(machine)
     link = MemoryLink(sim.connect(), sim)

@@ -58,24 +58,22 @@ class Seen:
 SHORT_WAY = frozenset({Situation.OFF, Situation.IDLE})
 """What is come to at once. To everything else the way is made once, and gone on from for each fault."""
 
-_WAYS: dict[tuple[Situation, Strategy], Branching[Row, Seen]] = {}
+_WAYS: dict[tuple[Situation, Strategy, float], Branching[Row, Seen]] = {}
 
 
 def run_cell(row: Row, situation: Situation, records: Path) -> Seen:
     """Have a fault in a situation, wait until the console has come to an end, mend it, and look on."""
     if row.early or situation in SHORT_WAY:
-        return _cell(situation, records, row.strategy, lambda: row, early=row.early)
-    way = situation, row.strategy
+        return _cell(situation, records, row, lambda: row)
+    way = situation, row.strategy, row.cut_mm
     if way not in _WAYS:
-        planned_once(short_job(), compact_machine().machine, row.strategy)
-        _WAYS[way] = Branching(lambda wait: _cell(situation, records, row.strategy, wait))
+        planned_once(short_job(row.cut_mm), compact_machine().machine, row.strategy)
+        _WAYS[way] = Branching(lambda wait: _cell(situation, records, row, wait))
     return _WAYS[way](row)
 
 
-def _cell(
-    situation: Situation, records: Path, strategy: Strategy, which: Callable[[], Row], *, early: bool = False
-) -> Seen:
-    """`which` is asked for the fault when it is to happen."""
+def _cell(situation: Situation, records: Path, way: Row, which: Callable[[], Row]) -> Seen:
+    """`which` is asked for the fault when it is to happen: one of the strategy and the length of cut of `way`."""
     rig = build_rig(records)
     wrong: list[str] = []
     rig.looks.append(lambda snapshot: wrong.extend(misread(rig, snapshot)))
@@ -85,7 +83,7 @@ def _cell(
         met.append(which())
         met[0].inject(rig.sim)
 
-    begun = Begun(rig=rig, fault=happen, early=early, strategy=strategy)
+    begun = Begun(rig=rig, fault=happen, early=way.early, strategy=way.strategy, cut_mm=way.cut_mm)
     enter(situation, begun)
     assert begun.at_s is not None
     (row,) = met

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+from tests.matrix.faults import DRIFTS, HELD, KEPT_OUT
 from tests.matrix.situations import Situation
 
 SAME = "-"
@@ -228,6 +229,11 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "stranger-writes, a larger lobe": _loaded(NOT_AS_PLANNED, f"{OUTSIDE} or {CHANGED_IN_CUT}"),
     # A buffer that is open, or runs, is not another's to open.
     "stranger-writes, another program": _loaded(SAME, SAME),
+    # What shapes a cut is read in turn; a program that runs keeps its axes: their definition is refused.
+    **{
+        f"stranger-writes, {name}, put back": _only(CUTTING=SAME if name == KEPT_OUT else CHANGED_IN_CUT)
+        for name in (*HELD, DRIFTS)
+    },
     # The axis that is homed instead has lost its zero by that.
     "garbled-line, a home search": _only(HOMING="stopped, ^A: controller.home_lost"),
     # A cut goes to its start by jogs.

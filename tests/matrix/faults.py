@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.faults.catalogue import Value
 from drivers.simulator.machine import SimulatedLathe
+from tests.matrix.rig import HELD_MM, SHORT_MM
 
 AXES = tuple(AxisName)
 
@@ -19,7 +20,7 @@ class Row:
 
     `moves` are the axes that the fault itself moves or energises. Of `unseen` nobody can know where it is, as its
     encoder does not count. One that is `early` is there before what it meets is ordered. `strategy` is that of
-    the cut.
+    the cut, `cut_mm` its length. `later` are further lines of another host, so many seconds behind its first one.
     """
 
     name: str
@@ -29,6 +30,8 @@ class Row:
     moves: frozenset[AxisName] = frozenset()
     early: bool = False
     strategy: Strategy = Strategy.PVT
+    cut_mm: float = SHORT_MM
+    later: tuple[tuple[float, str], ...] = ()
 
     @property
     def unseen(self) -> str:
@@ -38,6 +41,8 @@ class Row:
         if self.fault:
             lasting = {} if self.for_s is None else {"for": self.for_s}
             sim.faults.ask(self.fault, {**self.given, **lasting})
+        for after_s, line in self.later:
+            sim.faults.ask(self.fault, {"after": after_s, "line": line})
 
 
 def _once(fault: str, **given: Value) -> Row:
@@ -110,6 +115,35 @@ OTHER_CUTS = {
 }
 """What another host may make of a cut by pvt that is loaded. 500 counts of the tool are 0.1 mm."""
 
+HELD_S, HELD_SHORTLY_S = 2.0, 0.8
+"""Of the 2.3 s that are left of the cut: nearly all, and a part."""
+
+KEPT_OUT, DRIFTS = "an axis definition", "a gain that drifts"
+HELD = {
+    "half the gain": ("I130=264", "I130=528", HELD_S),
+    "twice the scale": ("I108=192", "I108=96", HELD_SHORTLY_S),
+    "the servo time": ("I10=4000000", "I10=3713707", HELD_S),
+    "the time base": ("I193=0", "I193=1798", HELD_S),
+    "the compensation register": ("M900->D:$46 M900=M900+12288", "M900=M900-12288", HELD_S),
+    KEPT_OUT: ("&1#1->1.02X", "&1#1->X", HELD_S),
+}
+"""What another host changes, and how it puts that back before the end of the feed, s later."""
+
+DRIFT_STEPS = 20
+
+
+def _held(name: str, line: str, *later: tuple[float, str]) -> Row:
+    return replace(_stranger(f"{name}, put back", line), cut_mm=HELD_MM, later=later)
+
+
+def _drift() -> Row:
+    """The gain becomes half of it in small steps, each as long as the others."""
+    gains = [round(528.0 * (1.0 - 0.5 * step / DRIFT_STEPS)) for step in range(1, DRIFT_STEPS + 1)]
+    first, *lines = (f"I130={gain}" for gain in (*gains, 528))
+    step_s = HELD_S / DRIFT_STEPS
+    return _held(DRIFTS, first, *((step_s * n, line) for n, line in enumerate(lines, start=1)))
+
+
 NO_FAULT = Row(name="no fault", fault="")
 
 ROWS: tuple[Row, ...] = (
@@ -146,6 +180,8 @@ ROWS: tuple[Row, ...] = (
     # What closes loops energises all of them.
     *(_stranger(name, line, *(AXES if name in ABORTS else ())) for name, line in ENDS.items()),
     *(_stranger(name, line) for name, line in OTHER_CUTS.items()),
+    *(_held(name, line, (after_s, back)) for name, (line, back, after_s) in HELD.items()),
+    _drift(),
     _garbled("a home search", "#1HM", "#3HM"),
     _garbled("a jog", "#3J=", "#3J=9"),
     _garbled("a depth", "P11=1", "P11=2"),

@@ -20,23 +20,24 @@ HOLD = "M26=1"
 """Asks a cut to end at the end of its turn: it moves nothing, and may be sent twice."""
 
 STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
-_FOUND: dict[tuple[Situation, Strategy], Seen] = {}
+_FOUND: dict[tuple[Situation, Strategy, float], Seen] = {}
 
 
-def without_fault(situation: Situation, strategy: Strategy = Strategy.PVT) -> Seen:
-    """What is seen without a fault; found once."""
-    if (situation, strategy) not in _FOUND:
+def without_fault(situation: Situation, row: Row) -> Seen:
+    """What is seen without the fault of a row; found once."""
+    way = situation, row.strategy, row.cut_mm
+    if way not in _FOUND:
         with TemporaryDirectory() as folder:
-            sound = replace(NO_FAULT, strategy=strategy)
-            _FOUND[situation, strategy] = run_cell(sound, situation, Path(folder))
-    return _FOUND[situation, strategy]
+            sound = replace(NO_FAULT, strategy=row.strategy, cut_mm=row.cut_mm)
+            _FOUND[way] = run_cell(sound, situation, Path(folder))
+    return _FOUND[way]
 
 
 def problems(row: Row, situation: Situation, seen: Seen) -> list[str]:
     """Return everything that is not as it should be."""
     target = right(row.name, situation)
     told = [] if any(_fits(way, seen) for way in target.split(" or ")) else [f"{_said(seen)}, not {target}"]
-    again = _sent_again(seen, without_fault(situation, row.strategy))
+    again = _sent_again(seen, without_fault(situation, row))
     return [*told, *seen.wrong, *again, *_not_mended(seen, target), *_not_done(situation, seen, target)]
 
 

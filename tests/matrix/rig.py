@@ -66,10 +66,14 @@ class Rig(Watched):
         return self.state
 
 
+SHORT_MM, HELD_MM = 0.5, 2.0
+"""Lengths of the cut: 34 turns with the way in, 2 s; and 64 turns, where something is held for two seconds."""
+
+
 @cache
-def short_job() -> Job:
-    """Experiment 1 with 34 turns of cut, 2 s."""
-    return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.5)
+def short_job(cut_length_mm: float = SHORT_MM) -> Job:
+    """Experiment 1 with a short cut."""
+    return replace(load_job("lee-2001-experiment-1").job, cut_length_mm=cut_length_mm)
 
 
 _PLANS: dict[object, CutPlan] = {}
@@ -77,7 +81,7 @@ _PLANS: dict[object, CutPlan] = {}
 
 def planned_once(job: Job, machine: MachineProfile, strategy: Strategy, **given: object) -> CutPlan:
     """The plan of a cut; the same cut is planned once for all cells. Job and machine are always those above."""
-    target = (strategy, *sorted(given.items()))
+    target = (strategy, job.cut_length_mm, *sorted(given.items()))
     if target not in _PLANS:
         _PLANS[target] = plan_cut(job, machine, strategy, **given)  # type: ignore[arg-type]
     return _PLANS[target]

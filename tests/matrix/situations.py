@@ -12,7 +12,7 @@ from console.session.station.progress import CutStage
 from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
-from tests.matrix.rig import Rig, compact_machine, short_job
+from tests.matrix.rig import SHORT_MM, Rig, compact_machine, short_job
 from tests.matrix.truth import Sent
 
 JOG_MM = 3.0
@@ -56,6 +56,7 @@ class Begun:
     fault: Callable[[], None]
     early: bool = False
     strategy: Strategy = Strategy.PVT
+    cut_mm: float = SHORT_MM
     at_s: float | None = None
 
     def happen(self) -> None:
@@ -105,7 +106,7 @@ def _at_rest(begun: Begun) -> None:
 
 
 def _arm(begun: Begun) -> None:
-    _do(begun.rig, Arm(job=short_job(), job_sha256="0" * 64, strategy=begun.strategy))
+    _do(begun.rig, Arm(job=short_job(begun.cut_mm), job_sha256="0" * 64, strategy=begun.strategy))
 
 
 def _armed(begun: Begun) -> None:

@@ -22,6 +22,7 @@ import numpy as np
 
 from console.session.cut.tool_error import LEAST_POLLS, WORTH_TELLING, ToolError, fit_tool_error
 from drivers.cutting.corrected import source_is_late
+from drivers.cutting.path_seen import TIMES_USUAL
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.settings import PARTS_PER_COUNT
@@ -37,7 +38,7 @@ BUDGET = {"tool": 0.7, "clamping": 0.2, "gauge": 0.1}
 """Fraction of a tolerance of the job that each may use: the gauge by the rule of ten, the tool what is left."""
 
 COMMAND_UM = 0.5
-"""Least deviation of a command that is a disturbance. Ripple of the spindle shows as up to 0.2 um."""
+"""Least deviation of a command that is a disturbance; polls of a cut that nobody disturbs scatter by 0.1 um."""
 
 MOST_SKEW_CYCLES = 3.0  # servo cycles between the polled angle of a spindle that others turn, and the tool
 LAST_TURN = 0.15  # fraction of the last turn that is left out: after it the tool retracts
@@ -65,7 +66,8 @@ class CutVerdict:
 
     `tool` is the error of the actual tool against the path that its program makes, `command` that of its command;
     None where the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
-    peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. A `trimmed` cut
+    peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. `moment` is where
+    the command was off its plan in two polls in a row, too short to stand out from the whole. A `trimmed` cut
     was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
     course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
     `changes` are what the witness in the controller has seen to change, `unwitnessed` is why it has not seen all.
@@ -78,6 +80,7 @@ class CutVerdict:
     size_limit_um: float | None = None
     trimmed: bool = False
     pushed: bool = False
+    moment: Problem | None = None
     changes: tuple[Problem, ...] = ()
     unwitnessed: Problem | None = None
 
@@ -107,7 +110,7 @@ class CutVerdict:
     def command_problem(self) -> Problem | None:
         """Where the command was furthest off its plan, if that is more than scatter; None while it kept to it."""
         if self.command is None:
-            return None
+            return self.moment
         each = self.command
         off = [(0.0, 0.0, "Ø")]
         if not self.pushed:
@@ -116,7 +119,7 @@ class CutVerdict:
             off += [(abs(um), each.orders_se_um[n], f"{n}/rev") for n, um in each.orders.items()]
         off_um, se_um, where = max(off, key=lambda one: one[0] - 2.0 * WORTH_TELLING * one[1])
         if off_um <= COMMAND_UM + 2.0 * WORTH_TELLING * se_um:
-            return None
+            return self.moment
         limit = f"{COMMAND_UM:g} um"
         return Problem(
             code="cut.command_off_plan", key=AxisName.TOOL, where=where, value=f"{off_um:.2f} um", limit=limit
@@ -199,8 +202,10 @@ class ToolPolls:
         self._over = self._over or at > self._last
         if not self._over and at > self._first and snapshot.program_running:
             took_s, middle_s = snapshot.at_s - snapshot.asked_s, 0.5 * (snapshot.at_s + snapshot.asked_s)
-            places = (snapshot.spindle.position, snapshot.carriage.position)
-            self._rows.append((took_s, middle_s, *places, tool.position, tool.commanded))
+            spindle, z = snapshot.spindle, snapshot.carriage.position
+            self._rows.append(
+                (took_s, middle_s, spindle.position, z, tool.position, tool.commanded, spindle.commanded)
+            )
 
     @property
     def feed(self) -> tuple[float, float]:
@@ -213,21 +218,23 @@ class ToolPolls:
         A cut that was not `unheld` has following errors of its feed hold.
         """
         plan, job = self._plan, self._job
-        rows = np.array(self._rows).reshape(-1, 6)
+        rows = np.array(self._rows).reshape(-1, 7)
         if len(rows):
             rows = rows[rows[:, 0] <= LATE * np.median(rows[:, 0]) + 0.001]
         turns = rows[:, 2] / self._machine.spindle.counts_per_rev
         past_mm = (rows[:, 3] - plan.setup.carriage_middle) / self._machine.carriage.counts_per_mm
-        error, command_error = None, None
+        error, command_error, moment = None, None, None
         if len(rows) > 1:
             turns_per_s = (turns[-1] - turns[0]) / (rows[-1, 1] - rows[0, 1])
-            infeed_um = (rows[:, 4:] - plan.setup.surface) * self._machine.tool.count_um
+            infeed_um = (rows[:, 4:6] - plan.setup.surface) * self._machine.tool.count_um
             cycle_deg = 0.36 * turns_per_s * self._machine.controller.servo_period_ms
             if self._machine.spindle.followed and plan.strategy.traits.inverts:
                 turns = turns + self._skew_turns(turns, infeed_um[:, 1], cycle_deg)
-            path_um, command_um = self._planned(turns, past_mm, cycle_deg)
+            ordered = rows[:, 6] / self._machine.spindle.counts_per_rev if self._turns_spindle else turns
+            path_um, command_um = self._planned(turns, ordered, past_mm, cycle_deg)
             error = fit_tool_error(turns, past_mm, infeed_um[:, 0] - path_um, job.jaws)
-            command_error = fit_tool_error(turns, past_mm, infeed_um[:, 1] - command_um, job.jaws)
+            command_error = fit_tool_error(ordered, past_mm, infeed_um[:, 1] - command_um, job.jaws)
+            moment = self._moment(infeed_um[:, 1] - command_um, rows[:, 3])
         size_um = job.diameter_tolerance_um
         return CutVerdict(
             tool=error,
@@ -237,8 +244,27 @@ class ToolPolls:
             size_limit_um=None if size_um is None else BUDGET["tool"] * size_um,
             trimmed=self._trimmed,
             pushed=bool(plan.command.push_um),
+            moment=moment,
             changes=() if witness is None else tuple(self._changes(witness, rows, unheld=unheld)),
             unwitnessed=None if witness is None else witness.missing or witness.gap,
+        )
+
+    def _moment(self, off_um: Floats, carriage: Floats) -> Problem | None:
+        """Return where a command was furthest off its plan, by the lesser of two neighbouring polls; None nowhere.
+
+        A command that this console itself corrects, or moves against the push of the cut, is on no such plan.
+        """
+        if self._trimmed or self._plan.command.push_um:
+            return None
+        both_um = np.minimum(np.abs(off_um[1:]), np.abs(off_um[:-1]))
+        worst = int(both_um.argmax())
+        limit_um = max(COMMAND_UM, TIMES_USUAL * float(np.median(np.abs(np.diff(off_um)))))
+        if both_um[worst] <= limit_um:
+            return None
+        face, per_mm = self._plan.setup.carriage_face, self._machine.carriage.counts_per_mm
+        where, value = f"{(carriage[worst] - face) / per_mm:.1f} mm", f"{both_um[worst]:.2f} um"
+        return Problem(
+            code="cut.off_path", key=AxisName.TOOL, where=where, value=value, limit=f"{limit_um:.2g} um"
         )
 
     def _changes(self, witness: WitnessReport, rows: Floats, *, unheld: bool) -> Iterator[Problem]:
@@ -271,18 +297,23 @@ class ToolPolls:
         skew_deg = math.degrees(cmath.phase(phasors(found.coefficients, (lobes,))[lobes] / expected)) / lobes
         return skew_deg / 360.0 if abs(skew_deg) <= MOST_SKEW_CYCLES * abs(cycle_deg) else 0.0
 
-    def _planned(self, turns: Floats, past_mm: Floats, cycle_deg: float) -> tuple[Floats, Floats]:
+    @property
+    def _turns_spindle(self) -> bool:
+        """Whether the program itself commands the spindle, and does not follow it by a table or its time."""
+        plan = self._plan
+        return plan.table is None and plan.clock is None and not self._machine.spindle.followed
+
+    def _planned(self, turns: Floats, ordered: Floats, past_mm: Floats, cycle_deg: float) -> tuple[Floats, Floats]:
         """Return where the plan has the tool and its command at each poll, um of infeed.
 
-        A program that does not invert the servo makes a path of its own, which is that of the modelled servo.
+        The part is made by the angle of the spindle, the command by the one `ordered`: a spindle of uneven speed
+        leaves the tool off its path, while the command keeps to the plan. A program that does not invert the servo
+        makes a path of its own, which is that of the modelled servo.
         """
-        plan, machine, angle_deg = self._plan, self._machine, 360.0 * turns
+        plan, machine, angle_deg, command_deg = self._plan, self._machine, 360.0 * turns, 360.0 * ordered
         if not plan.strategy.traits.inverts:
             made = predict(self._job, machine, plan)
-            path_um, command_um = (
-                np.interp(angle_deg, made.angle_deg, each, period=360.0)
-                for each in (made.path_um, made.command_um)
-            )
-            return path_um, command_um
-        command_deg = angle_deg - self._late_deg(cycle_deg)
+            path_um = np.interp(angle_deg, made.angle_deg, made.path_um, period=360.0)
+            return path_um, np.interp(command_deg, made.angle_deg, made.command_um, period=360.0)
+        command_deg = command_deg - self._late_deg(cycle_deg)
         return plan.target.at_um(angle_deg, past_mm), plan.command.at_um(command_deg, past_mm)
