@@ -259,12 +259,12 @@ def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_re
     console: Console, job_file: JobFile, lathe: tuple[str, str], tmp_path: Path
 ) -> None:
     """Each command is a console of its own: what the second one knows of the push is on disk."""
-    ring, trace = str(job_file(cut_length_mm="2.5", feed_mm_per_rev="0.1")), str(tmp_path / "part.csv")
+    ring, trace = str(job_file(cut_length_mm="2.5", feed_mm_per_rev="0.05")), str(tmp_path / "part.csv")
     cut = ("run", ring, *lathe, *PLAIN, *SOFT, "--strategy", "cam")
     first = console(*cut, "--part", trace).json
     console("learn", trace, "--job", ring, *lathe, "--keep")
     second = console(*cut, "--compensation", "newest").json
-    assert first["push_um"] > 20.0, "3 N on 10.9 um/N, docs/tuning.md"
-    assert abs(second["push_um"]) < 0.2 * first["push_um"]
+    assert first["push_um"] > 10.0
+    assert abs(second["push_um"]) < 0.3 * first["push_um"]
     before, after = (abs(each["tool"]["mean_um"]) for each in (first, second))
-    assert before > 15.0 and after < 0.25 * before
+    assert before > 8.0 and after < 0.3 * before, "3 N or less on 10.9 um/N"

@@ -29,6 +29,7 @@ TURNS_TO_FULL_CHIP = 2.0
 """Turns in the part after which the tool is deflected as in the rest of the cut."""
 
 PHASE_SAMPLES = 20  # fewest samples from which a phase is fitted
+BLANK_SAMPLES = 45  # fewest from which an eccentric and an oval blank are fitted, too: three a term
 MEANS = 7  # places among them at which the mean is free
 TOLERANCE_FRACTION = 0.8
 """Fraction of the roundness tolerance that phase alone may use: a servo by its model leaves 0.5 of 5 um of 55."""
@@ -179,15 +180,18 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
     """
     if len(samples) < PHASE_SAMPLES or target.amplitude_um == 0.0:
         return None
-    angle = target.lobes * np.radians(samples[:, 0])
-    columns = np.hstack([_slowly(len(angle)), harmonic_columns(angle, (1,))[:, 1:]])
+    angle, lobes = np.radians(samples[:, 0]), target.lobes
+    # The blank is neither round nor true: left in the residual that is uncertainty, and no lag is sure any more.
+    orders = (lobes, *sorted({1, 2, 2 * lobes} - {lobes})) if len(angle) >= BLANK_SAMPLES else (lobes,)
+    columns = np.hstack([_slowly(len(angle)), harmonic_columns(angle, orders)[:, 1:]])
     found = fit(columns, samples[:, 1])
-    coefficient = phasors(found.coefficients, (1,), trends=MEANS - 1)[1]
+    coefficient = phasors(found.coefficients, orders, trends=MEANS - 1)[lobes]
     amplitude_um = abs(coefficient)
     if amplitude_um < 0.1 * target.amplitude_um:
         return None
     behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.phase_deg
-    across = np.array([*[0.0] * MEANS, coefficient.imag, coefficient.real]) / amplitude_um**2
+    across = np.zeros(columns.shape[1])
+    across[MEANS : MEANS + 2] = np.array([coefficient.imag, coefficient.real]) / amplitude_um**2
     return Phase(
         error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
         within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,

@@ -43,7 +43,7 @@ from profiles.compensations.learned import MODEL, LearnedCompensation, again, mo
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
-from profiles.compensations.path import MOST_HARMONICS, CutPath, target_path
+from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, target_path
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -158,15 +158,30 @@ def taught_by(
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
-    step = replace(step, next=replace(step.next, path=step.next.path.pushed(push_um)))
+    step, beyond = _pushed(step, push_um)
     return Taught(
         step=_once(step, known),
         made=made,
         stage=stage,
-        warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
+        warnings=(
+            *date_problems(version),
+            *lathe_problems(version, asked),
+            *part.warnings,
+            *beyond,
+            *step.warnings,
+        ),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=causes(part, cut, filed, tool_um=tool_um, placed=part.is_placed),
     )
+
+
+def _pushed(step: LearningStep, push_um: float) -> tuple[LearningStep, tuple[Problem, ...]]:
+    """Return a step whose path makes up for so much more push; if no cut takes that, the step alone, and why."""
+    path = step.next.path.pushed(push_um)
+    if (most_um := abs(path.command.push_um)) > MOST_MEAN_UM:
+        value, limit = f"{most_um:.1f} um", f"<= {MOST_MEAN_UM:.1f} um"
+        return step, (Problem(code="learned.push_beyond", value=value, limit=limit),)
+    return replace(step, next=replace(step.next, path=path)), ()
 
 
 def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:
