@@ -29,8 +29,13 @@ from profiles.axis.servo_gains import (
     stated_settings,
     variables_from_gains,
 )
+from profiles.axis.stiffness import push_um_per_n
 from profiles.findings import Severity
+from profiles.machine import MACHINE, MachineProfile
 from profiles.problem import Problem, ProfileError
+
+SOFT_UM_PER_N = 3.0
+"""Push of the cut from which a commissioned loop is soft: designed gains yield 1.5 to 3 um/N (docs/tuning.md)."""
 
 ROUNDED = 0.01  # relative tolerance between a gain in whole numbers and the one in V/m
 
@@ -53,7 +58,7 @@ def gain_checks(judged: Judged) -> list[Check]:
     filters = notch_settings(judged.machine, stated_notch(judged.machine))
     differing += [name for name, value in filters.items() if not same(stated[name], value)]
     meant |= filters
-    checks = []
+    checks = _soft_loop(judged.machine)
     for name in differing:
         found, wanted = format_constant(stated[name]), format_constant(meant[name])
         checks.append(
@@ -119,6 +124,15 @@ def _meaning(gains: PidGains) -> Check:
         "velocity": f"{digits(gains.velocity_feedforward_v_s_per_m)} V s/m",
     }
     return Check(Group.TOOL, "gains_mean", Severity.NOTICE, subject="tool", facts=facts)
+
+
+def _soft_loop(machine: MachineProfile) -> list[Check]:
+    """Return a warning where a machine that is signed for cuts with a loop as soft as the published one."""
+    yields = push_um_per_n(machine)
+    if machine.safety.signed_for != MACHINE or yields <= SOFT_UM_PER_N:
+        return []
+    found, wanted = f"{yields:.1f} um/N", f"<= {SOFT_UM_PER_N:g} um/N"
+    return [Check(Group.TOOL, "soft_loop", Severity.WARNING, "tool", found=found, wanted=wanted)]
 
 
 def _near(first: float, second: float) -> bool:

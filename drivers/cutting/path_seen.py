@@ -5,7 +5,8 @@ part. Since a cut repeats turn by turn, such a moment stands out from the rest, 
 path. A change that lasts for less than the interval of two polls remains undetected.
 
 A poll has the following error, too: it shows whether the command left the path, or whether the axis did not follow
-a command that kept to it. The first is somebody's deed; the second is most likely the axis itself.
+a command that kept to it. The first is somebody's deed; the second is most likely the axis itself. The command
+is in the plan: none of its mean is given away. How far the tool lags behind it is compared with the other turns.
 """
 
 from __future__ import annotations
@@ -35,6 +36,7 @@ MOMENTS = ("cut.off_path", "cut.lagged")
 LATE = 1.5  # a poll that took this many times the usual was interrupted: its values are not of one instant
 LEAST_POLLS = 16
 POLLS_A_TERM = 6
+OF_MEAN = 2  # columns of mean and course along the cut, before those of the lobe
 ENTRY_TURNS = (
     3.0,
     12.0,
@@ -128,7 +130,18 @@ class PathSeen:
         off_um = infeed_um[:, 0] - target.at_um(360.0 * turns, past_mm)
         command_off_um = infeed_um[:, 1] - plan.command.at_um(360.0 * turns, past_mm)
         columns = _columns(turns, past_mm, lobes, entry)
-        (left, found), (command_left, command_found) = _left(off_um, columns), _left(command_off_um, columns)
+        known = plan.strategy.traits.inverts and not plan.command.push_um
+        command_columns = _columns(turns, past_mm, lobes, ()) if known else columns
+        left, found = _left(off_um, columns)
+        command_left, command_found = _left(command_off_um, command_columns)
+        if known:
+            command_left += command_columns[:, :OF_MEAN] @ command_found[:OF_MEAN]
+            off_plan_um = abs(float(np.median(command_left)))
+            if off_plan_um > LEAST_TOOL_UM:
+                value, limit = f"{off_plan_um:.1f} um", f"{LEAST_TOOL_UM:g} um"
+                yield Problem(code="cut.command_off_plan", key=AxisName.TOOL, where="Ø", value=value, limit=limit)
+                return
+            left = command_left + _left(off_um - command_left, columns)[0]
         of_lobe = harmonic_slice(0, trends=1)
         lobe_um, command_um = (float(np.hypot(*each[of_lobe])) for each in (found, command_found))
         most_um = MOST_OF_LOBE * target.amplitude_um + LEAST_TOOL_UM
@@ -197,9 +210,9 @@ def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...
     An `entry` into the part decays over so many turns.
     """
     angle_rad = 2.0 * np.pi * turns
-    further = [order for order in dict.fromkeys((2 * lobes, 3 * lobes, 1, 2)) if order != lobes]
+    further = [order for order in dict.fromkeys((1, 2, 2 * lobes, 3 * lobes)) if order != lobes]
     decays = [np.exp((turns[0] - turns) / over) for over in entry]
-    # In the order in which they are given up where there are few polls.
+    # Where there are few polls, the last are given up: what an eccentric or oval blank leaves is the larger.
     columns = np.column_stack(
         [
             harmonic_columns(angle_rad, (lobes,), past_mm),

@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, replace
 from typing import Any
 
 from profiles.compensations.path import CutPath, PathHarmonic
+from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
-SCHEMA = 5
-READ = (1, 2, 3, 4, SCHEMA)
-"""The first had neither `plain` nor `frozen`, the second no `clamped`, the third no `lathe`, 4 no `tool`."""
+SCHEMA = 6
+READ = (1, 2, 3, 4, 5, SCHEMA)
+"""The first had neither `plain` nor `frozen`, 2 no `clamped`, 3 no `lathe`, 4 no `tool`, 5 no `settings`."""
 
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
+SHAPING = ("controller", "tool", "spindle", "carriage", "chuck")  # sections of a machine profile
+NOT_SHAPING = (
+    *("name", "lobe_error_source", "roundness_tolerance_um", "diameter_tolerance_um"),
+    *("assumed", "source", "copied_from", "note", "tags", "schema"),
+)
+"""Keys of a job on which no path depends."""
+
+OTHER_SETTINGS = ("learned.settings_changed", "learned.job_changed", "learned.machine_changed")
+MOST_SHOWN = 4  # changed values in a sentence
 MODEL = 0  # the version without learning: the lobe of the job through the response of the machine profile
 
 
@@ -22,7 +34,7 @@ class HoldsFor:
     """What a compensation is valid for: job and machine with the hashes of their files, and the strategy.
 
     What was learned on a simulated lathe is valid for simulated lathes only, and for that one: `lathe` says which,
-    empty where that is not known, and for a real machine.
+    empty where that is not known, and for a real machine. `settings` are the values of both that shape the path.
     """
 
     job: str
@@ -32,6 +44,17 @@ class HoldsFor:
     simulated: bool
     strategy: str
     lathe: str = ""
+    settings: Mapping[str, str] = field(default_factory=dict, hash=False)
+
+
+def path_settings(job: Job, machine: MachineProfile) -> dict[str, str]:
+    """Return the values of a job and a machine that shape a path, as texts; variables by their names."""
+    found = {each.name: getattr(job, each.name) for each in fields(job) if each.name not in NOT_SHAPING}
+    for name in SHAPING:
+        section = getattr(machine, name)
+        found |= {f"{name}.{each.name}": getattr(section, each.name) for each in fields(section)}
+    found |= found.pop("controller.variables")
+    return {key: f"{each:.10g}" if type(each) is float else str(each) for key, each in found.items()}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -141,11 +164,14 @@ def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> L
 
 def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem, ...]:
     """Return why a compensation is not valid for the request; job and machine have the same names."""
-    holds, problems = learned.holds_for, []
+    holds, problems = learned.holds_for, list[Problem]()
     version = str(learned.version)
+    known = bool(holds.settings and asked.settings)
+    if changed := changed_settings(holds, asked):
+        problems.append(Problem(code="learned.settings_changed", key=version, value=changed))
     for what in ("job", "machine"):
         then, now = getattr(holds, f"{what}_sha256"), getattr(asked, f"{what}_sha256")
-        if then != now:
+        if then != now and not known:
             problems.append(Problem(code=f"learned.{what}_changed", key=version, value=now[:6], limit=then[:6]))
     if (holds.job, holds.machine, holds.simulated) != (asked.job, asked.machine, asked.simulated):
         value, limit = _side(asked), _side(holds)
@@ -155,6 +181,24 @@ def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem,
     if holds.strategy != asked.strategy:
         problems.append(Problem(code="learned.strategy", key=version, value=asked.strategy, limit=holds.strategy))
     return tuple(problems)
+
+
+def changed_settings(holds: HoldsFor, asked: HoldsFor) -> str:
+    """Return which values are no longer those that a version was learned with, "" where none or not known.
+
+    Files with the same bytes have the same values, but for what a calibration has put into them.
+    """
+    if (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256):
+        return ""
+    if not (holds.settings and asked.settings):
+        return ""
+    then, now = holds.settings, asked.settings
+    keys = [each for each in {**then, **now} if then.get(each) != now.get(each)]
+    keys.sort(
+        key=lambda each: "." in each
+    )  # what the controller or the job has, before what the profile says of it
+    shown = [f"{key} {then.get(key, '-')} → {now.get(key, '-')}" for key in keys[:MOST_SHOWN]]
+    return ", ".join(shown + [f"+ {len(keys) - MOST_SHOWN}"] * (len(keys) > MOST_SHOWN))
 
 
 def _side(holds: HoldsFor) -> str:

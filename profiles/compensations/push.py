@@ -23,6 +23,7 @@ from profiles.machine import MachineProfile
 from profiles.materials import material_or_none
 
 LEAST_BATCHES = 6
+LEAST_DECAYS = 0.4  # fraction of a decay that a cut has to be long: in less a slope looks the same, and is far off
 BATCHES_A_DECAY = 4  # fewer in the time of one decay do not show it; the loop is stiff then, and needs nothing
 
 
@@ -69,7 +70,9 @@ def left_push(
     None is found in few batches, none that does not stand out of their scatter, and none of a stiff loop.
     """
     decay, at_mm = decay_mm(job, machine), floats(past_middle_mm)
-    if len(at_mm) < LEAST_BATCHES or decay * len(at_mm) < BATCHES_A_DECAY * float(np.ptp(at_mm)):
+    if len(at_mm) < LEAST_BATCHES or float(np.ptp(at_mm)) < LEAST_DECAYS * decay:
+        return NO_PUSH
+    if decay * len(at_mm) < BATCHES_A_DECAY * float(np.ptp(at_mm)):
         return NO_PUSH
     half_mm = 0.5 * (job.cut_length_mm + machine.tool.wiper_land_mm)  # from the first contact to the middle
     found = fit(np.column_stack([np.ones_like(at_mm), np.exp(-(at_mm + half_mm) / decay)]), floats(error_um))

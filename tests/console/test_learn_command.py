@@ -151,13 +151,23 @@ def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, lea
     assert unused("--strategy", "cam") == []
 
 
-def test_a_job_that_was_changed_has_learned_nothing(console: Console, ring: str, learned: str) -> None:
-    with Path(ring).open("a") as file:
-        file.write("\n# another remark\n")
-    said = console("run", ring, *PLAIN, "--compensation", "newest")
-    assert said.code == 1 and "was learned for revision" in said.err
-    (version,) = console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]
-    assert version["holds"] is False
+def test_what_was_changed_in_a_job_since_it_was_learned_is_named(
+    console: Console, ring: str, learned: str
+) -> None:
+    def holds() -> tuple[bool, str]:
+        (version,) = console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]
+        return version["holds"], console("learn", "--job", ring, "--list", "--sim").out
+
+    file, text = Path(ring), Path(ring).read_text()
+    file.write_text(f"{text}\n# another remark\n")
+    assert holds()[0], "no path depends on it"
+    file.write_text(text.replace("feed_mm_per_rev = 0.1", "feed_mm_per_rev = 0.09"))
+    assert holds() == (False, holds()[1]) and "feed_mm_per_rev 0.1 → 0.09" in holds()[1]
+    said = console("run", ring, *PLAIN, "--strategy", "cam", "--compensation", "newest")
+    assert said.code == 1 and "feed_mm_per_rev 0.1 → 0.09" in said.err
+    # Without it the cut is made, and it is told, and not dropped without a word.
+    air = console("run", ring, *PLAIN, "--strategy", "cam", "--stage", "air")
+    assert air.code == 0 and any("feed_mm_per_rev 0.1 → 0.09" in each for each in air.json["warnings"])
 
 
 @pytest.mark.parametrize(
@@ -243,3 +253,18 @@ def test_what_was_learned_on_a_simulated_lathe_is_not_for_iron(
     assert said.code == 1 and "nothing has been learned" in said.err
     said = console("run", ring, *there, "--part", "x.csv")
     assert said.code == 1 and "the part is not measured here" in said.err
+
+
+def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_restart(
+    console: Console, job_file: JobFile, lathe: tuple[str, str], tmp_path: Path
+) -> None:
+    """Each command is a console of its own: what the second one knows of the push is on disk."""
+    ring, trace = str(job_file(cut_length_mm="2.5", feed_mm_per_rev="0.05")), str(tmp_path / "part.csv")
+    cut = ("run", ring, *lathe, *PLAIN, *SOFT, "--strategy", "cam")
+    first = console(*cut, "--part", trace).json
+    console("learn", trace, "--job", ring, *lathe, "--keep")
+    second = console(*cut, "--compensation", "newest").json
+    assert first["push_um"] > 10.0
+    assert abs(second["push_um"]) < 0.3 * first["push_um"]
+    before, after = (abs(each["tool"]["mean_um"]) for each in (first, second))
+    assert before > 8.0 and after < 0.3 * before, "3 N or less on 10.9 um/N"

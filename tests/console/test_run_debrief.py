@@ -16,7 +16,7 @@ from console.report.page import report_page
 from console.report.reported_run import reported_run
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
-from console.session.data.made_parts import MadeWith, tool_lobe_event
+from console.session.data.made_parts import MadeWith, tool_event
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunStory, runs, story
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
@@ -66,7 +66,7 @@ def recorded(
     run.log.end_cut()
     tell(run)
     if trace is not None:
-        run.add("cut", {"turn": 160.0, **MADE.event(), **tool_lobe_event(0j)})
+        run.add("cut", {"turn": 160.0, **MADE.event(), **tool_event(0j, 0.0)})
         more = {"jaw_1_deg": JOB.jaw_1_deg, "phase_known": True}
         part = part_record(JOB, roundness_of(trace), trace, Stage(changes.get("stage", "full")), more=more)
         run.add("measured", {"ront_um": part.ront_um}, part)

@@ -6,6 +6,8 @@ from dataclasses import replace
 
 import pytest
 
+from console.cli.machine.check_report import check_lines
+from console.text.catalogue import load
 from drivers.commissioning.card_state import CardState, state_checks
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.stops import after_abort, after_jog_stop
@@ -238,6 +240,20 @@ def test_a_profile_whose_gains_contradict_each_other(machine: MachineProfile) ->
     check = found(card, "profile_gains", "I130")
     # 10 V / 32768 of 5000 counts/mm are 1525.88 V/m, Ix08 is 96: 200 2^19 / (96 x 1525.88) = 715.8.
     assert (check.found, check.wanted) == ("528", "716")
+
+
+def test_a_machine_that_is_signed_for_is_told_that_its_loop_is_the_soft_published_one(
+    machine: MachineProfile,
+) -> None:
+    """3 N push this loop by 33 um: 10.9 um/N, the figure of docs/tuning.md."""
+    signed = replace(machine, safety=replace(machine.safety, signed_for="machine"))
+    check = found(commissioned(signed), "soft_loop")
+    assert (check.severity, check.found, check.wanted) == (Severity.WARNING, "10.9 um/N", "<= 3 um/N")
+    for language in ("en", "ko"):
+        assert "10.9 um/N" in " ".join(check_lines([check], load(language)))
+    stiff = replace(signed, tool=replace(signed.tool, gain_kp_v_per_m=766.0))
+    codes = {each.code for card in (stiff, machine) for each in commissioned(card).findings()}
+    assert "soft_loop" not in codes, "with designed gains, and on the paper's lathe"
 
 
 def test_a_card_of_another_family_is_told(machine: MachineProfile) -> None:

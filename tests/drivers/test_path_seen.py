@@ -42,6 +42,8 @@ def found(
     silent_s: tuple[float, float] = (0.0, 0.0),
     held_s: float = 0.0,
     took_s: float = 0.005,
+    poll_s: float = POLL_S,
+    waves_um: tuple[float, ...] = (),
 ) -> list[Problem]:
     """What is found of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
 
@@ -49,12 +51,13 @@ def found(
     takes `took_s`, every other one 5 ms.
     Where it `lags`, tool and carriage are commanded as planned all the time; else they are where commanded.
 
+    A poll comes each `poll_s`. The tool is off by `waves_um` once, twice a turn and so on.
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
     """
     setup, chance = plan().setup, np.random.default_rng(1)
     seen = PathSeen(plan(), MACHINE)
-    for number in range(int(setup.whole_turns * TURN_S / POLL_S)):
-        at_s = number * POLL_S
+    for number in range(int(setup.whole_turns * TURN_S / poll_s)):
+        at_s = number * poll_s
         if silent_s[0] <= at_s < silent_s[1]:
             continue
         off = 1.0 if within_s[0] <= at_s < within_s[1] else 0.0
@@ -64,6 +67,7 @@ def found(
         met = setup.carriage_face - 0.5 * MACHINE.tool.wiper_land_mm * MACHINE.carriage.counts_per_mm
         into_turns = (z - met) / setup.carriage_per_turn
         target_um -= entry_um * np.exp(-into_turns / 4.0) * (into_turns > 0.0)
+        target_um += sum(um * np.cos(2.0 * np.pi * n * turn) for n, um in enumerate(waves_um, 1))
         infeed_um = target_um + off * tool_um + chance.normal(0.0, noise_um)
         tool_at = setup.surface + infeed_um / MACHINE.tool.count_um
         commanded = setup.surface + plan().command.at_um(360.0 * turn) / MACHINE.tool.count_um
@@ -138,8 +142,21 @@ def test_a_tool_that_friction_holds_where_the_feed_begins_has_three_turns_in_air
 
 
 def test_a_tool_that_yields_where_the_part_begins_is_no_reason() -> None:
-    assert told(entry_um=25.0) == []
-    assert told(20.0, entry_um=25.0) == ["tool"]
+    assert found(entry_um=25.0, lags=True) == []
+    assert [each.code for each in found(20.0, entry_um=25.0, lags=True)] == ["cut.lagged"]
+
+
+def test_an_oval_blank_that_is_polled_twice_a_turn_is_no_moment() -> None:
+    """Polled at 0.487 turns its two waves swing with the beat of polls and turns, which is slow."""
+    assert found(waves_um=(6.0, 12.0), poll_s=0.487 * TURN_S, lags=True) == []
+    (problem,) = found(18.0, waves_um=(6.0, 12.0), poll_s=0.487 * TURN_S, lags=True)
+    assert problem.code == "cut.lagged"
+
+
+def test_a_command_that_is_off_in_every_turn_is_told_of_the_whole_cut() -> None:
+    problem = found(25.0, within_s=(0.0, 9.0))[-1]
+    assert (problem.code, problem.value) == ("cut.command_off_plan", "25.0 um")
+    assert found(-25.0, within_s=(0.0, 9.0), lags=True) == [], "a tool that gives way: it is judged by its budget"
 
 
 def test_a_moment_in_which_the_tool_was_deeper_is_told() -> None:

@@ -383,7 +383,7 @@ def test_a_version_of_the_first_schema_is_read_and_learned_from() -> None:
         CutWith(path=MODEL, fraction=1.0, version=None), part(left(MODEL, 1.0, 1.0, wants), noise_um=0.01)
     )
     table = json.loads(json.dumps(as_table(made.next)))
-    assert table["schema"] == 5
+    assert table["schema"] == 6
     del table["frozen"], table["part"]["plain"]
     old = from_table({**table, "schema": 1})
     assert (old.path, old.part and old.part.lobe) == (made.next.path, made.next.part and made.next.part.lobe)
@@ -391,7 +391,7 @@ def test_a_version_of_the_first_schema_is_read_and_learned_from() -> None:
     again = taught(cut, part(left(old.path, 1.0, 0.9, wants), noise_um=0.01))
     assert again.contractions[9].arrives == pytest.approx(0.9, abs=0.08)
     with pytest.raises(ProfileError, match=r"schema\.unsupported"):
-        from_table({**table, "schema": 6})
+        from_table({**table, "schema": 7})
 
 
 def test_an_oval_that_two_parts_show_is_learned_and_one_that_turns_is_not() -> None:

@@ -55,6 +55,13 @@ def test_the_push_is_that_which_leaves_nothing(job: Job, machine: MachineProfile
     assert np.abs(errors_um(2.96, push.um, per_um, at_mm)).max() < 0.5
 
 
+def test_of_a_cut_that_is_short_against_the_decay_nothing_is_concluded(job: Job, machine: MachineProfile) -> None:
+    """In 1.3 of 4.8 mm a tool that gives way by 2 um more and more looked like a push of several times that."""
+    at_mm = np.arange(-3.8, -2.5, 0.02)
+    drifting = 0.02 * np.random.default_rng(1).normal(size=len(at_mm)) - 2.0 * (at_mm + 3.8) / 1.3
+    assert left_push(job, machine, list(at_mm), list(drifting)) == NO_PUSH
+
+
 def test_what_does_not_stand_out_is_no_push(job: Job, machine: MachineProfile) -> None:
     at_mm = list(np.arange(-3.8, 3.9, 0.25))
     noise = list(np.random.default_rng(1).normal(0.0, 1.0, len(at_mm)))

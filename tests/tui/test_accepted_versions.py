@@ -23,7 +23,13 @@ from console.tui.pages.preview import PreviewPage
 from console.tui.pages.run import RunPage
 from console.tui.previewing import ChosenPath, Previewer
 from drivers.cutting.planning import Strategy
-from profiles.compensations.learned import LearnedCompensation, as_table, expected_part, from_table
+from profiles.compensations.learned import (
+    LearnedCompensation,
+    as_table,
+    expected_part,
+    from_table,
+    path_settings,
+)
 from profiles.forecast import LEAST_FORECAST_UM
 from tests.tui import run_stage
 from tests.tui.page_stage import PageScene, play_on, shown_on
@@ -63,7 +69,7 @@ def cut_with(version: LearnedCompensation | None) -> Work:
     return replace(with_strategy(signed(), "cam"), compensation=version, outlook=made, preview=made)
 
 
-def keep(data: Path, **holds_for: str) -> None:
+def keep(data: Path, **holds_for: object) -> None:
     """Accept what the part teaches, in a session of its own."""
     version = learned()
     store(data, replace(version, holds_for=replace(version.holds_for, **holds_for)))  # type: ignore[arg-type]
@@ -101,13 +107,18 @@ def test_what_was_accepted_is_used_after_a_restart_and_after_another_job(
 
 
 @pytest.mark.parametrize(
-    ("spoil", "code", "told"),
-    [(False, "learned.job_changed", "revision eeeeee"), (True, "learned.file", "not a learned compensation")],
+    ("settings", "spoil", "code", "told"),
+    [
+        ({}, False, "learned.job_changed", "revision eeeeee"),
+        ({"I130": "999"}, False, "learned.settings_changed", "(I130 999 → 528)"),
+        ({}, True, "learned.file", "not a learned compensation"),
+    ],
 )
 def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
-    spoil: bool, code: str, told: str, tmp_path: Path
+    settings: dict[str, str], spoil: bool, code: str, told: str, tmp_path: Path
 ) -> None:
-    keep(tmp_path, job_sha256="e" * 64)
+    present = path_settings(signed().job, signed().machine.machine) if settings else {}
+    keep(tmp_path, job_sha256="e" * 64, settings=present | settings)
     (file,) = tmp_path.rglob("version-*.json")
     if spoil:
         file.write_text("{", encoding="utf-8")

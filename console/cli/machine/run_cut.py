@@ -24,7 +24,7 @@ from console.session.cut.recording import LogRecorder, PartName, Recorder, part_
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.learned_store import NONE
-from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_lobe_event
+from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.feed.followed_run import FollowedRun, Run
@@ -105,7 +105,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "roundness_tolerance_um": plan.job.roundness_tolerance_um,
         "within_tolerance": result.within_tolerance,
         **fields_of(figures, "tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um"),
-        **tool_lobe_event(figures.tool_lobe_um),
+        **tool_event(figures.tool_lobe_um, figures.push_um),
         **figures.verdict.event(),
         **force_event(result.force),
         "telemetry_samples": figures.samples,

@@ -36,7 +36,7 @@ from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import HoldsFor, LearnedCompensation, differences
+from profiles.compensations.learned import OTHER_SETTINGS, HoldsFor, LearnedCompensation, differences
 from profiles.compensations.path import CutPath
 from profiles.files import printable
 from profiles.job import Job
@@ -162,8 +162,8 @@ def _unused(options: Namespace, job: LoadedJob, machine: LoadedMachine, asked: H
     if newest is None or newest.is_model:
         return ()
     strategy = newest.holds_for.strategy
-    if differences(newest, replace(asked, strategy=strategy)):
-        return ()
+    if found := differences(newest, replace(asked, strategy=strategy)):
+        return tuple(each for each in found if each.code in OTHER_SETTINGS)
     return (Problem(code="learned.not_used", key=str(newest.version), value=strategy),)
 
 

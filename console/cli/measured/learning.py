@@ -8,7 +8,7 @@ import math
 import shlex
 from argparse import Namespace
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 from console.cli.library import data_of, named, naming
@@ -28,7 +28,7 @@ from console.text.causes import cause_words
 from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
 from drivers.simulator.plant.which_lathe import options_of
-from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table
+from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, changed_settings, differences
 from profiles.compensations.next_version import Contraction, LearningStep
 from profiles.files import printable
 from profiles.forecast import LEAST_FORECAST_UM, forecast_um, is_below_forecast
@@ -176,8 +176,7 @@ def _arrival(contraction: Contraction, n: int) -> tuple[float, float]:
 
 def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
     """Whether job and machine are still those that it was learned for."""
-    holds = version.holds_for
-    return (holds.job_sha256, holds.machine_sha256) == (asked.job_sha256, asked.machine_sha256)
+    return not differences(version, replace(asked, strategy=version.holds_for.strategy))
 
 
 def _step_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
@@ -250,8 +249,14 @@ def _row(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> tupl
         f"{version.gain:.3g}",
         "" if part is None else f"{part.ront_um:.2f}",
         "" if part is None else f"{2 * part.lobe.amplitude_um:.2f}",
-        text("learned.holds" if _still_holds(version, asked) else "learned.changed"),
+        _standing(version, asked, text),
     )
+
+
+def _standing(version: LearnedCompensation, asked: HoldsFor, text: Catalogue) -> str:
+    """Return whether a version is valid, else what has changed since."""
+    changed = changed_settings(version.holds_for, asked)
+    return changed or text("learned.holds" if _still_holds(version, asked) else "learned.changed")
 
 
 def _facts(step: LearningStep, text: Catalogue) -> list[tuple[str, str]]:

@@ -217,7 +217,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     out; an override, by the time of the program; a trim.
     """
     lathe, held_s = context.lathe, context.held_s()
-    telemetry = Telemetry(plan, lathe.machine, job.cut_length_mm)
+    telemetry = Telemetry(plan, lathe.machine, job)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine, _before(lathe, plan, touched_mm))
     tool = ToolPolls(plan, lathe.machine, job)
     guard = cut_guard(plan, lathe.machine)
@@ -254,6 +254,8 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
         raise NotAsPlannedError(*verdict.problems, turns=lathe.program.end().turns)
     if figures is None:
         return None
+    if ledger.turns:  # a hold begins the push anew
+        figures = replace(figures, push_um=0.0)
     return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
 
 

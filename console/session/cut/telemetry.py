@@ -15,6 +15,7 @@ from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.learned import PartRead
 from profiles.compensations.path import LobedPath, target_path
+from profiles.compensations.push import left_push
 from profiles.job import Job
 from profiles.least_squares import fit, harmonic_columns, phasors
 from profiles.machine import MachineProfile
@@ -28,6 +29,7 @@ TURNS_TO_FULL_CHIP = 2.0
 """Turns in the part after which the tool is deflected as in the rest of the cut."""
 
 PHASE_SAMPLES = 20  # fewest samples from which a phase is fitted
+BLANK_SAMPLES = 45  # fewest from which an eccentric and an oval blank are fitted, too: three a term
 MEANS = 7  # places among them at which the mean is free
 TOLERANCE_FRACTION = 0.8
 """Fraction of the roundness tolerance that phase alone may use: a servo by its model leaves 0.5 of 5 um of 55."""
@@ -47,7 +49,8 @@ class CutFigures:
     instant; `following_error_um` is the largest distance of the actual tool from its commanded position. A path
     commanded ahead of the servo's lag has a large following error and a small tool error. `tool_lobe_um` is the
     harmonic of the tool error at the order of the lobe, once the chip is full: Re(c exp(j N angle)), spindle
-    angles, infeed positive; 0 where too few polls fell into the cut. `verdict` is that on the whole cut.
+    angles, infeed positive; 0 where too few polls fell into the cut. `push_um` is what the cut has pushed the tool
+    at its entry, beyond what the path makes up for. `verdict` is that on the whole cut.
     """
 
     spindle_speed_rpm: float
@@ -57,6 +60,7 @@ class CutFigures:
     following_error_rms_um: float
     samples: int
     tool_lobe_um: complex = 0j
+    push_um: float = 0.0
     verdict: CutVerdict = NO_VERDICT
 
 
@@ -68,12 +72,11 @@ def is_leaving(error_um: float, peak_um: float) -> bool:
 class Telemetry:
     """Collect the snapshots taken while the carriage is over the part and the tool is in it."""
 
-    def __init__(self, plan: CutPlan, machine: MachineProfile, cut_length_mm: float) -> None:
-        self._plan = plan
-        self._machine = machine
+    def __init__(self, plan: CutPlan, machine: MachineProfile, job: Job) -> None:
+        self._plan, self._machine, self._job = plan, machine, job
         self._counts_per_mm = machine.carriage.counts_per_mm
         end = plan.carriage_start + plan.setup.carriage_counts
-        length = cut_length_mm * machine.carriage.counts_per_mm
+        length = job.cut_length_mm * machine.carriage.counts_per_mm
         # The last turn is left out: the tool may already be retracting.
         self._first, self._last = end - length, end - plan.setup.carriage_per_turn
         self._over = False
@@ -124,17 +127,33 @@ class Telemetry:
             following_error_rms_um=float(np.sqrt(np.mean(following_um**2))),
             samples=len(self._rows),
             tool_lobe_um=self._lobe_um(error_um),
+            push_um=self._push_um(error_um),
         )
 
     def _lobe_um(self, error_um: Floats) -> complex:
-        _, _, spindle, _, _ = np.array(self._rows).T
-        turns = spindle / self._machine.spindle.counts_per_rev
-        steady = np.abs(turns - turns[0]) >= TURNS_TO_FULL_CHIP
+        turns, _, steady = self._steady()
         if np.count_nonzero(steady) < PHASE_SAMPLES:
             return 0j
         lobes = self._plan.target.lobes
         found = fit(harmonic_columns(2.0 * np.pi * turns[steady], (lobes,)), error_um[steady])
         return phasors(found.coefficients, (lobes,))[lobes]
+
+    def _push_um(self, error_um: Floats) -> float:
+        """Return the push of the cut, from the errors without what comes once, twice, N or 2 N times a turn."""
+        turns, past_mm, steady = self._steady()
+        count, lobes = int(np.count_nonzero(steady)), self._plan.target.lobes
+        if count < PHASE_SAMPLES or self._plan.in_air:
+            return 0.0
+        waves = harmonic_columns(2.0 * np.pi * turns[steady], sorted({1, 2, lobes, 2 * lobes}))[:, 1:]
+        found = fit(np.hstack([_slowly(count), waves]), error_um[steady])
+        short_um = waves @ found.coefficients[MEANS:] - error_um[steady]
+        return left_push(self._job, self._machine, past_mm[steady].tolist(), short_um.tolist()).um
+
+    def _steady(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
+        """Return turns and places of the polls, and in which of them the chip is full."""
+        _, _, spindle, past_mm, _ = np.array(self._rows).T
+        turns = spindle / self._machine.spindle.counts_per_rev
+        return turns, past_mm, np.abs(turns - turns[0]) >= TURNS_TO_FULL_CHIP
 
 
 Lag = tuple[float, float]
@@ -161,15 +180,18 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
     """
     if len(samples) < PHASE_SAMPLES or target.amplitude_um == 0.0:
         return None
-    angle = target.lobes * np.radians(samples[:, 0])
-    columns = np.hstack([_slowly(len(angle)), harmonic_columns(angle, (1,))[:, 1:]])
+    angle, lobes = np.radians(samples[:, 0]), target.lobes
+    # The blank is neither round nor true: left in the residual that is uncertainty, and no lag is sure any more.
+    orders = (lobes, *sorted({1, 2, 2 * lobes} - {lobes})) if len(angle) >= BLANK_SAMPLES else (lobes,)
+    columns = np.hstack([_slowly(len(angle)), harmonic_columns(angle, orders)[:, 1:]])
     found = fit(columns, samples[:, 1])
-    coefficient = phasors(found.coefficients, (1,), trends=MEANS - 1)[1]
+    coefficient = phasors(found.coefficients, orders, trends=MEANS - 1)[lobes]
     amplitude_um = abs(coefficient)
     if amplitude_um < 0.1 * target.amplitude_um:
         return None
     behind_deg = math.degrees(-cmath.phase(coefficient)) / target.lobes - target.phase_deg
-    across = np.array([*[0.0] * MEANS, coefficient.imag, coefficient.real]) / amplitude_um**2
+    across = np.zeros(columns.shape[1])
+    across[MEANS : MEANS + 2] = np.array([coefficient.imag, coefficient.real]) / amplitude_um**2
     return Phase(
         error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
         within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,

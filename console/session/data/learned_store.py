@@ -6,7 +6,14 @@ from pathlib import Path
 
 from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, kept
 from console.session.errors import SessionError, refuse
-from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, differences, from_table
+from profiles.compensations.learned import (
+    HoldsFor,
+    LearnedCompensation,
+    as_table,
+    differences,
+    from_table,
+    path_settings,
+)
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, LoadedMachine
@@ -27,6 +34,7 @@ def asked_for(
         simulated=simulated,
         strategy=strategy,
         lathe=lathe,
+        settings=path_settings(job.job, machine.machine),
     )
 
 

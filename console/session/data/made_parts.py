@@ -16,7 +16,7 @@ from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.learned import HoldsFor
 from profiles.files import printable
-from profiles.own_values import from_json, number, text, whole
+from profiles.own_values import from_json, number, number_or_none, text, whole
 from profiles.problem import Problem
 
 LOCK_TIMEOUT_S = 1.0
@@ -48,7 +48,7 @@ Cut = tuple[str, str, str]
 
 INVERTED, MODEL = "inverted", "model"
 
-TOOL_LOBE = "tool_lobe_um"
+TOOL_LOBE, PUSH = "tool_lobe_um", "push_um"
 CHANGED = "changed"
 CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
 FINGERPRINT = "fingerprint"
@@ -170,7 +170,8 @@ def is_other_lathe(stated: str, recorded: str | None) -> bool:
 class CutPart:
     """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since.
 
-    `tool_lobe_um` is the tool error of the cut at the order of the lobe, 0 where the record does not have it.
+    `tool_lobe_um` is the tool error of the cut at the order of the lobe, `push_um` the push at its entry
+    beyond what its path makes up for, 0 where the record does not have it.
     `lathe` is the simulated lathe that has cut it, "" where the record names none.
     `force` is what the cutting force said of a half-stage cut, None where it was not asked. `proven` is False
     where the record says that the cut is not proven to be the planned one.
@@ -182,6 +183,7 @@ class CutPart:
     cut_since: bool
     lathe: str = ""
     tool_lobe_um: complex = 0j
+    push_um: float = 0.0
     force: ForceNull | None = None
     proven: bool = True
 
@@ -192,23 +194,23 @@ def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
         for made in _made(kind, data):
             if made is None:
                 return None
-            tool_um = tool_lobe_um(data)
             return CutPart(
                 run_id=run_id,
                 made=made,
                 at_utc=at_utc,
                 cut_since=bool(cut_since),
                 lathe=which or "",
-                tool_lobe_um=tool_um,
+                tool_lobe_um=tool_lobe_um(data),
+                push_um=push_um(data),
                 force=force_of(data),
                 proven=from_json(data).get("cut_verdict") != "not_proven",
             )
     return None
 
 
-def tool_lobe_event(tool_um: complex) -> dict[str, object]:
-    """Return the tool error at the order of the lobe as the run record keeps it."""
-    return {TOOL_LOBE: [tool_um.real, tool_um.imag]}
+def tool_event(lobe_um: complex, push_um: float) -> dict[str, object]:
+    """Return the tool error at the order of the lobe, and the push, as the run record keeps them."""
+    return {TOOL_LOBE: [lobe_um.real, lobe_um.imag], PUSH: push_um}
 
 
 def tool_lobe_um(data: str) -> complex:
@@ -218,6 +220,12 @@ def tool_lobe_um(data: str) -> complex:
     except (ValueError, TypeError, KeyError):
         return 0j
     return complex(real, imaginary)
+
+
+def push_um(data: str) -> float:
+    """Return how far a cut has pushed the tool beyond what its path makes up for, 0 if not recorded."""
+    event = from_json(data)
+    return number_or_none(event.get(PUSH)) or 0.0 if isinstance(event, dict) else 0.0
 
 
 def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:

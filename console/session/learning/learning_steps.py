@@ -22,6 +22,7 @@ from console.session.data.made_parts import (
     cuts_of,
     made_with,
     parts_made,
+    push_um,
     tool_lobe_um,
 )
 from console.session.data.made_parts import MODEL as MADE_BY_MODEL
@@ -42,7 +43,7 @@ from profiles.compensations.learned import MODEL, LearnedCompensation, again, mo
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
-from profiles.compensations.path import MOST_HARMONICS, CutPath, target_path
+from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, target_path
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -111,8 +112,9 @@ def taught(
         said = {**said, INVERTED: printable(identified.name)}
     cuts = cuts_of(data, asked)
     made = made_with(said, trace.meta, parts_made(cuts))
-    tool_um = next((tool_lobe_um(data) for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), 0j)
-    how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra, "tool_um": tool_um}
+    its = next((data for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), "{}")
+    how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
+    how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its)}
     found = taught_by(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
@@ -130,10 +132,12 @@ def taught_by(
     date: str,
     extra: tuple[int, ...] = (),
     tool_um: complex = 0j,
+    push_um: float = 0.0,
 ) -> Taught:
     """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
 
-    `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as found then.
+    `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as found then; `push_um` the push
+    that its path has left, for which the next one makes up.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     filed, (strategy, stage) = job.job, _followed(made)
@@ -154,14 +158,30 @@ def taught_by(
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
+    step, beyond = _pushed(step, push_um)
     return Taught(
         step=_once(step, known),
         made=made,
         stage=stage,
-        warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
+        warnings=(
+            *date_problems(version),
+            *lathe_problems(version, asked),
+            *part.warnings,
+            *beyond,
+            *step.warnings,
+        ),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
     )
+
+
+def _pushed(step: LearningStep, push_um: float) -> tuple[LearningStep, tuple[Problem, ...]]:
+    """Return a step whose path makes up for so much more push; if no cut takes that, the step alone, and why."""
+    path = step.next.path.pushed(push_um)
+    if (most_um := abs(path.command.push_um)) > MOST_MEAN_UM:
+        value, limit = f"{most_um:.1f} um", f"<= {MOST_MEAN_UM:.1f} um"
+        return step, (Problem(code="learned.push_beyond", value=value, limit=limit),)
+    return replace(step, next=replace(step.next, path=path)), ()
 
 
 def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:

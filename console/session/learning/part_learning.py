@@ -41,6 +41,7 @@ def learning_of(
     machine: LoadedMachine,
     data: Path,
     tool_um: complex = 0j,
+    push_um: float = 0.0,
 ) -> PartLearning:
     """Return the learning step from the part of a cut, `made` by `job` as saved; None where `name` was edited.
 
@@ -49,7 +50,8 @@ def learning_of(
     if job is None:
         return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
     try:
-        how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now(), "tool_um": tool_um}
+        how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now()}
+        how |= {"tool_um": tool_um, "push_um": push_um}
         taught = taught_by(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))

@@ -20,7 +20,7 @@ from console.session.cut.telemetry import expected_lag
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
-from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_part, tool_lobe_event
+from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_part, tool_event
 from console.session.data.records import RunFacts, begin_record
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
@@ -535,7 +535,7 @@ def _finish(context: StationContext, watched: _Watched, end: CutEnd, force: Forc
     context.tell(cut=ended, cut_done=done)
     made = {} if context.started is None else context.started.made.event()
     if end.figures is not None:
-        made |= tool_lobe_event(end.figures.tool_lobe_um) | end.figures.verdict.event()
+        made |= tool_event(end.figures.tool_lobe_um, end.figures.push_um) | end.figures.verdict.event()
     made |= force_event(force)
     context.note(
         "held" if end.held else "cut", turn=ended.turn, tool_error_peak_um=ended.tool_error_peak_um, **made

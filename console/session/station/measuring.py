@@ -64,7 +64,8 @@ MOST_OFFSET_UM = 200.0
 class _Cut:
     """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open.
 
-    `tool_um` is the tool error at the order of the lobe, `lathe` the simulated lathe that has cut it,
+    `tool_um` is the tool error at the order of the lobe, `push_um` what the path has left of the push of the cut,
+    `lathe` the simulated lathe that has cut it,
     `proven` whether it is proven to be the planned one.
     """
 
@@ -72,6 +73,7 @@ class _Cut:
     loaded: LoadedJob | None
     made: MadeWith
     tool_um: complex = 0j
+    push_um: float = 0.0
     run_id: str | None = None
     lathe: str = ""
     proven: bool = True
@@ -132,6 +134,7 @@ def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
         loaded=loaded,
         made=part.made,
         tool_um=part.tool_lobe_um,
+        push_um=part.push_um,
         run_id=part.run_id,
         lathe=part.lathe,
         proven=part.proven,
@@ -142,12 +145,12 @@ def _just_cut(context: StationContext, started: Armed) -> _Cut:
     """Return the cut of the part in the chuck."""
     progress = context.state.cut
     figures = None if progress is None else progress.figures
-    tool_um = 0j if figures is None else figures.tool_lobe_um
     return _Cut(
         job=started.job,
         loaded=started.loaded,
         made=started.made,
-        tool_um=tool_um,
+        tool_um=0j if figures is None else figures.tool_lobe_um,
+        push_um=0.0 if figures is None else figures.push_um,
         lathe=context.state.lathe,
         proven=figures is not None and figures.verdict.proven,
     )
@@ -187,7 +190,7 @@ def _judged(
         diameter_mm=diameter_mm,
         tool_offset_um=offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
-        learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um),
+        learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um, cut.push_um),
         run_id=cut.run_id,
         proven=cut.proven,
     )
