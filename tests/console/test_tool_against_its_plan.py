@@ -123,8 +123,8 @@ def verdict(
     """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
 
     A table reads the spindle one servo cycle late: its command is that of the angle before. The spindle is ahead
-    of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off for one turn, in three
-    polls.
+    of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off for one turn, in
+    three polls.
     """
     setup, chance, per_um = plan(strategy).setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     late_turns = 0.0 if strategy is Strategy.PVT else 1e-3 * MACHINE.controller.servo_period_ms / TURN_S
