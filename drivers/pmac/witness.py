@@ -27,7 +27,7 @@ from profiles.problem import Problem
 
 TOOL_NUMBERS = (30, 31, 32, 33, 34, 35, 68, 69, 8, 3, 4)
 SERVO_PERIOD = "I10"
-CONSTANTS = (*range(11, 25), 28, 32, 40, 41, 100, 200, 300, 400, 500, 600, 610, 620, 621)
+CONSTANTS = (*range(11, 24), 28, 32, 100, 200, 300, 400, 500, 600, 610, 620, 621)
 """P-variables that programs are set with and do not write; nobody writes those that a program does not use."""
 
 REGISTERS = ("following_error", "compensation", "bias")

@@ -11,6 +11,7 @@ from benchmarks.hostile_host import JOB, WitnessedLathe, plan_of
 from console.session.cut.cut_verdict import CutJudgement, CutVerdict
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import cut_part
+from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
@@ -18,7 +19,8 @@ from drivers.lathe.polling import Poller
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.pmac.witness import WitnessReport
+from drivers.pmac.program_constants import assigned
+from drivers.pmac.witness import CONSTANTS, WitnessReport
 from profiles.problem import Problem, ProblemError
 from tests.system.lathe_sites import compact
 
@@ -54,6 +56,15 @@ class Cut:
             return tuple(error.problems)
 
 
+@pytest.mark.parametrize("strategy", list(Strategy))
+def test_no_program_writes_a_constant_that_is_witnessed(strategy: Strategy) -> None:
+    """Nor one that this console may trim while it cuts."""
+    witnessed = {f"P{number}" for number in CONSTANTS}
+    for trimmed in {False, strategy.traits.trims}:
+        program = plan_cut(JOB, compact("pmac"), strategy, trimmed=trimmed).program
+        assert not witnessed & assigned(program)
+
+
 @pytest.fixture
 def nobody_reads_beside(monkeypatch: pytest.MonkeyPatch) -> None:
     """By chance a reading may fall into the moment."""
@@ -65,7 +76,7 @@ BRIEF = {
     "scale": ("I108=I108+1", "I108=I108-1", "cut.witness_changed", "I108"),
     "encoder": ("I103=I103+1", "I103=I103-1", "cut.witness_changed", "I103"),
     "servo period": ("I10=I10+37137", "I10=I10-37137", "cut.witness_changed", "I10"),
-    "constant": ("P24=P24+1", "P24=P24-1", "cut.witness_constant", "P11 … P621"),
+    "constant": ("P22=P22+1", "P22=P22-1", "cut.witness_constant", "P11 … P621"),
     "bias": ("M500->{bias} M500=M500+9216", "M500=M500-9216", "cut.witness_bias", "tool"),  # 3 counts
     "correction": ("M500->{comp} M500=M500+9216", "M500=M500-9216", "cut.witness_compensation", "tool"),
 }

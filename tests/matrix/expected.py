@@ -165,12 +165,12 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "slow-background": UNHARMED,
     "slow-background, 2.5 s": MUTE,
     # Settings are compared where something is armed; what was armed before is refused at its start.
-    # Half the gain of the tool is a lag that is seen in a cut. A cut with other settings is not the planned one.
+    # A cut with other settings is not the planned one.
     "stranger-writes, a gain": (
         *(SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME),
-        *("stopped, ^A: cut.out_of_phase controller.setting", SAME),
+        *(CHANGED_IN_CUT, SAME),
     ),
-    "stranger-writes, a limit": (*SET_OTHERWISE[:6], "stopped, ^A: controller.setting", SAME),
+    "stranger-writes, a limit": (*SET_OTHERWISE[:6], CHANGED_IN_CUT, SAME),
     # What moves is no longer guarded: it is stopped; a cut ends at the end of its turn before. The jog is over.
     "stranger-writes, no PLCs": (SAME, SAME, SAME, UNGUARDED, NOT_AS_IT_WAS, SAME, UNGUARDED, SAME),
     # As a lost reply: the settings of the line are made again.

@@ -87,8 +87,8 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         LOADING=f"{REFUSED}: controller.setting",
         POSITIONING=SETTING,
         CHECKING=SETTING,
-        STARTING=SETTING,
-        CUTTING=SETTING,
+        STARTING=f"{CHANGED_IN_CUT} or {CHANGED_IN_CUT} {IN_PART}",
+        CUTTING=f"{CHANGED_IN_CUT} {IN_PART}",
     ),
     # Nothing is sent to the machine of another console, but the stop of what this one has moved.
     "stranger-writes, another owner": _row(
@@ -96,7 +96,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{OUSTED} {TOOL_UNKNOWN}",
         POSITIONING=OUSTED,
         CHECKING="refused, nothing: owner.held",
-        STARTING=OUSTED,
+        STARTING=f"{OUSTED} or refused, nothing: owner.held",
         CUTTING=f"{OUSTED} {IN_PART}",
     ),
     "stranger-writes, a jog": _row(
@@ -156,7 +156,9 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         LOADING=NOT_LOADED,
         POSITIONING=NOT_AS_PLANNED,
         STARTING=CHANGED_IN_CUT,
-        CUTTING=f"{CHANGED_IN_CUT} {IN_PART} or stopped, ^A: cut.ended_early cut.constant_changed",
+        CUTTING=" or ".join(
+            (f"{CHANGED_IN_CUT} {IN_PART}", CHANGED_IN_CUT, "stopped, ^A: cut.ended_early cut.constant_changed")
+        ),
     ),
     "stranger-writes, a deeper cut": _row(
         LOADING=NOT_LOADED,
