@@ -251,10 +251,8 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
         raise NotAsPlannedError(*verdict.problems, turns=lathe.program.end().turns)
     if figures is None:
         return None
-    figures = replace(
-        figures, verdict=verdict, push_um=0.0 if ledger.turns else figures.push_um
-    )  # a hold renews it
-    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm)
+    figures = replace(figures, push_um=0.0 if ledger.turns else figures.push_um)  # a hold renews it
+    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
 
 
 def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
