@@ -28,6 +28,7 @@ from benchmarks.tables import Table, added, printed, read, write
 NAMES = (
     "learning",
     "feed_hold",
+    "tool_lag",
     "stop_latency",
     "run_page",
     "simulation_speed",

@@ -77,7 +77,10 @@ def cut_once(shop: Shop, version: LearnedCompensation | None, turned: float = 0.
     while any(not each.acknowledged for each in floor.state.alarms):
         order(floor, Acknowledge())
     if (ready := shop.order(compensation=version)).armed is None:
-        return CutSeen(lag=lag, disturbed=f"not armed: {', '.join(each.code for each in ready.refusals)}")
+        return CutSeen(
+            lag=lag,
+            disturbed=f"not armed: {', '.join(f'{each.code} {each.key} {each.value}' for each in ready.refusals)}",
+        )
     armed = ready.armed
     if turned:
         target = armed.plan.target

@@ -261,7 +261,9 @@ def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_re
     """Each command is a console of its own: what the second one knows of the push is on disk."""
     ring, trace = str(job_file(cut_length_mm="2.5", feed_mm_per_rev="0.05")), str(tmp_path / "part.csv")
     cut = ("run", ring, *lathe, *PLAIN, *SOFT, "--strategy", "cam")
-    first = console(*cut, "--part", trace).json
+    ran = console(*cut, "--part", trace)
+    assert "push_um" in ran.json, ran.out + ran.err
+    first = ran.json
     console("learn", trace, "--job", ring, *lathe, "--keep")
     second = console(*cut, "--compensation", "newest").json
     assert first["push_um"] > 10.0

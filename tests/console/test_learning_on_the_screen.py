@@ -206,7 +206,9 @@ def test_arming_judges_what_was_learned_once_more(shop: Shop) -> None:
     assert shop.refused(compensation=one, loaded=None) == ["learned.edited"]
     slower = replace(shop.job.job, depth_of_cut_mm=0.09)
     assert shop.refused(compensation=one, job=slower) == ["learned.edited"]
-    assert shop.refused(compensation=one, loaded=replace(shop.job, sha256="f" * 64)) == ["learned.job_changed"]
+    finer = replace(shop.job.job, feed_mm_per_rev=0.04)
+    changed = replace(shop.job, sha256="f" * 64, job=finer)
+    assert shop.refused(compensation=one, job=finer, loaded=changed) == ["learned.settings_changed"]
     real = replace(one, holds_for=replace(one.holds_for, simulated=False))
     assert "learned.elsewhere" in shop.refused(compensation=real)
     other = replace(one, holds_for=replace(one.holds_for, lathe="steady, seed 12"))

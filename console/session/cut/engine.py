@@ -219,8 +219,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     lathe, held_s = context.lathe, context.held_s()
     telemetry = Telemetry(plan, lathe.machine, job)
     length, path = CutLength(plan, lathe.machine), PathSeen(plan, lathe.machine, _before(lathe, plan, touched_mm))
-    tool = ToolPolls(plan, lathe.machine, job)
-    guard = cut_guard(plan, lathe.machine)
+    tool, guard = ToolPolls(plan, lathe.machine, job), cut_guard(plan, lathe.machine)
     ledger = HoldLedger(lathe.machine.spindle.counts_per_rev, turns_back(plan, lathe.machine))
     guard.expected_percent, pace = lathe.program.override.expected, PaceLedger(plan.setup.carriage_face)
 
@@ -253,7 +252,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     figures = telemetry.figures()
     if verdict.judgement is CutJudgement.DISTURBED:
         raise NotAsPlannedError(*verdict.problems, turns=lathe.program.end().turns)
-    figures = figures and replace(figures, push_um=0.0 if ledger.turns else figures.push_um)  # a hold begins it anew
+    figures = figures and replace(figures, push_um=0.0 if ledger.turns else figures.push_um)  # a hold renews it
     return figures and replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
 
 

@@ -136,13 +136,10 @@ def taught_by(
 ) -> Taught:
     """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
 
-    `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as found then; `push_um` the push
-    that its path has left, for which the next one makes up.
+    `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as then; `push_um` the push left.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
     """
     filed, (strategy, stage) = job.job, _followed(made)
-    if made.changed:  # along the cut: which of it a trace has measured is not known
-        raise SessionError(Problem(code="learned.changed_in_cut", value=made.changed))
     asked = asked_for(job, machine, strategy, simulated=is_simulated(trace), lathe=lathe_of(trace))
     known = versions(data, asked)
     inverted = _inverted(made, machine.machine, identified, data, simulated=asked.simulated)
@@ -158,30 +155,25 @@ def taught_by(
     scatter = scatter_um(filed, machine.machine)
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
-    step, beyond = _pushed(step, push_um)
+    step = _once(_pushed(step, push_um), known)
     return Taught(
-        step=_once(step, known),
+        step=step,
         made=made,
         stage=stage,
-        warnings=(
-            *date_problems(version),
-            *lathe_problems(version, asked),
-            *part.warnings,
-            *beyond,
-            *step.warnings,
-        ),
+        warnings=(*date_problems(version), *lathe_problems(version, asked), *part.warnings, *step.warnings),
         harmonics=tuple(_left(n, part, step, cut.path, stage) for n in sorted({*orders, *step.learned})),
         causes=causes(part, cut, filed, tool_um=cut.tool_um, placed=part.is_placed),
     )
 
 
-def _pushed(step: LearningStep, push_um: float) -> tuple[LearningStep, tuple[Problem, ...]]:
-    """Return a step whose path makes up for so much more push; if no cut takes that, the step alone, and why."""
+def _pushed(step: LearningStep, push_um: float) -> LearningStep:
+    """Return a step whose path makes up for so much more push; if no cut takes that, the step with a warning."""
     path = step.next.path.pushed(push_um)
-    if (most_um := abs(path.command.push_um)) > MOST_MEAN_UM:
-        value, limit = f"{most_um:.1f} um", f"<= {MOST_MEAN_UM:.1f} um"
-        return step, (Problem(code="learned.push_beyond", value=value, limit=limit),)
-    return replace(step, next=replace(step.next, path=path)), ()
+    if (most_um := abs(path.command.push_um)) <= MOST_MEAN_UM:
+        return replace(step, next=replace(step.next, path=path))
+    value, limit = f"{most_um:.1f} um", f"<= {MOST_MEAN_UM:.1f} um"
+    beyond = Problem(code="learned.push_beyond", value=value, limit=limit)
+    return replace(step, warnings=(*step.warnings, beyond))
 
 
 def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> LearningStep:
@@ -310,6 +302,8 @@ def _next(known: tuple[LearnedCompensation, ...]) -> int:
 
 def _followed(made: MadeWith) -> tuple[Strategy, Stage]:
     """Return strategy and stage of a cut that followed a path; both may come from a trace."""
+    if made.changed:  # along the cut: which of it a trace has measured is not known
+        raise SessionError(Problem(code="learned.changed_in_cut", value=made.changed))
     if made.strategy not in INVERTING:
         limit = " | ".join(INVERTING)
         raise SessionError(Problem(code="learned.not_followed", key="strategy", value=made.strategy, limit=limit))
