@@ -16,15 +16,19 @@ from drivers.cutting.live_trim import LiveTrim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
+from drivers.cutting.sampling import BatchGather
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
+from drivers.link.memory import MemoryLink
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import run_through
+from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 from drivers.pmac.trajectory.linear import timing_of
+from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from tests.drivers.conftest import JobMaker
@@ -224,3 +228,22 @@ def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
     (record,) = (move.record for move in slower.moves)
     assert record.asked == record.timing == timing_of(150.0, 60.0, 750.0)
     assert slower.duration_ms == pytest.approx(1.5 * checked.duration_ms)
+
+
+def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Other work may need the room, and a buffer that is not ours is left alone."""
+    sim = SimulatedLathe(machine)
+    client = PmacClient(MemoryLink(sim.connect(), sim), sim)
+    client.connect()
+    gather, sent = BatchGather(client, machine, sim, lambda: 0.0), list[str]()
+    request = client.request
+    client.request = lambda line, *rest, **more: sent.append(line) or request(line, *rest, **more)  # type: ignore
+    gather.give_back()
+    assert sent == []
+    gather.prepare(plan_cut(experiment(1), machine, Strategy.PVT), 100, 1.0, lambda _: None)
+    sent.clear()
+    gather.give_back()
+    gather.give_back()
+    assert sent == ["ENDGATHER", "DELETE GATHER"]
