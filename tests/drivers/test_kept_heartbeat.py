@@ -227,3 +227,11 @@ def test_a_jog_whose_plc_falls_silent_is_stopped_by_this_host(kept: Kept) -> Non
     assert (code(failed), kept.stop.reason) == ("heartbeat.plc_silent", "heartbeat.plc_silent")
     kept.sim.wait(1.0)
     assert kept.lathe.snapshot().at_rest and kept.lathe.snapshot().carriage.position < 30_000
+
+
+def test_no_drive_is_enabled_while_a_stop_is_in_force(machine: MachineProfile) -> None:
+    made = Kept(machine)
+    made.stop.stop("space")
+    with pytest.raises(StoppedError):
+        made.lathe.enable()
+    assert not any(motor.amplifier_enabled for motor in made.sim.controller.motors.values())
