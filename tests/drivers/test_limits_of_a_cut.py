@@ -10,7 +10,7 @@ import pytest
 
 from drivers.cutting.bounds import Trim
 from drivers.cutting.corrected import with_spindle
-from drivers.cutting.feed_hold import FeedHold
+from drivers.cutting.feed_hold import FeedHold, HoldLedger, HoldReport, HoldState
 from drivers.cutting.guarding import cut_guard
 from drivers.cutting.live_trim import LiveTrim
 from drivers.cutting.override import FeedOverride
@@ -247,3 +247,22 @@ def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
     gather.give_back()
     gather.give_back()
     assert sent == ["ENDGATHER", "DELETE GATHER"]
+
+
+def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:
+    """60 ms a turn, held for five: turn 18 is turn 13, 0.3 s earlier, and its poll took its 5 ms as before."""
+    ledger = HoldLedger(12_000.0, 2.0)
+
+    def see(turn: float, report: HoldReport) -> Snapshot | None:
+        poll = polled(0.06 * turn, spindle=commanded(12_000.0 * turn))
+        return ledger.see(replace(poll, asked_s=poll.at_s - 0.005), report)
+
+    held = HoldReport(asked=True, state=HoldState.HELD, turns=5)
+    assert see(10.0, HoldReport()) is not None
+    assert [see(turn, held) for turn in (11.0, 13.0, 15.0)] == [None] * 3
+    assert see(16.9, replace(held, asked=False, state=HoldState(0))) is None, "on its way back into the path"
+    found = see(18.0, replace(held, asked=False, state=HoldState(0)))
+    assert found is not None and found.spindle.position == pytest.approx(12_000.0 * 13.0)
+    assert (found.at_s, found.at_s - found.asked_s) == pytest.approx((0.78, 0.005))
+    assert ledger.turns == 5
+    assert ledger.held_s == pytest.approx(0.3)
