@@ -22,6 +22,7 @@ from console.session.cut.alignment import (
     observed,
     problems,
     step_problems,
+    tables_told,
     unclamped,
 )
 from profiles.problem import Problem
@@ -179,3 +180,22 @@ def test_what_was_found_replaces_what_was_assumed() -> None:
     assert aligned_job(JOB, Alignment()).lobe_phase_deg == JOB.lobe_phase_deg
     assert aligned_machine(machine, COMPLETE).tool.home_radius_mm == 75.837
     assert aligned_machine(machine, Alignment()) is machine
+
+
+ON, HOLDS = Problem(code="cut.table_on", key="I51"), Problem(code="cut.table_holds", key="D:$46")
+
+
+@pytest.mark.parametrize(
+    ("tables", "homed", "codes"),
+    [
+        ((ON,), False, ["cut.table_on"]),
+        ((ON, HOLDS), True, ["cut.table_on", "cut.table_holds"]),
+        ((ON, HOLDS), False, ["cut.table_no_home"]),
+        ((), False, []),
+    ],
+)
+def test_a_table_that_adds_something_is_cleared_another_way_without_a_home(
+    tables: tuple[Problem, ...], homed: bool, codes: list[str]
+) -> None:
+    """One that is only switched on adds nothing, and is switched off wherever the axes are."""
+    assert [problem.code for problem in tables_told(tables, homed=homed)] == codes

@@ -6,12 +6,15 @@ from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from console.session.cut import recording
 from console.session.cut import run as run_module
 from console.session.cut.engine import cut, load
 from console.session.cut.in_process import simulated_context
-from console.session.cut.run import CutOutcome
+from console.session.cut.recording import part_record
+from console.session.cut.run import CutOutcome, roundness_of
 from console.session.stages import Stage
 from console.session.station.progress import CutPhase, PhaseClock, planned_phases
 from drivers.cutting.planning import Strategy, plan_cut
@@ -19,6 +22,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
 from profiles.job import Job
 from profiles.store import load_job, load_machine
+from profiles.traces import Trace
 from tests.compact import compact_machine
 
 MACHINE = load_machine("lee-2001-lathe").machine
@@ -130,3 +134,22 @@ def test_a_part_that_is_clamped_is_not_clamped_anew_and_what_it_ran_into_is_told
     assert mounted == ([] if clamped else [job.name])
     assert outcome.collisions == (mark,)
     assert outcome.trace is not None
+
+
+@pytest.mark.parametrize(
+    ("off_um", "ront_um", "passed"),
+    [(59.0, 4.9, True), (-59.0, 4.9, True), (61.0, 4.9, False), (-61.0, 4.9, False), (0.0, 5.1, False)],
+)
+def test_a_part_passes_within_both_of_its_tolerances(
+    monkeypatch: pytest.MonkeyPatch, off_um: float, ront_um: float, passed: bool
+) -> None:
+    """The bundled job allows 5 um of roundness, and 60 um of diameter either way."""
+    job = load_job("lee-2001-experiment-1").job
+    assert (job.roundness_tolerance_um, job.diameter_tolerance_um) == (5.0, 60.0)
+    angle_deg = np.arange(0.0, 360.0, 0.5)
+    trace = Trace(
+        angle_deg=angle_deg, deviation_um=0.5 * ront_um * np.cos(np.radians(3 * angle_deg)), meta={"state": "free"}
+    )
+    diameter_mm = job.finished_diameter_mm + off_um / 1000.0
+    monkeypatch.setattr(recording, "mean_diameter_of", lambda *_: diameter_mm)
+    assert part_record(job, roundness_of(trace), trace, Stage.FULL).passed is passed

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolPolls
+from console.session.cut.recording import TelemetryRows
 from console.session.cut.tool_error import ToolError, fit_tool_error
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.snapshot import AxisState, Snapshot
@@ -242,3 +243,22 @@ def test_the_event_is_plain_json() -> None:
     assert said["cut_verdict"] == "tool_error"
     wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
     assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
+
+
+@pytest.mark.parametrize("past_mm", [-1.2, 0.0, 1.2])
+def test_the_record_has_the_error_of_a_tool_whose_lobe_grows_along_the_part(past_mm: float) -> None:
+    """A tenth a millimetre: on its path 1.2 mm behind the middle it is in by 12 % more of its lobe."""
+    planned = plan(Strategy.CAM)
+    grown = replace(planned, target=replace(planned.target, growth_per_mm=0.1))
+    mean_um, lobe_um = grown.target.mean_um, grown.target.amplitude_um
+    crest_turns = max((k / 360.0 for k in range(120)), key=lambda each: planned.target.at_um(360.0 * each))
+    infeed_um = mean_um + (1.0 + 0.1 * past_mm) * lobe_um + 2.5
+    poll = (
+        0.0,
+        grown.setup.surface + infeed_um / MACHINE.tool.count_um,
+        crest_turns * MACHINE.spindle.counts_per_rev,
+        grown.setup.carriage_middle + past_mm * MACHINE.carriage.counts_per_mm,
+        0.0,
+    )
+    (row,) = TelemetryRows(grown, JOB, MACHINE)([poll])
+    assert row[4] == pytest.approx(2.5, abs=0.05)

@@ -12,7 +12,7 @@ from drivers.errors import DriverError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.stop import StopPath
+from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
@@ -197,3 +197,41 @@ def test_no_axis_is_jogged_with_other_limits_ramps_or_speeds_than_the_profile_ha
     with pytest.raises(RefusedError) as refused:
         kept.lathe.refuse_other_jog(AxisName.CARRIAGE)
     assert [(each.code, each.key) for each in refused.value.problems] == [("controller.setting", f"I3{number}")]
+
+
+def test_a_stop_while_the_controller_ends_a_lost_cut_is_obeyed_at_once(kept: Kept) -> None:
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
+    kept.silent_once(0.5)
+    polls_after: list[Snapshot] = []
+
+    def stopping(snapshot: Snapshot) -> None:
+        if kept.stop.reason is not None:
+            polls_after.append(snapshot)
+        elif snapshot.lost:
+            kept.stop.stop("space")
+
+    with pytest.raises(StoppedError):
+        kept.lathe.program.follow(stopping, 60.0)
+    assert polls_after == []
+
+
+def test_a_jog_whose_plc_falls_silent_is_stopped_by_this_host(kept: Kept) -> None:
+    """Nothing else would end it any more: to 60 mm at 10 mm/s it has moved for some seconds at most."""
+    kept.lathe.home()
+    other = kept.sim.connect()
+    kept.on_look = lambda: other.receive(b"DISABLE PLC20\r")
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.jog_to(AxisName.CARRIAGE, 60_000.0)
+    assert (code(failed), kept.stop.reason) == ("heartbeat.plc_silent", "heartbeat.plc_silent")
+    kept.sim.wait(1.0)
+    assert kept.lathe.snapshot().at_rest and kept.lathe.snapshot().carriage.position < 30_000
+
+
+def test_no_drive_is_enabled_while_a_stop_is_in_force(machine: MachineProfile) -> None:
+    made = Kept(machine)
+    made.stop.stop("space")
+    with pytest.raises(StoppedError):
+        made.lathe.enable()
+    assert not any(motor.amplifier_enabled for motor in made.sim.controller.motors.values())

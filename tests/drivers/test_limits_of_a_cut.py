@@ -10,21 +10,25 @@ import pytest
 
 from drivers.cutting.bounds import Trim
 from drivers.cutting.corrected import with_spindle
-from drivers.cutting.feed_hold import FeedHold
+from drivers.cutting.feed_hold import FeedHold, HoldLedger, HoldReport, HoldState
 from drivers.cutting.guarding import cut_guard
 from drivers.cutting.live_trim import LiveTrim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
+from drivers.cutting.sampling import BatchGather
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
+from drivers.link.memory import MemoryLink
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import run_through
+from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 from drivers.pmac.trajectory.linear import timing_of
+from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from tests.drivers.conftest import JobMaker
@@ -224,3 +228,41 @@ def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
     (record,) = (move.record for move in slower.moves)
     assert record.asked == record.timing == timing_of(150.0, 60.0, 750.0)
     assert slower.duration_ms == pytest.approx(1.5 * checked.duration_ms)
+
+
+def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Other work may need the room, and a buffer that is not ours is left alone."""
+    sim = SimulatedLathe(machine)
+    client = PmacClient(MemoryLink(sim.connect(), sim), sim)
+    client.connect()
+    gather, sent = BatchGather(client, machine, sim, lambda: 0.0), list[str]()
+    request = client.request
+    client.request = lambda line, *rest, **more: sent.append(line) or request(line, *rest, **more)  # type: ignore
+    gather.give_back()
+    assert sent == []
+    gather.prepare(plan_cut(experiment(1), machine, Strategy.PVT), 100, 1.0, lambda _: None)
+    sent.clear()
+    gather.give_back()
+    gather.give_back()
+    assert sent == ["ENDGATHER", "DELETE GATHER"]
+
+
+def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:
+    """60 ms a turn, held for five: turn 18 is turn 13, 0.3 s earlier, and its poll took its 5 ms as before."""
+    ledger = HoldLedger(12_000.0, 2.0)
+
+    def see(turn: float, report: HoldReport) -> Snapshot | None:
+        poll = polled(0.06 * turn, spindle=commanded(12_000.0 * turn))
+        return ledger.see(replace(poll, asked_s=poll.at_s - 0.005), report)
+
+    held = HoldReport(asked=True, state=HoldState.HELD, turns=5)
+    assert see(10.0, HoldReport()) is not None
+    assert [see(turn, held) for turn in (11.0, 13.0, 15.0)] == [None] * 3
+    assert see(16.9, replace(held, asked=False, state=HoldState(0))) is None, "on its way back into the path"
+    found = see(18.0, replace(held, asked=False, state=HoldState(0)))
+    assert found is not None and found.spindle.position == pytest.approx(12_000.0 * 13.0)
+    assert (found.at_s, found.at_s - found.asked_s) == pytest.approx((0.78, 0.005))
+    assert ledger.turns == 5
+    assert ledger.held_s == pytest.approx(0.3)

@@ -44,18 +44,20 @@ def found(
     took_s: float = 0.005,
     poll_s: float = POLL_S,
     waves_um: tuple[float, ...] = (),
+    growth_per_mm: float = 0.0,
 ) -> list[Problem]:
     """What is found of a cut that is off by so much for 0.2 s, 1.5 s behind its beginning; `share` of its lobe.
 
     No poll comes within `silent_s`; `held_s` is what a simulated lathe has held its time. A poll of that moment
-    takes `took_s`, every other one 5 ms.
+    takes `took_s`, every other one 5 ms. The lobe grows along the part by `growth_per_mm`.
     Where it `lags`, tool and carriage are commanded as planned all the time; else they are where commanded.
 
     A poll comes each `poll_s`. The tool is off by `waves_um` once, twice a turn and so on.
     The part pushes the tool off by `entry_um` where it begins, and the loop takes that back over four turns.
     """
     setup, chance = plan().setup, np.random.default_rng(1)
-    seen = PathSeen(plan(), MACHINE)
+    planned = replace(plan(), target=replace(plan().target, growth_per_mm=growth_per_mm))
+    seen = PathSeen(planned, MACHINE)
     for number in range(int(setup.whole_turns * TURN_S / poll_s)):
         at_s = number * poll_s
         if silent_s[0] <= at_s < silent_s[1]:
@@ -63,7 +65,9 @@ def found(
         off = 1.0 if within_s[0] <= at_s < within_s[1] else 0.0
         turn = at_s / TURN_S + off * turns
         z = setup.carriage_start + turn * setup.carriage_per_turn + off * feed_mm * PER_MM
-        target_um = plan().target.mean_um + share * (plan().target.at_um(360.0 * turn) - plan().target.mean_um)
+        past_mm = (z - setup.carriage_middle) / PER_MM
+        lobe_um = (1.0 + growth_per_mm * past_mm) * (plan().target.at_um(360.0 * turn) - plan().target.mean_um)
+        target_um = plan().target.mean_um + share * lobe_um
         met = setup.carriage_face - 0.5 * MACHINE.tool.wiper_land_mm * MACHINE.carriage.counts_per_mm
         into_turns = (z - met) / setup.carriage_per_turn
         target_um -= entry_um * np.exp(-into_turns / 4.0) * (into_turns > 0.0)
@@ -111,6 +115,12 @@ def test_a_poll_that_was_interrupted_accuses_nobody() -> None:
     """Its axes are read at different moments: a tool of half a lobe later looks like one that was moved."""
     assert [problem.code for problem in found(30.0, took_s=0.005)] == ["cut.off_path"]
     assert found(30.0, took_s=0.02) == []
+
+
+def test_a_lobe_that_grows_as_planned_is_on_its_path() -> None:
+    """By 27 um over 1.5 mm from the middle: not seen as the planned growth it would be half of the lobe."""
+    assert found(growth_per_mm=0.6) == []
+    assert found(30.0, growth_per_mm=0.6) != []
 
 
 @pytest.mark.parametrize("polls", [0, 1, 2, 15])
