@@ -26,7 +26,7 @@ END_OF_HEADER = "; ----"
 _WITHOUT_VALUES = (
     "; Left out: values of P, Q and M; entries of tables; words of the user buffer; the handshake (I3, I4, I6)."
 )
-_WITH_VALUES = "; Left out: P1000 to P1023; values of M that point at memory; the handshake (I3, I4, I6)."
+_WITH_VALUES = "; Left out: P971 to P1023; values of M that point at memory; the handshake (I3, I4, I6)."
 LEFT_OUT = (
     "; Programs were looked for under 1 to 99 and 1000 to 1003. Sending PLCs back leaves them switched off.",
     "; Limits, kill mode, commutation and addresses are among these lines: read them before you send them.",

@@ -18,7 +18,7 @@ from drivers.pmac.language.listing import stored_line, stored_plc_lines
 from drivers.pmac.language.plc_statements import link_plc
 from drivers.pmac.language.structure import link
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.reserved import END_FLAG, OWN_VARIABLES, PLCS, PROGRAMS, WITNESS, WITNESS_POINTERS
+from drivers.pmac.reserved import END_FLAG, OWN_VARIABLES, PLCS, PROGRAMS, WITNESS_POINTERS
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -32,11 +32,11 @@ _WRITTEN = re.compile(
 
 
 class OwnVariables:
-    """What belongs to the console in a controller of one family: P1000 to P1023, M-variables and two timers."""
+    """What belongs to the console in a controller of one family: P971 to P1023, M-variables and two timers."""
 
     def __init__(self, dialect: Dialect) -> None:
         own = {
-            "P": {*WITNESS, *OWN_VARIABLES},
+            "P": set(OWN_VARIABLES),
             "M": {END_FLAG, *range(RUNNING, TOOL_HOMED + 1), *WITNESS_POINTERS},
             "I": set[int](),
         }

@@ -11,7 +11,7 @@ HEARTBEAT_PLC = 20  # The PLC that ends jogs and cuts on a watchdog timeout
 
 WITNESS_PLC = 21  # The PLC that witnesses a cut (`witness.py`)
 PLCS = frozenset((HEARTBEAT_PLC, WITNESS_PLC))
-WITNESS, WITNESS_POINTERS = range(960, 989), range(1016, 1020)
+WITNESS, WITNESS_POINTERS = range(971, 1000), range(1016, 1020)
 """P- and M-variables of the witness."""
 
 STRATEGY_PROGRAMS = frozenset((1, 2, 3, 4))  # what the strategies load (`drivers.pmac.programs`)
@@ -38,5 +38,5 @@ STOPPED_BY = 1011
 SIGNATURE = 1012
 """P-variables up to P1023: who controls the machine, in words (`drivers/lathe/signature.py`)."""
 
-OWN_VARIABLES = range(OWNER, 1024)
-"""P-variables: those, and those of the heartbeat."""
+OWN_VARIABLES = range(WITNESS.start, 1024)
+"""P-variables: those, and those of the heartbeat and of the witness."""

@@ -80,21 +80,21 @@ class WitnessReport:
             return
         low, high = self.extremes["bias"]
         if high - low > 0.0:
-            yield _register_problem("bias", high - low, 0.0)
+            yield _register_problem("cut.witness_bias", high - low, 0.0)
         low, high = self.extremes["compensation"]
         least, most = (low, low) if correction_um is None else correction_um
         if (beyond_um := max(high - most, least - low)) > 1e-3:
-            yield _register_problem("compensation", beyond_um, 0.0)
+            yield _register_problem("cut.witness_compensation", beyond_um, 0.0)
         if following_um is not None and self.passed:
             low, high = self.extremes["following_error"]
             margin_um = max(LEAST_UM, following_um[1] - following_um[0])
             beyond_um = max(high - following_um[1], following_um[0] - low)
             if beyond_um > margin_um:
-                yield _register_problem("following_error", beyond_um, margin_um)
+                yield _register_problem("cut.witness_following_error", beyond_um, margin_um)
 
 
-def _register_problem(name: str, off_um: float, limit_um: float) -> Problem:
-    return Problem(code=f"cut.witness_{name}", key="tool", value=f"{off_um:.2f} um", limit=f"{limit_um:.1f} um")
+def _register_problem(code: str, off_um: float, limit_um: float) -> Problem:
+    return Problem(code=code, key="tool", value=f"{off_um:.2f} um", limit=f"{limit_um:.1f} um")
 
 
 class Witness:

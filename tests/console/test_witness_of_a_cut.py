@@ -98,9 +98,9 @@ def test_a_cut_that_nobody_disturbs_has_nothing_to_say(family: str, strategy: St
     "lines",
     [
         ("DISABLE PLC21", "ENABLE PLC21"),
-        ("OPEN PLC21 CLEAR\rP960=P960+1\rCLOSE\rENABLE PLC21", "P961=2"),
-        ("P961=0", "P1=P1"),
-        ("P960=P960+50", "P1=P1"),
+        ("OPEN PLC21 CLEAR\rP971=P971+1\rCLOSE\rENABLE PLC21", "P972=2"),
+        ("P972=0", "P1=P1"),
+        ("P971=P971+50", "P1=P1"),
     ],
 )
 def test_a_witness_that_was_stopped_or_changed_proves_nothing(lines: tuple[str, str]) -> None:

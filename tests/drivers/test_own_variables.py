@@ -25,10 +25,10 @@ PROGRAM, PLC = BufferKind.PROGRAM, BufferKind.PLC
         (PLC, 'CMD"#1J/ P(1004)=0"', ("P1004",)),
         (PLC, 'CMD"P1,3,500=0"', ("P1001",)),  # P1, P501, P1001
         (PLC, 'CMD"P1022,99=0"', ("P1022", "P1023")),
-        (PLC, 'CMD"P0..99999999999=0"', tuple(f"P{number}" for number in range(1000, 1024))),
+        (PLC, 'CMD"P0..99999999999=0"', tuple(f"P{number}" for number in range(971, 1024))),
         (PLC, 'CMD"P$3E8=1 P($3E9)=1 P(500*2+2)=1"', ("P1000", "P1001", "P1002")),
         (PROGRAM, "M1000=1 M1014=1 M1015=1 M26=1", ("M26", "M1000", "M1014")),
-        (PROGRAM, "P999=1 P1024=1 Q1000=1 M999=1", ()),
+        (PROGRAM, "P970=1 P1024=1 Q1000=1 M999=1", ()),
         (PROGRAM, "P1=P1000+P1023", ()),  # to read them disturbs nobody
         (PROGRAM, "P(P5)=1", ()),  # known only when it runs
         (PLC, 'CMD"P1000"', ()),

@@ -27,6 +27,7 @@ ANOTHER_PROGRAM = "stopped, ^A: controller.program_differs"
 NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
 CHANGED_IN_CUT = "stopped, ^A: cut.constant_differs"
 NOT_LOADED = f"{REFUSED}: controller.constant_differs"
+ENDED_EARLY = "stopped, ^A: cut.ended_early cut.constant_changed"
 OUSTED = "stopped, ^A: owner.ousted"
 NOT_STARTED = "stopped, ^K: controller.err012"
 """The controller takes no start with a loop open; what follows must not close it."""
@@ -88,7 +89,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         POSITIONING=SETTING,
         CHECKING=SETTING,
         STARTING=SETTING,
-        CUTTING=SETTING,
+        CUTTING=f"{CHANGED_IN_CUT} {IN_PART}",
     ),
     # Nothing is sent to the machine of another console, but the stop of what this one has moved.
     "stranger-writes, another owner": _row(
@@ -156,7 +157,8 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         LOADING=NOT_LOADED,
         POSITIONING=NOT_AS_PLANNED,
         STARTING=CHANGED_IN_CUT,
-        CUTTING=f"{CHANGED_IN_CUT} {IN_PART} or stopped, ^A: cut.ended_early cut.constant_changed",
+        # With so few turns left the feed may be over, and the tool out, when it is read.
+        CUTTING=f"{CHANGED_IN_CUT} {IN_PART} or {CHANGED_IN_CUT} or {ENDED_EARLY}",
     ),
     "stranger-writes, a deeper cut": _row(
         LOADING=NOT_LOADED,

@@ -244,11 +244,9 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
                 tool.see(as_planned, trimmed=trim != UNTRIMMED)
         see(snapshot)
 
-    if lathe.witness is not None:
-        lathe.witness.begin(lathe.snapshot().carriage.commanded, *tool.feed)
-    lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
+    _start(lathe, plan, tool)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard, _clear_of(plan))
-    verdict = tool.verdict(None if lathe.witness is None else lathe.witness.report(), unheld=not ledger.turns)
+    verdict = tool.verdict(None if lathe.witness is None else lathe.witness.report(), unheld=not guard.further)
     lathe.program.put_back()
     _refuse_another(lathe, plan, length, (*verdict.changes, *path.problems(context.held_s() - held_s)))
     figures = telemetry.figures()
@@ -257,6 +255,13 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     if figures is None:
         return None
     return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
+
+
+def _start(lathe: Lathe, plan: CutPlan, tool: ToolPolls) -> None:
+    """Let the witness in the controller begin anew, and start the program."""
+    if lathe.witness is not None:
+        lathe.witness.begin(lathe.snapshot().carriage.commanded, *tool.feed)
+    lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
 
 
 def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
