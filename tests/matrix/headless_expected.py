@@ -29,8 +29,8 @@ CHANGED_IN_CUT = "stopped, ^A: cut.constant_differs"
 NOT_LOADED = f"{REFUSED}: controller.constant_differs"
 ENDED_EARLY = "stopped, ^A: cut.ended_early cut.constant_changed"
 OUSTED = "stopped, ^A: owner.ousted"
-NOT_STARTED = "stopped, ^K: controller.err012"
-"""The controller takes no start with a loop open; what follows must not close it."""
+NOT_ENABLED = "stopped, ^K: machine.not_enabled"
+"""With a loop open nothing is started; what follows must not close it."""
 
 ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
 DISTURBED = "stopped, ^A: cut.disturbed"
@@ -71,7 +71,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{FAULT_K} {TOOL_UNKNOWN}",
         POSITIONING=FAULT_K,
         CHECKING="stopped, ^K: machine.not_enabled machine.fault",
-        STARTING=NOT_STARTED,
+        STARTING=NOT_ENABLED,
         CUTTING=f"{FAULT_K} {NO_WAY_OUT}",
         RETRACTING=FAULT_K,
         ENDED=SAME,
@@ -88,7 +88,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         LOADING=f"{REFUSED}: controller.setting",
         POSITIONING=SETTING,
         CHECKING=SETTING,
-        STARTING=SETTING,
+        STARTING=CHANGED_IN_CUT,
         CUTTING=f"{CHANGED_IN_CUT} {IN_PART}",
     ),
     # Nothing is sent to the machine of another console, but the stop of what this one has moved.
@@ -97,7 +97,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{OUSTED} {TOOL_UNKNOWN}",
         POSITIONING=OUSTED,
         CHECKING="refused, nothing: owner.held",
-        STARTING=OUSTED,
+        STARTING="refused, lines: owner.held",
         CUTTING=f"{OUSTED} {IN_PART}",
     ),
     "stranger-writes, a jog": _row(
@@ -113,13 +113,13 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         POSITIONING="stopped, ^A: machine.unexpected_motion",
     ),
     "stranger-writes, a kill of the tool": _row(
-        POSITIONING=OPENED, CHECKING="stopped, ^K: machine.not_enabled", STARTING=NOT_STARTED, CUTTING=SAME
+        POSITIONING=OPENED, CHECKING=NOT_ENABLED, STARTING=NOT_ENABLED, CUTTING=SAME
     ),
     "stranger-writes, ^K": _row(
         HOMING=f"{OPENED} {TOOL_UNKNOWN}",
         POSITIONING=OPENED,
         CHECKING="stopped, ^K: machine.not_enabled",
-        STARTING=NOT_STARTED,
+        STARTING=NOT_ENABLED,
         CUTTING=f"{OPENED} {NO_WAY_OUT}",
         RETRACTING=OPENED,
         ENDED=SAME,
@@ -147,7 +147,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{OPENED} {TOOL_UNKNOWN}",
         POSITIONING=RESET,
         CHECKING="stopped, ^K: machine.not_enabled machine.not_homed machine.not_at_start machine.tool_unknown",
-        STARTING=f"{NOT_STARTED} {TOOL_UNKNOWN}",
+        STARTING=f"{NOT_ENABLED} {TOOL_UNKNOWN}",
         CUTTING=RESET,
         RETRACTING=RESET,
     ),
