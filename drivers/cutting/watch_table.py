@@ -22,6 +22,7 @@ from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Scope
 from drivers.pmac.expected_replies import number_of
+from drivers.pmac.heartbeat.arming import PERMISSION
 from drivers.pmac.program_constants import IN_THE_CUT, RELATIVE, assigned, pointers_of
 from drivers.pmac.program_load import LoadedProgram
 from profiles.machine import MachineProfile
@@ -79,7 +80,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
     else:
         words = tuple(f"Y:${dialect.conversion_table.first_address + line:X}" for line in lines)
     own = {int(name[1:]) for name in assigned(program) if name.startswith("I")}
-    settings = {*known, *stated} - passing_settings(dialect) - own
+    settings = {*known, *stated} - passing_settings(dialect) - own - {PERMISSION}
     others = {dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors}
     shaping = {dialect.motor_index(tool, number) for number in SHAPING}
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}

@@ -218,6 +218,13 @@ class Lathe:
         """Read the state of the machine in one request; retry once without a reply."""
         return self._poller.look()
 
+    def begin_witness(self, feed: tuple[float, float]) -> None:
+        """Let the witness begin anew, at rest; in its `feed` the carriage is between two places, counts."""
+        if self.witness is not None:
+            at_counts = self.snapshot().carriage.commanded
+            self._sending.refuse_unless_owner()
+            self.witness.begin(at_counts, *feed)
+
     def confirm_nobody_inside(self) -> None:
         """Record the operator's confirmation that nobody is inside the guard; nothing is sent."""
         self.stop.inside_guard = False

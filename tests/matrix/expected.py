@@ -169,10 +169,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "stranger-writes, a gain": (*SET_OTHERWISE[:6], CHANGED_IN_CUT, SAME),
     "stranger-writes, a limit": (*SET_OTHERWISE[:6], CHANGED_IN_CUT, SAME),
     # What moves is no longer guarded: it is stopped; a cut ends at the end of its turn before. The jog is over.
-    "stranger-writes, no PLCs": (
-        *(SAME, SAME, SAME, UNGUARDED, NOT_AS_IT_WAS, SAME),
-        *("stopped, ^A: heartbeat.plc_silent cut.constant_differs", SAME),
-    ),
+    "stranger-writes, no PLCs": (SAME, SAME, SAME, UNGUARDED, NOT_AS_IT_WAS, SAME, UNGUARDED, SAME),
     # As a lost reply: the settings of the line are made again.
     "stranger-writes, the handshake": ONCE,
     "stranger-writes, an open buffer": UNHARMED,

@@ -88,7 +88,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         LOADING=f"{REFUSED}: controller.setting",
         POSITIONING=SETTING,
         CHECKING=SETTING,
-        STARTING=CHANGED_IN_CUT,
+        STARTING=f"{CHANGED_IN_CUT} or {CHANGED_IN_CUT} {IN_PART}",
         CUTTING=f"{CHANGED_IN_CUT} {IN_PART}",
     ),
     # Nothing is sent to the machine of another console, but the stop of what this one has moved.
@@ -97,7 +97,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{OUSTED} {TOOL_UNKNOWN}",
         POSITIONING=OUSTED,
         CHECKING="refused, nothing: owner.held",
-        STARTING="refused, lines: owner.held",
+        STARTING=f"{OUSTED} or refused, nothing: owner.held",
         CUTTING=f"{OUSTED} {IN_PART}",
     ),
     "stranger-writes, a jog": _row(

@@ -244,7 +244,8 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
                 tool.see(as_planned, trimmed=trim != UNTRIMMED)
         see(snapshot)
 
-    _start(lathe, plan, tool)
+    lathe.begin_witness(tool.feed)
+    lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
     lathe.program.follow(polled, plan.duration_s * TIME_ALLOWANCE + EXTRA_TIME_S, guard, _clear_of(plan))
     verdict = tool.verdict(None if lathe.witness is None else lathe.witness.report(), unheld=not guard.further)
     lathe.program.put_back()
@@ -252,16 +253,7 @@ def _run(context: CutContext, job: Job, plan: CutPlan, see: See, touched_mm: flo
     figures = telemetry.figures()
     if verdict.judgement is CutJudgement.DISTURBED:
         raise NotAsPlannedError(*verdict.problems, turns=lathe.program.end().turns)
-    if figures is None:
-        return None
-    return replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
-
-
-def _start(lathe: Lathe, plan: CutPlan, tool: ToolPolls) -> None:
-    """Let the witness in the controller begin anew, and start the program."""
-    if lathe.witness is not None:
-        lathe.witness.begin(lathe.snapshot().carriage.commanded, *tool.feed)
-    lathe.program.start(plan.program.number, plan.setup.retracted, plan.target.lobes)
+    return figures and replace(figures, spindle_speed_rpm=pace.mean * figures.spindle_speed_rpm, verdict=verdict)
 
 
 def _before(lathe: Lathe, plan: CutPlan, touched_mm: float) -> CutBefore | None:
