@@ -135,7 +135,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     # What is in full motion when its segment ends runs on, into the part or out of it.
     "stranger-writes, &1Q": _row(
         CUTTING=" or ".join((ENDED_BY_OTHERS, f"{ENDED_BY_OTHERS} {IN_PART}", f"{OUTSIDE} {IN_PART}", OUTSIDE)),
-        RETRACTING=DISTURBED,
+        RETRACTING=f"{DISTURBED} or {OUTSIDE}",  # the segment in progress may be the last, and end in full motion
     ),
     "stranger-writes, &1H": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
     "stranger-writes, &1%0": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
