@@ -86,16 +86,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
     if conversion is not None:
         shaping.add(conversion + tool - 1)
-    corrected = {table.definition.target for table in program.tables}
-    registers = {
-        motor: [
-            f"{'Y' if place.space == 'D' else place.space}:${place.address + (motor - 1) * place.stride:X}"
-            for name in ("bias", "compensation")
-            if name == "bias" or motor not in corrected
-            for place in (dialect.registers[name],)
-        ]
-        for motor in motors
-    }
+    registers = {motor: _registers(motor, loaded) for motor in motors}
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
     return WatchTable(
@@ -112,6 +103,16 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
             *(WatchItem(f"{name}->{_END}", (f"{name}->",)) for name in pointers_of(program)),
         ),
     )
+
+
+def _registers(motor: int, loaded: LoadedProgram) -> list[str]:
+    """Return the words of bias and correction of a motor, without the correction that a table of the program makes."""
+    corrected = motor in {table.definition.target for table in loaded.program.tables}
+    places = [loaded.dialect.registers[name] for name in (["bias"] if corrected else ["bias", "compensation"])]
+    return [
+        f"{'Y' if place.space == 'D' else place.space}:${place.address + (motor - 1) * place.stride:X}"
+        for place in places
+    ]
 
 
 def _ranges(kind: str, numbers: Collection[int], step: int = 1) -> Iterator[WatchItem]:

@@ -55,7 +55,7 @@ NO_INDEX_BEFORE_A_LIMIT = (SAME, SAME, SAME, f"{TIMEOUT} machine.fault", SAME, S
 TRIPPED = (SAME, *(FAULT_K,) * 6, "stopped, ^A (^K): machine.fault")
 AT_A_LIMIT = (SAME, *(FAULT_A,) * 7)
 SET_OTHERWISE = (SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME, SAME, SAME)
-OUT_OF_PHASE = "stopped, ^K: cut.out_of_phase machine.fault"
+OUT_OF_PHASE = "stopped, ^K: cut.out_of_phase machine.fault or stopped, ^K: cut.tool_leads machine.fault"
 TRIPPED_BLIND = f"{OUT_OF_PHASE} or {FAULT_K}"
 """Half a second of looks tells the phase; a loop that sees nothing may trip before."""
 
@@ -165,11 +165,8 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "slow-background": UNHARMED,
     "slow-background, 2.5 s": MUTE,
     # Settings are compared where something is armed; what was armed before is refused at its start.
-    # A cut with other settings is not the planned one.
-    "stranger-writes, a gain": (
-        *(SAME, SAME, SAME, SAME, NOT_AS_IT_WAS, SAME),
-        *(CHANGED_IN_CUT, SAME),
-    ),
+    # In a cut they are read in turn: one with other settings is not the planned one.
+    "stranger-writes, a gain": (*SET_OTHERWISE[:6], CHANGED_IN_CUT, SAME),
     "stranger-writes, a limit": (*SET_OTHERWISE[:6], CHANGED_IN_CUT, SAME),
     # What moves is no longer guarded: it is stopped; a cut ends at the end of its turn before. The jog is over.
     "stranger-writes, no PLCs": (SAME, SAME, SAME, UNGUARDED, NOT_AS_IT_WAS, SAME, UNGUARDED, SAME),

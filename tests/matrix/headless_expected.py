@@ -27,9 +27,10 @@ ANOTHER_PROGRAM = "stopped, ^A: controller.program_differs"
 NOT_AS_PLANNED = "stopped, ^A: controller.constant_differs"
 CHANGED_IN_CUT = "stopped, ^A: cut.constant_differs"
 NOT_LOADED = f"{REFUSED}: controller.constant_differs"
+ENDED_EARLY = "stopped, ^A: cut.ended_early cut.constant_changed"
 OUSTED = "stopped, ^A: owner.ousted"
-NOT_STARTED = "stopped, ^K: controller.err012"
-"""The controller takes no start with a loop open; what follows must not close it."""
+NOT_ENABLED = "stopped, ^K: machine.not_enabled"
+"""With a loop open nothing is started; what follows must not close it."""
 
 ENDED_BY_OTHERS = "stopped, ^A: cut.ended_early cut.stopped_by_another"
 DISTURBED = "stopped, ^A: cut.disturbed"
@@ -70,7 +71,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{FAULT_K} {TOOL_UNKNOWN}",
         POSITIONING=FAULT_K,
         CHECKING="stopped, ^K: machine.not_enabled machine.fault",
-        STARTING=NOT_STARTED,
+        STARTING=NOT_ENABLED,
         CUTTING=f"{FAULT_K} {NO_WAY_OUT}",
         RETRACTING=FAULT_K,
         ENDED=SAME,
@@ -112,13 +113,13 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         POSITIONING="stopped, ^A: machine.unexpected_motion",
     ),
     "stranger-writes, a kill of the tool": _row(
-        POSITIONING=OPENED, CHECKING="stopped, ^K: machine.not_enabled", STARTING=NOT_STARTED, CUTTING=SAME
+        POSITIONING=OPENED, CHECKING=NOT_ENABLED, STARTING=NOT_ENABLED, CUTTING=SAME
     ),
     "stranger-writes, ^K": _row(
         HOMING=f"{OPENED} {TOOL_UNKNOWN}",
         POSITIONING=OPENED,
         CHECKING="stopped, ^K: machine.not_enabled",
-        STARTING=NOT_STARTED,
+        STARTING=NOT_ENABLED,
         CUTTING=f"{OPENED} {NO_WAY_OUT}",
         RETRACTING=OPENED,
         ENDED=SAME,
@@ -134,7 +135,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
     # What is in full motion when its segment ends runs on, into the part or out of it.
     "stranger-writes, &1Q": _row(
         CUTTING=" or ".join((ENDED_BY_OTHERS, f"{ENDED_BY_OTHERS} {IN_PART}", f"{OUTSIDE} {IN_PART}", OUTSIDE)),
-        RETRACTING=DISTURBED,
+        RETRACTING=f"{DISTURBED} or {OUTSIDE}",  # the segment in progress may be the last, and end in full motion
     ),
     "stranger-writes, &1H": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
     "stranger-writes, &1%0": _row(CUTTING=f"{OVERRIDE} {IN_PART}"),
@@ -146,7 +147,7 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         HOMING=f"{OPENED} {TOOL_UNKNOWN}",
         POSITIONING=RESET,
         CHECKING="stopped, ^K: machine.not_enabled machine.not_homed machine.not_at_start machine.tool_unknown",
-        STARTING=f"{NOT_STARTED} {TOOL_UNKNOWN}",
+        STARTING=f"{NOT_ENABLED} {TOOL_UNKNOWN}",
         CUTTING=RESET,
         RETRACTING=RESET,
     ),
@@ -156,9 +157,8 @@ HEADLESS: Mapping[str, Mapping[Moment, str]] = {
         LOADING=NOT_LOADED,
         POSITIONING=NOT_AS_PLANNED,
         STARTING=CHANGED_IN_CUT,
-        CUTTING=" or ".join(
-            (f"{CHANGED_IN_CUT} {IN_PART}", CHANGED_IN_CUT, "stopped, ^A: cut.ended_early cut.constant_changed")
-        ),
+        # With so few turns left the feed may be over, and the tool out, when it is read.
+        CUTTING=f"{CHANGED_IN_CUT} {IN_PART} or {CHANGED_IN_CUT} or {ENDED_EARLY}",
     ),
     "stranger-writes, a deeper cut": _row(
         LOADING=NOT_LOADED,
