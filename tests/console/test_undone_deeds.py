@@ -30,7 +30,7 @@ from tests.system.lathe_sites import compact
     [
         (3, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
         (1, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.constant_differs"),
-        (5, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
+        (5, "&1H", "&1R", 3.08, 0.2, "cut.lobe_off_path"),
         (0, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.command_off_plan"),
     ],
 )
@@ -45,7 +45,7 @@ def test_what_was_undone_is_found(
 def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each turn is like the others, and the gain is back before the end: the command kept to the plan.
 
-    Nobody reads the settings beside the polls here: that would stop the cut.
+    Neither are the settings read beside the polls here nor is there a witness: each would tell.
     """
     monkeypatch.setattr(Poller, "read_beside", lambda _: None)
     (family, strategy), gain = KINDS[0], "I{tool}30={gain}"
@@ -54,6 +54,7 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: p
     link = MemoryLink(sim.connect(), sim)
     client = PmacClient(link, sim)
     lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=Heartbeat(client, sim, machine))
+    lathe.witness = None
 
     def tell(step: Step, _: str) -> None:
         if step is Step.CUT:
