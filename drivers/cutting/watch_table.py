@@ -106,7 +106,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
 
 
 def _registers(motor: int, loaded: LoadedProgram) -> list[str]:
-    """Return the words of bias and correction of a motor, without the correction that a table of the program makes."""
+    """Return the words of bias and correction of a motor; of the latter none that a table of the program makes."""
     corrected = motor in {table.definition.target for table in loaded.program.tables}
     places = [loaded.dialect.registers[name] for name in (["bias"] if corrected else ["bias", "compensation"])]
     return [
