@@ -30,8 +30,8 @@ from tests.system.lathe_sites import compact
     [
         ("turbo", Strategy.PVT, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
         ("pmac", Strategy.CAM, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.constant_differs"),
-        ("turbo", Strategy.TIMEBASE, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
-        ("pmac", Strategy.PVT, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.command_off_plan"),
+        ("turbo", Strategy.TIMEBASE, "&1H", "&1R", 3.08, 0.2, "cut.lobe_off_path"),
+        ("pmac", Strategy.PVT, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.constant_differs"),
     ],
 )
 def test_what_was_undone_is_found(
