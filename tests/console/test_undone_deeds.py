@@ -30,8 +30,8 @@ from tests.system.lathe_sites import compact
     [
         ("turbo", Strategy.PVT, "P25=P25+40", "", 3.78, 0.0, "cut.disturbed"),
         ("pmac", Strategy.CAM, "I{tool}30={gain}/4", "I{tool}30={gain}", 3.15, 0.39, "cut.constant_differs"),
-        ("turbo", Strategy.TIMEBASE, "&1H", "&1R", 3.08, 0.2, "cut.off_path"),
-        ("pmac", Strategy.PVT, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.command_off_plan"),
+        ("turbo", Strategy.TIMEBASE, "&1H", "&1R", 3.08, 0.2, "cut.lobe_off_path"),
+        ("pmac", Strategy.PVT, "M169=M169+30000", "M169=M169-30000", 0.4, 6.5, "cut.constant_differs"),
     ],
 )
 def test_what_was_undone_is_found(
@@ -48,7 +48,7 @@ def test_what_was_undone_is_found(
 def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each turn is like the others, and the gain is back before the end: the command kept to the plan.
 
-    Nobody reads the settings beside the polls here: that would stop the cut.
+    Nobody reads the settings beside the polls here, and there is no witness: those would tell.
     """
     monkeypatch.setattr(Poller, "read_beside", lambda _: None)
     family, strategy, gain = "pmac", Strategy.PVT, "I{tool}30={gain}"
@@ -64,6 +64,7 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: p
             lines = (said(f"{gain}/2", machine, plan), said(gain, machine, plan))
             sim.due = [(begun_s + 0.05 * plan.duration_s, lines[0]), (begun_s + 0.9 * plan.duration_s, lines[1])]
 
+    lathe.witness = None
     lathe.connect()
     verdict = cut_part(CutContext(lathe=lathe, workshop=sim), JOB, plan, tell).figures.verdict
     assert sim.done == 2
