@@ -20,11 +20,12 @@ from drivers.commissioning.reading import of_motors
 from drivers.commissioning.setting_names import OTHER, named
 from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.dialect import Scope
+from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.heartbeat.arming import PERMISSION
 from drivers.pmac.program_constants import IN_THE_CUT, RELATIVE, assigned_numbers, pointers_of
 from drivers.pmac.program_load import LoadedProgram
+from drivers.pmac.program_text import ProgramText
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -89,16 +90,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
     if conversion is not None:
         shaping.add(conversion + tool - 1)
-    corrected = {table.definition.target for table in program.tables}
-    registers = {
-        motor: [
-            f"{'Y' if place.space == 'D' else place.space}:${place.address + (motor - 1) * place.stride:X}"
-            for name in ("bias", "compensation")
-            if name == "bias" or motor not in corrected
-            for place in (dialect.registers[name],)
-        ]
-        for motor in motors
-    }
+    registers = {motor: _registers(dialect, program, motor) for motor in motors}
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
     return WatchTable(
@@ -116,6 +108,16 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
         ),
         own=assigned_numbers(program),
     )
+
+
+def _registers(dialect: Dialect, program: ProgramText, motor: int) -> list[str]:
+    """Return the words that add to the position of a motor; not what a table of the program corrects."""
+    corrected = any(table.definition.target == motor for table in program.tables)
+    places = [dialect.registers[name] for name in ("bias", *(() if corrected else ("compensation",)))]
+    return [
+        f"{'Y' if each.space == 'D' else each.space}:${each.address + (motor - 1) * each.stride:X}"
+        for each in places
+    ]
 
 
 def _ranges(kind: str, numbers: Collection[int], step: int = 1) -> Iterator[WatchItem]:

@@ -92,7 +92,7 @@ def test_what_is_held_for_the_whole_feed_is_seen_with_every_strategy(family: str
 def test_what_is_changed_at_the_end_of_the_feed_is_read_once_more() -> None:
     """The tool is on its way out, and the carriage limit comes late in the table."""
     duration_s = plan_of("turbo", Strategy.PVT).duration_s
-    begin = (duration_s - 0.45) / duration_s
+    begin = (duration_s - 0.8) / duration_s
     found, _ = cut_with("turbo", Strategy.PVT, ("I323=I323-1", "I323=I323+1"), begin, 3.0)
     assert isinstance(found, Problem), found
     assert (found.code, found.key) == ("cut.constant_differs", "I323")
