@@ -48,7 +48,7 @@ def test_what_was_undone_is_found(
 def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each turn is like the others, and the gain is back before the end: the command kept to the plan.
 
-    Nobody reads the settings beside the polls here, and there is no witness: those would tell.
+    Neither are the settings read beside the polls here nor is there a witness: each would tell.
     """
     monkeypatch.setattr(Poller, "read_beside", lambda _: None)
     family, strategy, gain = "pmac", Strategy.PVT, "I{tool}30={gain}"
