@@ -1,9 +1,9 @@
 """The table of what shapes a cut beside its path: read when it begins, all through its feed, and at its end.
 
 It has the settings that are compared at arming, the axis definitions, the words of the encoder conversion table,
-the bias and correction of each motor, the M-definitions and the constants of the program. What the program sets
-itself is left out, as are the words of a time base in use and the correction of a table, which change with the
-spindle. A setting that was allowed to deviate from the profile has to stay as it was.
+the bias and correction of each motor, the M-definitions and the constants of the program. What the program itself
+sets is as it was, or as the program has it. Left out are the words of a time base in use and the correction of a
+table, which change with the spindle. What was allowed to deviate from the profile has to stay as it was.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import cycle, islice
 
 from drivers.commissioning.configuration import passing_settings
@@ -20,11 +20,12 @@ from drivers.commissioning.reading import of_motors
 from drivers.commissioning.setting_names import OTHER, named
 from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.dialect import Scope
+from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.heartbeat.arming import PERMISSION
-from drivers.pmac.program_constants import IN_THE_CUT, RELATIVE, assigned, pointers_of
+from drivers.pmac.program_constants import IN_THE_CUT, RELATIVE, assigned_numbers, pointers_of
 from drivers.pmac.program_load import LoadedProgram
+from drivers.pmac.program_text import ProgramText
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -50,10 +51,14 @@ class WatchItem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WatchTable:
-    """The items of a cut: `first` are read more often than the `later` ones."""
+    """The items of a cut: `first` are read more often than the `later` ones.
+
+    What the program itself sets a setting to is in `own`, by name.
+    """
 
     first: tuple[WatchItem, ...]
     later: tuple[WatchItem, ...]
+    own: Mapping[str, frozenset[float]] = field(default_factory=dict)
 
     @property
     def items(self) -> tuple[WatchItem, ...]:
@@ -79,14 +84,13 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
         known |= {conversion + line for line in lines}
     else:
         words = tuple(f"Y:${dialect.conversion_table.first_address + line:X}" for line in lines)
-    own = {int(name[1:]) for name in assigned(program) if name.startswith("I")}
-    settings = {*known, *stated} - passing_settings(dialect) - own - {PERMISSION}
+    settings = {*known, *stated} - passing_settings(dialect) - {PERMISSION}
     others = {dialect.motor_index(motor, 0) for motor in dialect.numbers(Scope.MOTOR) if motor not in motors}
     shaping = {dialect.motor_index(tool, number) for number in SHAPING}
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
     if conversion is not None:
         shaping.add(conversion + tool - 1)
-    registers = {motor: _registers(motor, loaded) for motor in motors}
+    registers = {motor: _registers(dialect, program, motor) for motor in motors}
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
     return WatchTable(
@@ -102,16 +106,17 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
             *_ranges("I", others, step=100),
             *(WatchItem(f"{name}->{_END}", (f"{name}->",)) for name in pointers_of(program)),
         ),
+        own=assigned_numbers(program),
     )
 
 
-def _registers(motor: int, loaded: LoadedProgram) -> list[str]:
-    """Return the words of bias and correction of a motor; of the latter none that a table of the program makes."""
-    corrected = motor in {table.definition.target for table in loaded.program.tables}
-    places = [loaded.dialect.registers[name] for name in (["bias"] if corrected else ["bias", "compensation"])]
+def _registers(dialect: Dialect, program: ProgramText, motor: int) -> list[str]:
+    """Return the words that add to the position of a motor; not what a table of the program corrects."""
+    corrected = any(table.definition.target == motor for table in program.tables)
+    places = [dialect.registers[name] for name in ("bias", *(() if corrected else ("compensation",)))]
     return [
-        f"{'Y' if place.space == 'D' else place.space}:${place.address + (motor - 1) * place.stride:X}"
-        for place in places
+        f"{'Y' if each.space == 'D' else each.space}:${each.address + (motor - 1) * each.stride:X}"
+        for each in places
     ]
 
 
@@ -182,7 +187,8 @@ class CutWatch:
         """Compare the answers to some items with those at the beginning; return the first that differs."""
         for item, answers in answers_of(items, replies):
             for name, before, now in zip(item.names, self._answers[item], answers, strict=True):
-                if not _same(before.strip(), now.strip()):
+                own = (f"{each:.10g}" for each in self._table.own.get(name, ()))
+                if not any(_same(each, now.strip()) for each in (before.strip(), *own)):
                     return Problem(code=IN_THE_CUT, key=name, value=now.strip(), limit=before.strip())
         return None
 

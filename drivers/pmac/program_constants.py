@@ -85,14 +85,23 @@ def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str
 
 def assigned(program: ProgramText) -> frozenset[str]:
     """Return the names of the variables that the program itself sets: `P30`."""
+    return frozenset(name for name, _ in _assignments(program))
+
+
+def assigned_numbers(program: ProgramText) -> Mapping[str, frozenset[float]]:
+    """Return the numbers that the program itself sets variables to, by name."""
+    found: dict[str, frozenset[float]] = {}
+    for name, value in _assignments(program):
+        if isinstance(value, syntax.Number):
+            found[name] = found.get(name, frozenset()) | {value.value}
+    return found
+
+
+def _assignments(program: ProgramText) -> Iterator[tuple[str, syntax.Expression]]:
     texts: Sequence[syntax.Program] = (program.program, *program.subprograms.values())
-    return frozenset(
-        f"{statement.target.kind}{int(statement.target.index.value)}"
-        for lines in texts
-        for line in lines
-        for statement in line
-        if isinstance(statement, syntax.Assign) and isinstance(statement.target.index, syntax.Number)
-    )
+    for statement in (each for lines in texts for line in lines for each in line):
+        if isinstance(statement, syntax.Assign) and isinstance(statement.target.index, syntax.Number):
+            yield f"{statement.target.kind}{int(statement.target.index.value)}", statement.value
 
 
 def read_values(client: Controller, names: Iterable[str]) -> dict[str, float]:

@@ -57,7 +57,6 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: p
     link = MemoryLink(sim.connect(), sim)
     client = PmacClient(link, sim)
     lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=Heartbeat(client, sim, machine))
-    lathe.witness = None
 
     def tell(step: Step, _: str) -> None:
         if step is Step.CUT:
@@ -65,6 +64,7 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: p
             lines = (said(f"{gain}/2", machine, plan), said(gain, machine, plan))
             sim.due = [(begun_s + 0.05 * plan.duration_s, lines[0]), (begun_s + 0.9 * plan.duration_s, lines[1])]
 
+    lathe.witness = None
     lathe.connect()
     verdict = cut_part(CutContext(lathe=lathe, workshop=sim), JOB, plan, tell).figures.verdict
     assert sim.done == 2

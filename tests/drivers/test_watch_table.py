@@ -56,18 +56,28 @@ def loaded(family: str, strategy: Strategy) -> Loaded:
 
 
 @pytest.mark.parametrize(("family", "strategy"), EVERY)
-def test_the_table_has_what_is_compared_at_arming_and_nothing_that_the_program_sets(
+def test_the_table_has_what_is_compared_at_arming_and_settings_that_the_program_sets(
     family: str, strategy: Strategy
 ) -> None:
     of = loaded(family, strategy)
     own = assigned(of.program.program)
     compared = {f"I{index}" for index in stated_settings_of(of.machine, of.program.dialect)}
-    assert compared - own - {"I5"} <= of.names, "whether PLCs run is left to the heartbeat"
-    assert not of.names & own
+    assert compared - {"I5"} <= of.names, "whether PLCs run is left to the heartbeat"
+    assert not {name for name in of.names & own if not name.startswith("I")}
     kept = {each.name for each in of.program.constants if each.kept}
     assert kept <= of.names
     assert {"#1->", "#2->", "#3->", "I10", "I103", "I108", "I168"} <= of.names
-    assert ("I193" if family == "pmac" else "I5193") in of.names | own
+    assert ("I193" if family == "pmac" else "I5193") in of.names
+
+
+def test_a_setting_of_the_program_is_as_it_was_or_as_the_program_has_it() -> None:
+    """The slew of the time base is 1644 before a cut on the spindle's time, and 8388607 in it."""
+    of = loaded("turbo", Strategy.TIMEBASE)
+    (item,) = (each for each in of.table.items if "I5194" in each.names)
+    noted = dict(zip(item.names, of.watch._answers[item], strict=True))
+    for value, told in (("1644", False), ("8388607", False), ("822", True)):
+        found = of.watch.see([item], list({**noted, "I5194": value}.values()))
+        assert (found is not None and found.key == "I5194") is told, value
 
 
 def test_what_shapes_the_path_of_the_tool_most_comes_before_its_limits() -> None:
