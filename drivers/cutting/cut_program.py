@@ -232,7 +232,8 @@ class CutProgram:
     def note_settings(self) -> None:
         """Read what shapes a cut beside its path, and has to stay so; before plan and profile are compared."""
         if self._loaded is not None:
-            self._watch = begin_watch(self._client, watch_table(self._machine, self._loaded))
+            table = watch_table(self._machine, self._loaded, tables_on=self._tables.are_on())
+            self._watch = begin_watch(self._client, table)
 
     def follow(
         self,

@@ -71,8 +71,8 @@ class WatchTable:
         return tuple(item for pair in zip(cycle(self.first), self.later) for item in pair)
 
 
-def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
-    """Return what is watched while a program cuts on a machine."""
+def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bool = False) -> WatchTable:
+    """Return what is watched while a program runs on a machine; where `tables_on` move corrections, without them."""
     dialect, program, tool = loaded.dialect, loaded.program, machine.tool.motor
     motors = (tool, machine.spindle.motor, machine.carriage.motor)
     stated = stated_settings_of(machine, dialect)
@@ -90,7 +90,7 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
     shaping |= {SERVO_PERIOD, *(dialect.system_index(1, number) for number in TIME_BASE)}
     if conversion is not None:
         shaping.add(conversion + tool - 1)
-    registers = {motor: _registers(dialect, program, motor) for motor in motors}
+    registers = {motor: _registers(dialect, program, motor, tables_on=tables_on) for motor in motors}
     axes = [f"#{each.motor}->" for each in read_definitions(machine.controller.axis_definitions)]
     constants = [int(each.name[1:]) for each in loaded.constants if each.kept]
     return WatchTable(
@@ -110,9 +110,9 @@ def watch_table(machine: MachineProfile, loaded: LoadedProgram) -> WatchTable:
     )
 
 
-def _registers(dialect: Dialect, program: ProgramText, motor: int) -> list[str]:
+def _registers(dialect: Dialect, program: ProgramText, motor: int, *, tables_on: bool) -> list[str]:
     """Return the words that add to the position of a motor; not what a table of the program corrects."""
-    corrected = any(table.definition.target == motor for table in program.tables)
+    corrected = tables_on or any(table.definition.target == motor for table in program.tables)
     places = [dialect.registers[name] for name in ("bias", *(() if corrected else ("compensation",)))]
     return [
         f"{'Y' if each.space == 'D' else each.space}:${each.address + (motor - 1) * each.stride:X}"

@@ -154,7 +154,10 @@ REFUSED = {
     "program 1": ("OPEN PROG 1 CLEAR\nX1\nCLOSE\n", "line 1: PROG 1 belongs to the console"),
     "owner": ("OPEN PROG 101 CLEAR\nX1 P1000=0\nCLOSE\n", "line 2: P1000 would be written"),
     "guard": (GOOD + "OPEN PLC 5 CLEAR\nP(1000+3)=0\nCLOSE\n", "line 5: P1003 would be written"),
-    "by command": ('OPEN PLC 5 CLEAR\nCMD"P998..1001=0"\nCLOSE\n', "line 2: P1000, P1001 would be written"),
+    "by command": (
+        'OPEN PLC 5 CLEAR\nCMD"P998..1001=0"\nCLOSE\n',
+        "line 2: P998, P999, P1000, P1001 would be written",
+    ),
     "no clear": ("OPEN PROG 101\nX1\nCLOSE\n", "line 1: PROG 101 is opened without CLEAR"),
     "cut off": ("OPEN PROG 101 CLEAR\nX1\n", "line 1: PROG 101 has no CLOSE"),
     "twice": (GOOD + GOOD, "line 4: PROG 101 is opened twice"),

