@@ -72,7 +72,7 @@ class WatchTable:
 
 
 def watch_table(machine: MachineProfile, loaded: LoadedProgram, *, tables_on: bool = False) -> WatchTable:
-    """Return what is watched while a program runs on a machine; without corrections where `tables_on` move them."""
+    """Return what is watched while a program runs on a machine; no corrections where `tables_on` move them."""
     dialect, program, tool = loaded.dialect, loaded.program, machine.tool.motor
     motors = (tool, machine.spindle.motor, machine.carriage.motor)
     stated = stated_settings_of(machine, dialect)
