@@ -37,6 +37,7 @@ LEAST_UM = 4.0  # by which a following error has to exceed the polled ones to be
 IDLE, BEGINS, WATCHES, PASSED = 0, 1, 2, 3  # the carriage has `PASSED` the feed: it may go back through it
 
 _COUNT, _STATE, _FIRST, _LAST = (f"P{number}" for number in WITNESS[:4])
+_COUNTS = f"{_COUNT}={_COUNT}+1"
 _EXTREMES = tuple(f"P{number}" for number in WITNESS[4:10])
 _SETTINGS, _CHANGED, _CONSTANTS, _CONSTANT_CHANGED, _SUM, _CONSTANT_SUM, _INSIDE = (
     f"P{number}" for number in WITNESS[10:17]
@@ -114,8 +115,12 @@ class Witness:
         self._missing: Problem | None = None
 
     def prepare(self) -> None:
-        """Load the PLC where it is missing or another; drives are disabled. One that is refused is told later."""
-        if self._is_held():
+        """Load the PLC where there is none or an older one of ours; drives are disabled.
+
+        A program of somebody else stays there: the cut is made without the witness, which is told then. So it is
+        where the controller refuses it.
+        """
+        if self._is_held() or self._is_another():
             return
         with suppress(ControllerError):
             definitions = (f"{name}->{pointer}" for name, pointer in self._pointers.items())
@@ -167,6 +172,17 @@ class Witness:
         counted, echoed = self._client.numbers(_COUNT, f"P{ECHO}", again=True)
         return counted, echoed
 
+    def _is_another(self) -> bool:
+        """Whether a program that is none of ours has the number."""
+        try:
+            found = without_end(self._client.question(f"LIST PLC{WITNESS_PLC}", LIST_TIMEOUT_S))
+        except ControllerError:  # there is none
+            return False
+        try:
+            return bool(found) and statements_of(found)[:1] != statements_of((_COUNTS,))
+        except PmacError:
+            return True
+
     def _is_held(self) -> bool:
         try:
             listing = self._client.question(f"LIST PLC{WITNESS_PLC}", LIST_TIMEOUT_S)
@@ -188,7 +204,7 @@ class Witness:
             for line in (f"IF({now}{'>' if place % 2 else '<'}{kept})", f"{kept}={now}", "ENDIF")
         )
         return (
-            f"{_COUNT}={_COUNT}+1",
+            _COUNTS,
             f"{_SUM}={_weighted(self._settings)}",
             f"{_CONSTANT_SUM}={_weighted(constants)}",
             f"IF({_STATE}={BEGINS})",

@@ -20,7 +20,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_constants import assigned
-from drivers.pmac.witness import CONSTANTS, WitnessReport
+from drivers.pmac.witness import CONSTANTS, Witness, WitnessReport
 from profiles.problem import Problem, ProblemError
 from tests.system.lathe_sites import compact
 
@@ -120,6 +120,20 @@ def test_a_witness_that_was_stopped_or_changed_proves_nothing(lines: tuple[str, 
     assert isinstance(found, CutVerdict), found
     assert found.judgement is CutJudgement.NOT_PROVEN
     assert [each.code for each in found.problems] == ["cut.witness_gap"]
+
+
+@pytest.mark.parametrize(("text", "stays"), [("P900=P900+1", True), ("P971=P971+1", False)])
+def test_the_program_of_somebody_else_keeps_its_number(text: str, stays: bool) -> None:
+    """An older witness of ours, which begins in the same way, is replaced."""
+    machine = compact("pmac")
+    sim = WitnessedLathe(machine)
+    link = MemoryLink(sim.connect(), sim)
+    client = PmacClient(link, sim)
+    Lathe(client, machine, sim, StopPath(link)).connect()
+    client.download(("CLOSE", "OPEN PLC21", "CLEAR", text, "CLOSE", "ENABLE PLC21"))
+    Witness(client, machine).prepare()
+    listing = client.question("LIST PLC21", 1.0)
+    assert (listing[0], len(listing) < 4) == (text, stays)
 
 
 def test_a_controller_without_it_cuts_and_says_so() -> None:
