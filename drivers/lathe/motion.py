@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import count
+from collections.abc import Callable, Iterator
+from itertools import count, repeat
 
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
@@ -26,6 +26,12 @@ angle is sampled, however long a turn takes.
 WAY_HOME_S = 10.0  # of a program ended early, after its retract: a table is left in its row of zeros
 JOG_POLL_S = 0.05  # polling interval for an axis in motion
 LINK_LATENCY_MS = 50.0  # allowance for a stop from the key to the controller
+
+
+def _pauses_s(*, of_cut: bool) -> Iterator[float]:
+    """Yield the pauses between the polls of a program; those of a cut are uneven."""
+    spread = UNEVEN if of_cut else 0.0
+    return (CUT_POLL_S * (1.0 + spread * (number * GOLDEN % 1.0 - 0.5)) for number in count())
 
 
 class Motion:
@@ -77,9 +83,9 @@ class Motion:
         homed = frozenset() if last is None else last.homed_axes - {homing}
         standing_on = frozenset() if watch is not None or last is None else last.limits
         alone: tuple[Problem, ...] = ()
-        numbers = count()
+        pauses_s = _pauses_s(of_cut=guard is not unguarded) if watch is not None else repeat(JOG_POLL_S)
         while True:
-            before, snapshot = self._poller.last, self._next_poll(next(numbers), deadline, watch, homed)
+            before, snapshot = self._poller.last, self._next_poll(next(pauses_s), deadline, watch, homed)
             faults = snapshot.axis_faults if watch is None else snapshot.faults
             self._refuse_faults(before, snapshot, what, [fault for fault in faults if fault not in standing_on])
             self._refuse_astray(snapshot, guard)
@@ -136,14 +142,14 @@ class Motion:
 
     def _next_poll(
         self,
-        number: int,
+        pause_s: float,
         deadline: float,
         watch: Callable[[Snapshot], None] | None,
         homed: frozenset[AxisName],
     ) -> Snapshot:
         """Let time pass with the watchdog renewed, then poll; `homed` are the axes that must have kept their zero.
 
-        In the pause some of what shapes a cut is read. `number` is that of the poll, from 0.
+        In the pause some of what shapes a cut is read.
         A controller that was reset has also forgotten its owner, so lost positions are judged first.
 
         Raises:
@@ -151,9 +157,7 @@ class Motion:
                 `controller.home_lost`; `owner.ousted`, the machine is no longer ours.
             StoppedError: somebody stopped the machine.
         """
-        pause_s, begun_s = JOG_POLL_S, self._clock.now_s()
-        if watch is not None:
-            pause_s = CUT_POLL_S * (1.0 + UNEVEN * (number * GOLDEN % 1.0 - 0.5))
+        begun_s = self._clock.now_s()
         try:
             self._poller.read_beside()
             pause_s = max(begun_s + pause_s - self._clock.now_s(), 0.0)

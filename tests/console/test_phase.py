@@ -18,6 +18,7 @@ from console.session.learning.part_learning import accept
 from console.session.station.commands import Acknowledge, DisableDrives, Recover, Retract, Start
 from console.session.station.progress import CutStage
 from drivers.cutting.planning import Strategy
+from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.learned import PartRead
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
@@ -160,8 +161,14 @@ def test_realistic_cuts_by_the_model_do_not_cry_wolf(tmp_path: Path, seed: int, 
 
 
 @pytest.mark.long
-def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(tmp_path: Path, in_copies: None) -> None:
-    """Half the gain of the tool is a lag. After the cut the operator acknowledges, and cuts a good part."""
+def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_copies: None
+) -> None:
+    """Half the gain of the tool is a lag. After the cut the operator acknowledges, and cuts a good part.
+
+    Nobody reads the settings beside the polls here: that would stop the cut.
+    """
+    monkeypatch.setattr(Poller, "read_beside", lambda _: None)
     floor, job = set_up_once(tmp_path), experiment_1(2.0)
     motor = floor.context.machine.tool.motor
     gain = floor.context.machine.controller.variables[f"I{motor}30"]
