@@ -102,7 +102,7 @@ def test_a_force_that_was_10_percent_low_is_named_by_its_lobe(floor: Floor, job:
     part = cut(floor, job, force=0.9)
     assert part.learning is not None and part.learning.taught is not None
     found = {cause.kind: cause for cause in part.learning.taught.causes}
-    assert 100.0 * found[CauseKind.FORCE].value == pytest.approx(-100.0 * lower, abs=3.0)
+    assert 100.0 * found[CauseKind.FORCE].value == pytest.approx(-100.0 * lower, abs=2.0)
     assert found[CauseKind.TOOL].um_pp == pytest.approx(9.7, abs=1.0)
 
 

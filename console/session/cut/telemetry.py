@@ -17,7 +17,7 @@ from profiles.compensations.learned import PartRead
 from profiles.compensations.path import LobedPath, target_path
 from profiles.compensations.push import left_push
 from profiles.job import Job
-from profiles.least_squares import fit, harmonic_columns, phasors
+from profiles.least_squares import Fit, fit, harmonic_columns, phasors
 from profiles.machine import MachineProfile
 
 LEAST_PEAK_UM = 1.0
@@ -117,6 +117,7 @@ class Telemetry:
         turns = spindle / self._machine.spindle.counts_per_rev
         error_um = self._errors_um(self._rows)
         following_um = following * self._machine.tool.count_um
+        lobe_um, push_um = self._lobe_and_push(error_um)
         _, turns_per_s = fit(harmonic_columns(at_s, (), at_s - at_s[0]), turns).coefficients
         return CutFigures(
             # The slope through all polls: the time of a single one is known to some milliseconds only.
@@ -126,28 +127,22 @@ class Telemetry:
             following_error_um=float(np.abs(following_um).max()),
             following_error_rms_um=float(np.sqrt(np.mean(following_um**2))),
             samples=len(self._rows),
-            tool_lobe_um=self._lobe_um(error_um),
-            push_um=self._push_um(error_um),
+            tool_lobe_um=lobe_um,
+            push_um=push_um,
         )
 
-    def _lobe_um(self, error_um: Floats) -> complex:
-        turns, _, steady = self._steady()
-        if np.count_nonzero(steady) < PHASE_SAMPLES:
-            return 0j
-        lobes = self._plan.target.lobes
-        found = fit(harmonic_columns(2.0 * np.pi * turns[steady], (lobes,)), error_um[steady])
-        return phasors(found.coefficients, (lobes,))[lobes]
-
-    def _push_um(self, error_um: Floats) -> float:
-        """Return the push of the cut, from the errors without what comes once, twice, N or 2 N times a turn."""
+    def _lobe_and_push(self, error_um: Floats) -> tuple[complex, float]:
+        """Return the error at the order of the lobe, and the push of the cut from what no order makes."""
         turns, past_mm, steady = self._steady()
-        count, lobes = int(np.count_nonzero(steady)), self._plan.target.lobes
-        if count < PHASE_SAMPLES or self._plan.in_air:
-            return 0.0
-        waves = harmonic_columns(2.0 * np.pi * turns[steady], sorted({1, 2, lobes, 2 * lobes}))[:, 1:]
-        found = fit(np.hstack([_slowly(count), waves]), error_um[steady])
-        short_um = waves @ found.coefficients[MEANS:] - error_um[steady]
-        return left_push(self._job, self._machine, past_mm[steady].tolist(), short_um.tolist()).um
+        if np.count_nonzero(steady) < PHASE_SAMPLES:
+            return 0j, 0.0
+        lobes = self._plan.target.lobes
+        found, columns, orders = _fit_orders(2.0 * np.pi * turns[steady], error_um[steady], lobes)
+        lobe = phasors(found.coefficients, orders, trends=MEANS - 1)[lobes]
+        if self._plan.in_air:
+            return lobe, 0.0
+        short_um = columns[:, MEANS:] @ found.coefficients[MEANS:] - error_um[steady]
+        return lobe, left_push(self._job, self._machine, past_mm[steady].tolist(), short_um.tolist()).um
 
     def _steady(self) -> tuple[Floats, Floats, NDArray[np.bool_]]:
         """Return turns and places of the polls, and in which of them the chip is full."""
@@ -180,11 +175,8 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
     """
     if len(samples) < PHASE_SAMPLES or target.amplitude_um == 0.0:
         return None
-    angle, lobes = np.radians(samples[:, 0]), target.lobes
-    # The blank is neither round nor true: left in the residual that is uncertainty, and no lag is sure any more.
-    orders = (lobes, *sorted({1, 2, 2 * lobes} - {lobes})) if len(angle) >= BLANK_SAMPLES else (lobes,)
-    columns = np.hstack([_slowly(len(angle)), harmonic_columns(angle, orders)[:, 1:]])
-    found = fit(columns, samples[:, 1])
+    lobes = target.lobes
+    found, columns, orders = _fit_orders(np.radians(samples[:, 0]), samples[:, 1], lobes)
     coefficient = phasors(found.coefficients, orders, trends=MEANS - 1)[lobes]
     amplitude_um = abs(coefficient)
     if amplitude_um < 0.1 * target.amplitude_um:
@@ -196,6 +188,17 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
         error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
         within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,
     )
+
+
+def _fit_orders(angle: Floats, values: Floats, lobes: int) -> tuple[Fit, Floats, tuple[int, ...]]:
+    """Fit values at spindle angles (rad) by a mean that changes and by orders; return fit, columns and orders.
+
+    The orders are that of the lobe, and those that an eccentric and an oval blank add: left in the residual they
+    are uncertainty, and at the angles polled they leak into the lobe. Of few samples it is that of the lobe alone.
+    """
+    orders = (lobes, *sorted({1, 2, 2 * lobes} - {lobes})) if len(angle) >= BLANK_SAMPLES else (lobes,)
+    columns = np.hstack([_slowly(len(angle)), harmonic_columns(angle, orders)[:, 1:]])
+    return fit(columns, values), columns, orders
 
 
 def _slowly(count: int) -> Floats:
