@@ -57,12 +57,6 @@ class ReportedRun:
         return next((dict(event.data) for event in self.story.events if event.kind == "armed"), {})
 
     @property
-    def cut_verdict(self) -> dict[str, Any]:
-        """The verdict on the cut of the product, with the figures of its tool; empty where none is recorded."""
-        events = (event.data for event in reversed(self.story.events) if "cut_verdict" in event.data)
-        return dict(next(events, {}))
-
-    @property
     def diameter_passes(self) -> bool | None:
         """Whether the mean diameter of the product is within its tolerance; None where that is not judged."""
         off_um = self.diameter_off_um

@@ -59,7 +59,7 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
     passed = product.recorded.passed
     if passed is None:
-        unproven = run.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
+        unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
         open_for = "report.why.not_proven" if unproven else "report.why.no_judgement"
         why = "report.why.partial" if row.stage == Stage.PARTIAL else open_for
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
@@ -81,7 +81,7 @@ def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
         value, limit = against_limit(abs(off_um), limit_um)
         key = "report.why.diameter" if passes else "report.why.not_diameter"
         yield text(key, diameter=mm(recorded.diameter_mm), value=value, limit=limit)
-    yield from _tool(run.cut_verdict, text)
+    yield from _tool(run.story.cut_verdict, text)
 
 
 def _tool(found: Mapping[str, Any], text: Catalogue) -> Iterator[str]:

@@ -2,15 +2,25 @@
 
 from __future__ import annotations
 
-from console.session.cut.cut_verdict import CutVerdict
+from collections.abc import Mapping
+from typing import Any
+
+from console.session.cut.cut_verdict import CutJudgement, CutVerdict
 from console.text.catalogue import Catalogue
 
 
-def verdict_words(verdict: CutVerdict, text: Catalogue) -> str:
-    """Return the judgement; the error of the tool with its limits where the polls told it."""
-    said = text(f"cut_verdict.{verdict.judgement}")
-    tool = tool_words(verdict, text)
-    return f"{said}: {text('cut_verdict.tool')} {tool}" if tool else said
+def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:
+    """Return the judgement as JSON and the record have it, with what the tool took; "" where none is known."""
+    judgement, tool = event.get("cut_verdict"), event.get("tool")
+    if judgement not in [*CutJudgement]:
+        return ""
+    said = text(f"cut_verdict.{judgement}")
+    figures = tool if isinstance(tool, Mapping) else {}
+    took = [each for name in ("roundness", "size") if isinstance(each := figures.get(f"{name}_um"), float)]
+    if len(took) < 2:
+        return said
+    round_um, size_um = (text.units.show(each, "um", 1) for each in took)
+    return f"{said}: {text('cut_verdict.tool', round=round_um, size=size_um)}"
 
 
 def tool_words(verdict: CutVerdict, text: Catalogue) -> str:

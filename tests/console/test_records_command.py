@@ -72,6 +72,22 @@ def test_each_run_is_listed_with_its_result_and_what_is_simulated_says_so(consol
     assert [run["simulated"] for run in fields["runs"]] == [False, True, True, True]
 
 
+@pytest.mark.parametrize(("lang", "words"), [("en", "not proven"), ("ko", "진원도 3.2 um, 지름 39.2 um")])
+def test_what_the_plan_says_of_a_cut_is_shown_with_its_run(
+    console: Console, tmp_path: Path, lang: str, words: str
+) -> None:
+    """A part that is not judged may be one whose cut is not proven; a word of a stranger's record says nothing."""
+    tool = {"roundness_um": 3.2, "size_um": 39.2}
+    for verdict, told in (("not_proven", True), ("splendid", False)):
+        run = RunRecord(tmp_path, {**RUN, "job": "ring"})
+        run.add("started", {})
+        run.add("cut", {"turn": 90.0, "cut_verdict": verdict, "tool": tool})
+        run.close()
+        newest = console("records", "list", "--data", str(tmp_path), "--json").json["runs"][0]["run"]
+        said = console("records", "show", newest, "--data", str(tmp_path), "--lang", lang)
+        assert said.code == 0 and (words in said.out) is told
+
+
 def test_the_list_is_narrowed(console: Console, kept: Path) -> None:
     def found(*words: str) -> list[Any]:
         return [

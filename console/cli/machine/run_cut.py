@@ -204,7 +204,7 @@ def _run_lines(result: RunResult, text: Catalogue) -> list[str]:
     if plan.expected is not None:
         right, wrong = f"{plan.expected.right_um_pp:.1f}", f"{plan.expected.wrong_um_pp:.1f}"
         facts.append((text("run.expected"), text("run.expected_lobe", right=right, wrong=wrong)))
-    facts.append((text("run.cut_verdict"), verdict_words(figures.verdict, text)))
+    facts.append((text("run.cut_verdict"), verdict_words(figures.verdict.event(), text)))
     if result.within_tolerance is not None:
         verdict = "run.within" if result.within_tolerance else "run.outside"
         facts.append((text("run.verdict"), text(verdict, limit=f"{plan.job.roundness_tolerance_um:g}")))

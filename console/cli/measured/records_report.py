@@ -29,6 +29,7 @@ from console.session.station.commands import Command
 from console.session.versioning.cut_from import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
+from console.text.cut_verdict import verdict_words
 from profiles.axis.response import Source
 from profiles.files import printable
 
@@ -188,7 +189,9 @@ def _iso(date: datetime | None) -> str | None:
 
 def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     row = found.row
-    lines = [*row_lines(row, text, lathe), "", *table(_facts(found, text))]
+    judged = verdict_words(found.cut_verdict, text)
+    planned = _indented([f"{text('run.cut_verdict')}: {judged}"] if judged else [])
+    lines = [*row_lines(row, text, lathe), *planned, "", *table(_facts(found, text))]
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),

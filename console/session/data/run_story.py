@@ -125,6 +125,12 @@ class RunStory:
     damaged: tuple[str, ...] = ()
 
     @property
+    def cut_verdict(self) -> Mapping[str, Any]:
+        """The verdict on the last cut, with the figures of its tool; empty where none is recorded."""
+        events = (event.data for event in reversed(self.events) if "cut_verdict" in event.data)
+        return next(events, {})
+
+    @property
     def commands(self) -> tuple[RunEvent, ...]:
         """The operator's actions during the run."""
         return self._of_kind(COMMAND)

@@ -9,6 +9,7 @@ from typing import Any
 from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow
 from console.session.station.commands import Command
 from console.text.catalogue import Catalogue
+from console.text.cut_verdict import verdict_words
 from console.text.run_debrief import debrief_sections
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES
@@ -54,6 +55,8 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     part, row = run.product, run.story.row
     lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
     lines += wrapped(ending_words(row, text), width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
+    if judged := verdict_words(run.story.cut_verdict, text):
+        lines += wrapped(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)
     if row.simulated:
         lines += wrapped(text("inspect_page.simulated"), width, Token.SIM)
     return lines
