@@ -246,6 +246,15 @@ LOOKS = 12
 LOOKING = ("#1P", "#2P", "#3V", "I130", "P11", "M169", "&1?", "#1?", "???", "LIST PROG1", "P11..20", "#1->")
 
 
+def lathe_at(sim: SimulatedLathe, machine: MachineProfile, seed: int | None = None) -> Lathe:
+    """Return the side of the console, with its heartbeat; with a `seed` it can claim the machine."""
+    link = MemoryLink(sim.connect(), sim)
+    client = PmacClient(link, sim)
+    heartbeat = Heartbeat(client, sim, machine)
+    ownership = None if seed is None else Ownership(client, Random(seed))
+    return Lathe(client, machine, sim, StopPath(link), heartbeat=heartbeat, ownership=ownership)
+
+
 @cache
 def plan_of(family: str, strategy: Strategy) -> CutPlan:
     machine = compact(family)
@@ -272,10 +281,7 @@ def make(
     """Make one part on a lathe of its own."""
     machine, plan = compact(family), plan_of(family, strategy)
     sim = WitnessedLathe(machine, plant, seed)
-    link = MemoryLink(sim.connect(), sim)
-    client, stop = PmacClient(link, sim), StopPath(link)
-    heartbeat, ownership = Heartbeat(client, sim, machine), Ownership(client, Random(seed))
-    lathe = Lathe(client, machine, sim, stop, heartbeat=heartbeat, ownership=ownership)
+    lathe = lathe_at(sim, machine, seed)
     begun_s = [0.0]
 
     def tell(step: Step, _: str) -> None:

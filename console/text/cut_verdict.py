@@ -20,7 +20,7 @@ def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:
     if len(took) < 2:
         return said
     round_um, size_um = (text.units.show(each, "um", 1) for each in took)
-    return f"{said}: {text('cut_verdict.tool', round=round_um, size=size_um)}"
+    return f"{said} · {text('cut_verdict.tool', round=round_um, size=size_um)}"
 
 
 def tool_words(verdict: CutVerdict, text: Catalogue) -> str:

@@ -7,15 +7,10 @@ from __future__ import annotations
 
 import pytest
 
-from benchmarks.hostile_host import GOOD, JOB, WitnessedLathe, plan_of, said
+from benchmarks.hostile_host import GOOD, JOB, WitnessedLathe, lathe_at, plan_of, said
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import cut_part
 from drivers.cutting.strategy import Strategy
-from drivers.lathe.heartbeat import Heartbeat
-from drivers.lathe.lathe import Lathe
-from drivers.lathe.stop import StopPath
-from drivers.link.memory import MemoryLink
-from drivers.pmac.client import PmacClient
 from profiles.problem import Problem, ProblemError
 from tests.system.lathe_sites import compact
 
@@ -46,9 +41,7 @@ def cut_with(
     """Cut while a second host sends the first line so far into the program, and the other so long after it."""
     machine, plan = compact(family), plan_of(family, strategy)
     sim = WitnessedLathe(machine)
-    link = MemoryLink(sim.connect(), sim)
-    client = PmacClient(link, sim)
-    lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=Heartbeat(client, sim, machine))
+    lathe = lathe_at(sim, machine)
 
     def tell(step: Step, _: str) -> None:
         if step is Step.CUT and lines is not None:

@@ -9,17 +9,12 @@ from dataclasses import replace
 
 import pytest
 
-from benchmarks.hostile_host import JOB, Attack, Sent, WitnessedLathe, make, plan_of, said
+from benchmarks.hostile_host import JOB, Attack, Sent, WitnessedLathe, lathe_at, make, plan_of, said
 from console.session.cut.cut_verdict import CutJudgement
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import cut_part
 from drivers.cutting.strategy import Strategy
-from drivers.lathe.heartbeat import Heartbeat
-from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import Poller
-from drivers.lathe.stop import StopPath
-from drivers.link.memory import MemoryLink
-from drivers.pmac.client import PmacClient
 from profiles.axis.servo import sampled_response
 from tests.system.lathe_sites import compact
 
@@ -54,9 +49,7 @@ def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: p
     family, strategy, gain = "pmac", Strategy.PVT, "I{tool}30={gain}"
     machine, plan = compact(family), plan_of(family, strategy)
     sim = WitnessedLathe(machine)
-    link = MemoryLink(sim.connect(), sim)
-    client = PmacClient(link, sim)
-    lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=Heartbeat(client, sim, machine))
+    lathe = lathe_at(sim, machine)
 
     def tell(step: Step, _: str) -> None:
         if step is Step.CUT:

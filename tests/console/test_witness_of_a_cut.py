@@ -7,13 +7,12 @@ from dataclasses import dataclass, field
 
 import pytest
 
-from benchmarks.hostile_host import JOB, WitnessedLathe, plan_of
+from benchmarks.hostile_host import JOB, WitnessedLathe, lathe_at, plan_of
 from console.session.cut.cut_verdict import CutJudgement, CutVerdict
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import cut_part
 from drivers.cutting.planning import plan_cut
 from drivers.cutting.strategy import Strategy
-from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import Poller
 from drivers.lathe.stop import StopPath
@@ -39,9 +38,7 @@ class Cut:
     def made(self) -> CutVerdict | tuple[Problem, ...]:
         machine, plan = compact(self.family), plan_of(self.family, self.strategy)
         sim = WitnessedLathe(machine)
-        link = MemoryLink(sim.connect(), sim)
-        client = PmacClient(link, sim)
-        lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=Heartbeat(client, sim, machine))
+        lathe = lathe_at(sim, machine)
 
         def tell(step: Step, _: str) -> None:
             if step is Step.ARM:
