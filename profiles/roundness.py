@@ -289,7 +289,8 @@ def _gap(angle: Floats, deviation: Floats, method: _Method, ront_um: float) -> t
         return ()
     effect_um = _effect_um(angle, deviation, gap_deg, _ROOM * gap_deg + step_deg, method)
     allowed_um = max(MOST_INTERPOLATED_UM, MOST_INTERPOLATED_FRACTION * ront_um)
-    key, value = f"{first_deg:.6g} - {(first_deg + gap_deg) % 360.0:.6g} deg", f"{max(effect_um, 0.01):.2f} um"
+    last_deg = (first_deg + gap_deg) % 360.0 or 360.0
+    key, value = f"{first_deg:.6g} - {last_deg:.6g} deg", f"{max(effect_um, 0.01):.2f} um"
     if effect_um > allowed_um:
         raise refused("trace.gap", key=key, value=value, limit=f"<= {allowed_um:.2g} um")
     return (Problem(code="trace.interpolated", key=key, value=value, limit=f"{allowed_um:.2g} um"),)

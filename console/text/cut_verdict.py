@@ -28,4 +28,4 @@ def tool_words(verdict: CutVerdict, text: Catalogue) -> str:
     tool = verdict.tool
     if tool is None:
         return ""
-    return f"{text.units.figure(tool.roundness_um, 'um', 1)}, {text.units.show(tool.size_um, 'um', 1)}"
+    return f"{text.units.figure(tool.roundness_um, 'um', 1)} / {text.units.show(tool.size_um, 'um', 1)}"

@@ -255,7 +255,7 @@ def test_a_gap_is_told_or_refused_with_its_file(console: Console, tmp_path: Path
     path.write_text("\n".join(["angle_deg,deviation_um", *(f"{a},{d}" for a, d in rows)]))
     refused = console("roundness", str(path), "--filter", "15")
     assert (refused.code, refused.out) == (1, "")
-    for word in ("part.csv", "no points at 359 - 50 deg", "20.01 um; allowed <= 0.84 um", "measure"):
+    for word in ("part.csv", "no points at 359 - 50 deg", "20.01 um (allowed <= 0.84 um)", "measure"):
         assert word in refused.err
 
 

@@ -96,7 +96,8 @@ def _result(row: RunRow, text: Catalogue) -> str:
     result = f"RONt {row.ront_um:.2f} um"
     if row.tolerance_um is None:
         return result
-    verdict = {True: "records.passed", False: "records.failed", None: "records.not_judged"}[row.passed]
+    unjudged = "records.not_judged" if row.proven else "records.not_proven"
+    verdict = {True: "records.passed", False: "records.failed", None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
 
 
@@ -130,7 +131,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         "ended": asdict(row.ended),
         **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
         **fields_of(row, "diameter_tolerance_um"),
-        **fields_of(row, "failed", "damaged"),
+        **fields_of(row, "failed", "proven", "damaged"),
     }
 
 

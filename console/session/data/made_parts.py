@@ -9,6 +9,7 @@ from typing import Any
 
 from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
+from console.session.data.run_rows import NOT_PROVEN
 from console.session.errors import SessionError
 from console.session.force_record import force_of
 from console.session.stages import Stage
@@ -203,7 +204,7 @@ def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
                 tool_lobe_um=tool_lobe_um(data),
                 push_um=push_um(data),
                 force=force_of(data),
-                proven=from_json(data).get("cut_verdict") != "not_proven",
+                proven=from_json(data).get("cut_verdict") != NOT_PROVEN,
             )
     return None
 

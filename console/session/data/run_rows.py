@@ -14,6 +14,8 @@ from profiles.own_values import from_json, number_or_none
 MODEL = "none"
 """Name of the compensation where nothing learned was used."""
 
+NOT_PROVEN = "not_proven"  # of `CutJudgement`, which takes numpy with it
+
 
 class How(StrEnum):
     """How a run ended."""
@@ -49,8 +51,8 @@ class RunRow:
     that a cut with nothing learned has inverted, None for the model's. `ront_um` is RONt of the product (not of a
     part cut for comparison), least squares circle, as filtered in `console.session.cut.run`; None where it was not
     measured. `passed` is None of a part that was not meant to be good. `diameter_mm` is its mean diameter, that
-    may be off by `diameter_tolerance_um` either way, None where that is not judged. `damaged` says that some of
-    its data cannot be read.
+    may be off by `diameter_tolerance_um` either way, None where that is not judged. Of a cut that is not `proven`
+    the polls do not tell whether the tool kept to its plan. `damaged` says that some of its data cannot be read.
     """
 
     run_id: str
@@ -70,6 +72,7 @@ class RunRow:
     nominal_diameter_mm: float | None = None
     diameter_tolerance_um: float | None = None
     passed: bool | None = None
+    proven: bool = True
     damaged: bool = False
 
     @property
@@ -181,6 +184,7 @@ def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, d
         nominal_diameter_mm=nominal_mm,
         diameter_tolerance_um=diameter_um,
         passed=None if passed is None else bool(passed),
+        proven=not any(table_of(data).get("cut_verdict") == NOT_PROVEN for _, data in ends),
         damaged=damaged or ahead,
     )
 
