@@ -20,6 +20,7 @@ from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.language.listing import without_end
+from drivers.pmac.own_program import is_signed
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
@@ -192,9 +193,9 @@ def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> 
         raise
 
 
-def holds_program(client: Controller, number: int) -> bool:
-    """Whether there is anything in the buffer of a motion program."""
-    return bool(without_end(ask_or_none(client, f"LIST PROG{number}") or ()))
+def holds_another(client: Controller, number: int) -> bool:
+    """Whether there is anything in the buffer of a motion program but what a console has left in it."""
+    return not is_signed(ask_or_none(client, f"LIST PROG{number}") or ())
 
 
 def number_in(text: str, where: str) -> float:

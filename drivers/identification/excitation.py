@@ -14,6 +14,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
+from drivers.pmac.own_program import signed
 from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
@@ -57,13 +58,14 @@ class Excitation(Protocol):
 
 def program_text(form: str, machine: MachineProfile, word: AxisWord, **values: float) -> str:
     """Fill in a program; `go_on` is checked in each segment between its ramps: not ended, the watchdog alive."""
-    return form.format(
+    text = form.format(
         letter=word.letter,
         program=PROGRAM,
         flag=END_FLAG,
         go_on=f"{END_FLAG}=0 AND {watchdog_condition(DIALECTS[machine.controller.family])}",
         **{name: format_number(value) for name, value in values.items()},
     )
+    return signed(text)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.commissioning.reading import holds_program
+from drivers.commissioning.reading import holds_another
 from drivers.errors import ControllerError
 from drivers.identification.excitation import PROGRAM
 from drivers.lathe.lathe import Lathe
@@ -73,7 +73,7 @@ def homed(snapshot: Snapshot) -> bool:
 
 def _in_use(rig: Rig) -> Iterator[Problem]:
     """Find what somebody else uses: a program of that number, a running gather."""
-    if holds_program(rig.client, PROGRAM):
+    if holds_another(rig.client, PROGRAM):
         yield Problem(code="identify.in_use", where=rig.where, key=f"PROG {PROGRAM}")
     (digits,) = rig.client.query("???", again=True)
     if "gathering" in decode(digits.strip(), rig.dialect.global_bits):

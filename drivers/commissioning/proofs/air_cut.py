@@ -16,6 +16,7 @@ from drivers.pmac.axes import AxisDefinition, read_definitions
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
+from drivers.pmac.own_program import signed
 from profiles.machine import MachineProfile
 
 PROGRAM = 999
@@ -84,7 +85,7 @@ def _mean(machine: MachineProfile, tool: Begin) -> float:
 
 def air_cut_lines(judged: Judged, policy: Policy, tool: Begin, carriage: Begin) -> tuple[str, ...]:
     """Return the program; it moves tool and carriage from their start in the direction of free travel."""
-    return tuple(_Writer(judged, policy, tool, carriage).lines())
+    return tuple(signed("\n".join(_Writer(judged, policy, tool, carriage).lines())).splitlines())
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from drivers.commissioning.check import Check, Group
 from drivers.commissioning.fingerprint import changed_settings
 from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
-from drivers.commissioning.reading import Extent, holds_program, read_configuration, read_gathering
+from drivers.commissioning.reading import Extent, holds_another, read_configuration, read_gathering
 from drivers.commissioning.stop_record import StopEntry
 from drivers.commissioning.verification import Verification, read_of_machine
 from drivers.controller import Controller
@@ -29,6 +29,7 @@ from drivers.pmac.compensation.table_text import definition_text
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
 from drivers.pmac.language.text import format_constant
+from drivers.pmac.own_program import signed
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
@@ -114,7 +115,7 @@ def source_delay(bench: ProofRig) -> Check:
 
 def pvt_rounding(bench: ProofRig) -> Check:
     """Measure PVT segments of fractional ms; the carriage oscillates by ten counts."""
-    if holds_program(bench.client, PROGRAM):
+    if holds_another(bench.client, PROGRAM):
         return unproven(["pvt_rounding"])[0]  # somebody else's program is there
     value = bench.client.numbers(COUNTER, again=True)[0]
     try:
@@ -263,7 +264,7 @@ def _load(bench: ProofRig) -> None:
     text = _OSCILLATION.format(
         program=PROGRAM, letter=axis.axis, step=step, pvt=PVT_MS, counter=COUNTER, pairs=PAIRS
     )
-    bench.client.download(text.splitlines())
+    bench.client.download(signed(text).splitlines())
 
 
 def _run(bench: ProofRig) -> float:

@@ -16,7 +16,7 @@ from drivers.commissioning.check import Check, Group
 from drivers.commissioning.judged import Judged, JudgedAxis
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, Begin, air_cut, air_cut_lines, lobe_ends
 from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
-from drivers.commissioning.reading import holds_program
+from drivers.commissioning.reading import holds_another
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
 from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
 from drivers.errors import DriverError, LinkError, RefusedError
@@ -323,7 +323,7 @@ def _all(bench: ProofRig, axes: Guarded, origins: tuple[Origin, ...]) -> Measure
 
 def _load(bench: ProofRig, axes: Guarded) -> bool:
     """Enter the air cut, unless somebody else's program is there; return whether it was entered."""
-    if holds_program(bench.client, PROGRAM):
+    if holds_another(bench.client, PROGRAM):
         return False
     policy = Policy(bench.judged.machine.heartbeat.policy)
     bench.client.download(air_cut_lines(bench.judged, policy, axes.begin("tool"), axes.begin("carriage")))
