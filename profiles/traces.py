@@ -44,13 +44,14 @@ class Trace:
 
     `meta` holds the `# key: value` lines; for their meaning see `profiles.trace_files.header`. Its `format` is
     the name of a file of one profile that was taken as a closed turn. Angles run on over several turns where
-    `turns` is above 1. Points in the plane stand about the centre of their least squares circle, given by the
-    meta keys `centre_x_mm` and `centre_y_mm`, with its radius as `radius_mm`. Both arrays are read only.
+    `turns` is above 1. Points in the plane stand about the centre of their least squares circle, `centre_mm` in x
+    and y, with its radius as the meta key `radius_mm`. Both arrays are read only.
     """
 
     angle_deg: Floats
     deviation_um: Floats
     meta: Mapping[str, str] = field(default_factory=lambda: MappingProxyType({}))
+    centre_mm: tuple[float, float] | None = None
 
 
 def read_trace(path: Path) -> Trace:
@@ -114,20 +115,25 @@ def trace_content(trace: Trace, where: str = "") -> bytes:
 def _from_table(reader: TableReader) -> Trace:
     assert reader.columns is not None
     first, second, meta = np.array(reader.first), np.array(reader.second), dict(reader.meta)
+    centre_mm = None
     if reader.columns.plane:
         circle = geometric_circle(LEAST_SQUARES, first, second)
         centre = (circle.centre_x_um, circle.centre_y_um)
+        centre_mm = (centre[0] / 1000.0, centre[1] / 1000.0)
         first, distance = polar(first, second, centre)
         second = distance - circle.deviation_um
-        found = {"radius_mm": circle.deviation_um, "centre_x_mm": centre[0], "centre_y_mm": centre[1]}
-        for key, value_um in found.items():
-            if key in meta:
-                value = printable(f"# {key}: {meta[key]}", 60)
-                raise refused("trace.meta", where=reader.where, value=value, limit="x_mm,y_mm")
-            meta[key] = repr(value_um / 1000.0)
+        if "radius_mm" in meta:
+            value = printable(f"# radius_mm: {meta['radius_mm']}", 60)
+            raise refused("trace.meta", where=reader.where, value=value, limit="x_mm,y_mm")
+        meta["radius_mm"] = repr(circle.deviation_um / 1000.0)
     elif len(reader.columns.names) == 1:
         first = np.arange(second.size) * (360.0 * int(meta.get("turns", "1")) / second.size)
-    return Trace(angle_deg=read_only(first), deviation_um=read_only(second), meta=MappingProxyType(meta))
+    return Trace(
+        angle_deg=read_only(first),
+        deviation_um=read_only(second),
+        meta=MappingProxyType(meta),
+        centre_mm=centre_mm,
+    )
 
 
 def _from_profile(profile: ClosedProfile) -> Trace:

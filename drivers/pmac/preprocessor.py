@@ -1,8 +1,10 @@
 """The preprocessor of the maker's editor: #define, #undef, #include, #ifdef, #ifndef, #else and #endif.
 
-It works line by line before anything is sent, and every line keeps its place in the text. A name is replaced where
-it is a whole word, as it was typed, also inside the quotes of CMD and not in those of other texts. What it stands
-for may contain further names. Nothing else is carried out: #if and names with arguments are refused.
+It works line by line before anything is sent, and every line keeps its place in the text. A name is replaced
+where it is a whole word, as it was typed, also inside the quotes of CMD and not in those of other texts. In a
+word that ends in digits the longest name before them counts (`VarAdr30` for a name VarAdr): a choice. What it
+stands for may contain further names. Comments are `; ...`, `// ...` and `/* ... */`, also over several lines; a
+controller knows the first alone. Nothing else is carried out: #if and names with arguments are refused.
 """
 
 from __future__ import annotations
@@ -14,7 +16,7 @@ from dataclasses import dataclass, field
 from drivers.pmac.language.errors import ErrorCode, PmacError
 
 MOST_LEVELS = 10  # of files that include one another
-MOST_LINES = 100_000  # with all included files; more than any controller holds
+MOST_LINES = 250_000  # with all included files; the backup of a full controller has 150,000
 MOST_REPLACEMENTS = 20  # of names by names in one line
 MOST_CHARACTERS = 10_000  # of a line after that
 
@@ -22,7 +24,7 @@ Include = Callable[[str], str]
 """Returns the text of an included file. Raises PmacError: it cannot be read."""
 
 _DIRECTIVE = re.compile(r"\s*#\s*(define|include|undef|ifdef|ifndef|if|elif|else|endif)\b\s*(.*)", re.IGNORECASE)
-_COMMENT = re.compile(r'((?:[^;"]|"[^"]*+"?+)*+);.*')  # possessive: a `;` in quotes begins none
+_PIECE = re.compile(r'"[^"]*"?|/\*.*?(?:\*/|$)|//.*|;.*|[^"/;]+|/')  # what begins in quotes is no comment
 _NAME = re.compile(r"[A-Za-z_]\w*")
 _DEFINITION = re.compile(r"([A-Za-z_]\w*)(\(?)\s*(.*)")
 _FILE = re.compile(r'"([^"]+)"|<([^>]+)>|(\S+)')
@@ -98,13 +100,13 @@ class _Reader:
     conditions: list[_Condition] = field(default_factory=list)
     count: int = 0
     opened: list[str] = field(default_factory=list)
+    commented: bool = False  # the line before has begun a comment of several lines
 
     def lines(self, text: str, name: str, place: int, level: int) -> Iterator[SourceLine]:
         """Yield the lines of a file; `place` is that of its #include, 0 in the main text."""
         for number, raw in enumerate(text.splitlines(), start=1):
             at, source = (place, f"{name}:{number}") if place else (number, "")
-            commented = _COMMENT.fullmatch(raw)
-            line = (raw if commented is None else commented[1]).strip()
+            line = self._uncommented(raw)
             self.count += 1
             try:
                 if self.count > MOST_LINES:
@@ -118,6 +120,19 @@ class _Reader:
                 yield SourceLine(line, at, source, error)
                 if self.count > MOST_LINES:
                     return
+
+        if self.commented:
+            self.commented = False
+            yield SourceLine("/*", at, source, _refusal("/* without */"))
+
+    def _uncommented(self, raw: str) -> str:
+        if self.commented:
+            raw = "/*" + raw
+        pieces = _PIECE.findall(raw)
+        last = pieces[-1] if pieces else ""
+        self.commented = last.startswith("/*") and (last == "/*/" or not last.endswith("*/"))
+        kept = (" " if each.startswith("/*") else each for each in pieces if not each.startswith(("//", ";")))
+        return "".join(kept).strip()
 
     @property
     def _active(self) -> bool:
@@ -175,7 +190,7 @@ class _Reader:
             pieces = line.split('"')
             for place, piece in enumerate(pieces):
                 if place % 2 == 0 or _COMMAND.search(pieces[place - 1]):
-                    pieces[place] = _NAME.sub(lambda found: self.names.get(found[0], found[0]), piece)
+                    pieces[place] = _NAME.sub(self._value, piece)
             replaced = '"'.join(pieces)
             if replaced == line:
                 return line
@@ -183,6 +198,17 @@ class _Reader:
                 break
             line = replaced
         raise _refusal("a name that is defined by itself, or too long a line")
+
+    def _value(self, word: re.Match[str]) -> str:
+        """Return what a word stands for."""
+        if (whole := self.names.get(word[0])) is not None:
+            return whole
+        for end in range(len(word[0]) - 1, 1, -1):
+            if not word[0][end].isdigit():
+                break
+            if (name := self.names.get(word[0][:end])) is not None:
+                return name + word[0][end:]
+        return word[0]
 
 
 def _name(word: str, rest: str) -> str:

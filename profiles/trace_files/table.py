@@ -152,6 +152,9 @@ class TableReader:
                 self._spoil("trace.negative_angle", number, value=cell, limit="")
                 return
             within, limit = self._within(key, value)
+            if not (code or within or key == ANGLE):  # each of the other lines would be, too
+                self._spoil("trace.beyond", number, key=key, value=cell, limit=limit)
+                return
             if code or not within:
                 self._refuse(code or "trace.out_of_range", number, key=key, value=cell, limit=limit)
                 return
@@ -170,7 +173,8 @@ class TableReader:
             return self._from_deg <= value <= self._to_deg, limit
         assert self.columns is not None
         largest_um = LARGEST_PLACE_UM if self.columns.plane else LARGEST_DEVIATION_UM
-        return abs(value) <= largest_um, f"<= {largest_um:g} um"
+        unit = next(unit for unit, um in UM_PER_UNIT.items() if um == self._um_per_unit)
+        return abs(value) <= largest_um, f"<= {largest_um / self._um_per_unit:.10g} {unit}"
 
     def _keep_point(self, number: int, cell: str, angle: float, deviation: float) -> None:
         closes = angle == self._to_deg

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -276,3 +277,17 @@ def test_a_comma_before_three_digits_is_no_small_part(console: Console, tmp_path
     settled = console("roundness", str(path), "--json")
     assert settled.json["RONt_um"] == pytest.approx(12.3, rel=0.01)
     assert settled.json["meta"]["numbers_read"] == "6,150.0 = 6150.0" and "6,150.0 = 6150.0" in settled.err
+
+
+def test_points_in_the_plane_tell_the_centre_and_a_wrong_unit_once(console: Console, tmp_path: Path) -> None:
+    angle = np.radians(np.arange(0.0, 360.0, 0.5))
+    radius = 25.0 + 0.002 * np.cos(3 * angle)
+    x, y = 650.025 + radius * np.cos(angle), -120.5 + radius * np.sin(angle)
+    path = tmp_path / "part.csv"
+    path.write_text("\n".join(["x_mm,y_mm", *(f"{a:.7f},{b:.7f}" for a, b in zip(x, y, strict=True))]))
+    assert re.search(r"part, x +650\.0250 +mm\n.*part, y +-120\.5000 +mm", console("roundness", str(path)).out)
+    assert json.loads(console("roundness", str(path), "--json").out)["centre_y_mm"] == pytest.approx(-120.5)
+    path.write_text("\n".join(["x_mm,y_mm", *(f"{a:.3f},{b:.3f}" for a, b in zip(1e3 * x, 1e3 * y, strict=True))]))
+    refused = console("roundness", str(path))
+    assert refused.code == 1 and refused.err.count("\n") == 1
+    assert "675027.000" in refused.err and "<= 10000 mm" in refused.err

@@ -104,7 +104,7 @@ def test_points_in_the_plane_stand_about_their_own_centre() -> None:
     x_mm, y_mm = (100 + radius_mm * np.cos(t)).tolist(), (radius_mm * np.sin(t)).tolist()
     rows = [f"{x!r};{y!r}" for x, y in zip(x_mm, y_mm, strict=True)]
     trace = parse_trace("\n".join(["x_mm;y_mm", *rows]).encode())
-    assert float(trace.meta["centre_x_mm"]) == pytest.approx(100, abs=1e-9)
+    assert trace.centre_mm is not None and trace.centre_mm[0] == pytest.approx(100, abs=1e-9)
     assert float(trace.meta["radius_mm"]) == pytest.approx(26, abs=1e-9)
     result = evaluate(trace.angle_deg, trace.deviation_um, None, radius_mm=26.0)
     assert [circle.ront_um for circle in result.circles] == pytest.approx([55] * 4, abs=1e-6)

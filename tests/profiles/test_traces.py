@@ -56,7 +56,7 @@ def test_other_editors_are_welcome() -> None:
         ("-0.1,0", "trace.negative_angle"),
         ("360,1", "trace.duplicate_angle"),
         ("360.1,0", "trace.out_of_range"),
-        ("1,2000000", "trace.out_of_range"),
+        ("1,2000000", "trace.beyond"),
         ("22.50,1", "trace.duplicate_angle"),
     ],
 )

@@ -16,6 +16,10 @@ SHOWN_HARMONICS = (2, 3, 4, 5, 6, 7, 8, 9, 12, 15)
 _STATES = ("free", "clamped", "unknown")
 
 
+CENTRE = ("centre_x_mm", "centre_y_mm")
+"""Of a trace of points in the plane: where its least squares circle is."""
+
+
 def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
     """Return all results of a trace."""
     result, header, turns = measured.result, measured.header, measured.turns
@@ -29,6 +33,7 @@ def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
         "features": [asdict(feature) for feature in result.features],
         "without_features": result.without_features and _parameters(result.without_features),
         "phase_known": header.phase_known,
+        **dict(zip(CENTRE, measured.trace.centre_mm or (None, None), strict=True)),
         **fields_of(measured, "jaw_1_deg", "mean_diameter_mm", "tool_offset_um"),
         "turns": turns
         and {
@@ -66,6 +71,8 @@ def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     result = measured.result
     rows = [(name, f"{um:z.3f}", "um") for name, um in zip(PARAMETERS, _parameters(result).values(), strict=True)]
     rows.append((text("roundness.eccentricity"), f"{result.eccentricity_um:z.3f}", "um"))
+    for name, place_mm in zip(CENTRE, measured.trace.centre_mm or (), strict=False):
+        rows.append((text(f"roundness.{name}"), f"{place_mm:.4f}", "mm"))
     if measured.mean_diameter_mm is not None:
         rows.append((text("roundness.mean_diameter"), f"{measured.mean_diameter_mm:.4f}", "mm"))
     if measured.tool_offset_um is not None:

@@ -17,8 +17,8 @@ from profiles.files import printable, read_regular_file
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 
-CAP_BYTES = 1_000_000
-"""Program memory of a controller; each move costs a kilobyte while it is checked."""
+CAP_BYTES = 5_000_000
+"""The whole of a full controller, with comments; each move costs a kilobyte while it is checked."""
 
 _WIDE_ENCODINGS = {
     codecs.BOM_UTF32_LE: "UTF-32",  # starts with the UTF-16 mark
