@@ -20,7 +20,7 @@ from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.language.listing import without_end
-from drivers.pmac.own_program import is_signed
+from drivers.pmac.programs.own_program import is_signed
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 

@@ -14,7 +14,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
-from drivers.pmac.own_program import signed
+from drivers.pmac.programs.own_program import signed
 from drivers.pmac.programs.setup import END_FLAG
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError

@@ -13,7 +13,7 @@ from drivers.errors import RefusedError
 from drivers.identification.excitation import PROGRAM
 from drivers.identification.identify import identify
 from drivers.identification.pvt_path import PvtPath
-from drivers.pmac.own_program import is_signed, signed
+from drivers.pmac.programs.own_program import is_signed, signed
 from profiles.machine import MachineProfile
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families

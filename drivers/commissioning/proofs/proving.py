@@ -29,7 +29,7 @@ from drivers.pmac.compensation.table_text import definition_text
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
 from drivers.pmac.language.text import format_constant
-from drivers.pmac.own_program import signed
+from drivers.pmac.programs.own_program import signed
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
