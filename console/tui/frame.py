@@ -294,7 +294,7 @@ def next_row(frame: Frame, width: int) -> list[Line]:
     elif lost := lost_step(text, state):
         step = line((lost, Token.ACTION))
     elif state.activity is Activity.CONNECTING:
-        step = line(dim(text("frame.connecting")))
+        step = line(dim(text("frame.connecting", address=state.address)))
     elif _observes(state) and state.stop is None:
         step = line((text("frame.observer"), Token.ACTION))
     elif state.stop is not None:

@@ -26,6 +26,7 @@ CARD_FAULTS = (
     "configuration_error",
     "phase_clock_missing",
     "fixed_buffer_full",
+    "abort_input",
 )
 MOTOR_FAULTS = (
     "amplifier_fault",

@@ -33,11 +33,12 @@ def prove_rest(
     nothing: the stop is sent again, then the next poll is tried. Another stop meanwhile restarts the proof, except
     the same one again: while a key is held, it could never end.
     `end_watchdog` must not raise. When this process has to exit, the wait ends at `leave_by_s` of the stop.
-    Raises DriverError: `machine.not_at_rest`; LinkError: `link.lost`, the link is gone.
+    Raises DriverError: `machine.not_at_rest`, `machine.rest_unknown` where the last poll was not answered;
+    LinkError: `link.lost`, the link is gone.
     """
     began_s = clock.now_s()
     polls: list[Snapshot] = []  # those in a row that report rest, behind the one before them
-    mark, killed, reporting_rest = stop.mark, stop.killed, 0
+    mark, killed, reporting_rest, heard = stop.mark, stop.killed, 0, False
     while clock.now_s() < min(began_s + _timeout_s(stop), stop.leave_by_s):
         latest = stop.mark
         if stop.killed is not killed or not stop.only_repeated(mark, latest):
@@ -51,7 +52,8 @@ def prove_rest(
             if error.problems[0].code in GONE:
                 stop.given_up = True
                 raise
-        if snapshot is not None:
+        heard = snapshot is not None
+        if heard:
             end_watchdog()
         if snapshot is not None and snapshot.at_rest and (snapshot.loops_open or not stop.killed):
             polls.append(snapshot)
@@ -68,10 +70,14 @@ def prove_rest(
                 return snapshot
         if snapshot is not None:
             clock.wait(STOP_REPEAT_S)
-    now_s = clock.now_s()
+    raise _not_proven(stop, began_s, clock.now_s(), heard=heard)
+
+
+def _not_proven(stop: StopPath, began_s: float, now_s: float, *, heard: bool) -> DriverError:
     stop.given_up = stop.killed or now_s >= stop.leave_by_s
     waited_s = min(now_s - began_s, _timeout_s(stop))
-    raise DriverError(Problem(code="machine.not_at_rest", value=f"{waited_s:.0f} s"))
+    code = "machine.not_at_rest" if heard else "machine.rest_unknown"
+    return DriverError(Problem(code=code, value=f"{waited_s:.0f} s"))
 
 
 def _timeout_s(stop: StopPath) -> float:

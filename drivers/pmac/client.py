@@ -29,6 +29,7 @@ LINE_LIMIT = 250  # Maximum length of one command line; the controller's own lim
 
 HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
+LONGEST_ECHO = 200  # bytes; the answer to a question has some twenty
 LATE_S = 1.0  # how late a controller may answer to the first lines
 _MARK_MESSAGES = 64
 """The I-variable that marks unsolicited program messages, where the family has it."""
@@ -83,8 +84,9 @@ class PmacClient:
         """Drain the line, set up the handshake, and return version and type as the controller reports them.
 
         Raises:
-            LinkError: `link.silent`, nothing replies; `link.not_a_pmac`, something else does; `link.unknown_type`,
-                a controller of another family; `link.not_in_step`; `controller.buffer_open`; `link.lost`.
+            LinkError: `link.silent`, nothing replies; `link.not_a_pmac`, something else does; `link.echoes`,
+                `link.line_feeds`, the line changes what is sent; `link.unknown_type`, a controller of another
+                family; `link.not_in_step`; `controller.buffer_open`; `link.lost`.
         """
         exchange = self._exchange
         self._dialect = None
@@ -260,6 +262,23 @@ class PmacClient:
             return self._identify()
         except LinkTimeoutError:
             raise first from None
+        except LinkError as error:
+            raise self._of_the_line(error) from None
+
+    def _of_the_line(self, error: LinkError) -> LinkError:
+        """Return what the line does to a question, an echo or line ends of its own; else the same error."""
+        self._exchange.drain(quiet_s=LATE_S)
+        self._exchange.forget()
+        self.link.send(b"VERSION\r")
+        said = b""
+        while len(said) < LONGEST_ECHO and (came := self.link.receive(LATE_S)):
+            said += came
+        code = ""
+        if said.startswith(b"VERSION"):
+            code = "link.echoes"
+        elif _VERSION.match(said.split(b"\r")[0].decode("ascii", "replace").strip()) and b"\r\n" in said:
+            code = "link.line_feeds"
+        return LinkError(Problem(code=code, where=self.link.address)) if code else error
 
     def _identify(self) -> tuple[str, str]:
         try:

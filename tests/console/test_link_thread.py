@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from console.session.station import link_thread
 from console.session.station.commands import Acknowledge, Command, EnableDrives, Home
 from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
@@ -176,6 +177,28 @@ def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -
     link.end("quit")
     # Nothing was opened, so nothing moves because of it.
     assert link.join(SOON_S) and link.rested
+
+
+def test_a_machine_that_is_switched_on_later_is_connected_by_itself(
+    floor: Floor, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(link_thread, "CONNECT_AGAIN_S", 0.01)
+    receive, silent = floor.link.receive, True
+
+    def heard(timeout_s: float) -> bytes:
+        came = receive(timeout_s)
+        return b"" if silent else came
+
+    floor.link.receive = heard  # type: ignore[method-assign]
+    link = thread(lambda: opened(floor))
+    link.start()
+    link.open()
+    wait_until(lambda: link.state.activity is Activity.LOST)
+    silent = False
+    wait_until(lambda: link.state.activity is Activity.READY)
+    assert [alarm.problem.code for alarm in link.state.alarms] == ["link.silent"]
+    link.end("over")
+    assert link.join(SOON_S) and link.rested and not floor.lathe.has_moved
 
 
 def test_a_link_that_is_lost_in_motion_is_not_left_as_if_at_rest(link: LinkThread, floor: Floor) -> None:

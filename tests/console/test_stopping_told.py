@@ -96,6 +96,8 @@ def test_of_a_silent_controller_it_is_said_at_once_and_each_second_what_was_trie
     for (_, line), count in zip(scene.said[1:], counts[1:], strict=True):
         assert f"control-K {'sent ' if language == 'en' else ''}{count} " in line
     assert "stopping." not in " ".join(line for _, line in scene.said)
+    scene.passes(55.0)
+    assert len(scene.said) <= 12, "a minute without an answer is told in a dozen lines"
     gaps = [b - a for a, b in zip(scene.line.at_s[1:], scene.line.at_s[2:], strict=False)]
     assert max(gaps) <= 0.31, "the stop goes out again while the one who asks waits"
 
@@ -177,7 +179,7 @@ def test_who_has_to_end_waits_no_longer_than_there_is_time(silent: OneConsole, w
     silent.client.link.send_urgent = stops  # type: ignore[method-assign]
     with pytest.raises(DriverError) as unproven:
         silent.lathe.wait_for_rest()
-    assert unproven.value.problems[0].code == "machine.not_at_rest"
+    assert unproven.value.problems[0].code == "machine.rest_unknown"
     assert not leave(silent.lathe, silent.owning)
     assert silent.sim.now_s() - came[0] < LEAVE_WITHIN_S + 1.0
 

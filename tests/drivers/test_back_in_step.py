@@ -286,6 +286,28 @@ def test_a_wrong_device_is_told(machine: MachineProfile, answers: list[bytes], c
     assert (codes(told.value), told.value.problems[0].value) == ([code], value)
 
 
+@pytest.mark.parametrize(("changes", "code"), [("echo", "link.echoes"), ("line feeds", "link.line_feeds")])
+def test_a_line_that_changes_what_is_sent_is_told(machine: MachineProfile, changes: str, code: str) -> None:
+    """A terminal server with its local echo on, or with line ends of its own, before a sound controller."""
+    sim = SimulatedLathe(machine)
+
+    class Server:
+        port = sim.connect()
+        echoed = b""
+
+        def receive(self, data: bytes) -> None:
+            self.echoed += data if changes == "echo" else b""
+            self.port.receive(data)
+
+        def take_output(self) -> bytes:
+            said, self.echoed = self.echoed + self.port.take_output(), b""
+            return said.replace(b"\r", b"\r\n") if changes == "line feeds" else said
+
+    with pytest.raises(LinkError) as told:
+        PmacClient(MemoryLink(Server(), sim), sim).connect()
+    assert codes(told.value) == [code]
+
+
 @pytest.mark.parametrize("late_s", [0.1, 0.4, 0.9])
 def test_a_controller_that_answers_late_is_one(machine: MachineProfile, late_s: float) -> None:
     """The computer that serves it is busy: nothing comes while the line is drained, and then all at once."""

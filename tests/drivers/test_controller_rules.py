@@ -196,11 +196,12 @@ def test_a_fault_of_a_motor_is_told(machine: MachineProfile) -> None:
     assert (check.subject, check.found) == ("tool", "amplifier_fault")
 
 
-def test_a_fault_of_the_card_itself_is_told(machine: MachineProfile) -> None:
+@pytest.mark.parametrize("fault", ["servo_error", "abort_input"])
+def test_a_fault_of_the_card_itself_is_told(machine: MachineProfile, fault: str) -> None:
     verification = commissioned(machine).verify()
-    state = CardState(card=frozenset({"servo_error"}), systems={}, motors={})
+    state = CardState(card=frozenset({fault}), systems={}, motors={})
     (check,) = [each for each in state_checks(state, verification.judged) if each.code == "card_faults"]
-    assert (check.severity, check.found) == (Severity.REFUSAL, "servo_error")
+    assert (check.severity, check.found) == (Severity.REFUSAL, fault)
 
 
 def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfile) -> None:

@@ -147,7 +147,7 @@ def test_the_stop_is_repeated_at_five_hertz_while_no_reply_comes(bench: Bench) -
     stop.stop("operator")
     with pytest.raises(DriverError) as unproven:
         lathe.wait_for_rest()
-    assert unproven.value.problems[0].code == "machine.not_at_rest"
+    assert unproven.value.problems[0].code == "machine.rest_unknown"
     seconds = bench.sim.now_s() - began
     assert seconds >= 15.0
     gaps = [later[0] - earlier[0] for earlier, later in zip(link.urgent, link.urgent[1:], strict=False)]

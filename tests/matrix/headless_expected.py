@@ -20,7 +20,7 @@ TOOL_UNKNOWN = "machine.tool_unknown"
 """The tool has no zero: it is being searched, or it was lost. Where the tool stands is not guessed."""
 
 UNSEEN = f"{REFUSED}: {NO_ANSWER} {UNKNOWN}"
-SILENT = f"unproven, ^K: {NO_ANSWER} machine.not_at_rest machine.state_unknown"
+SILENT = f"unproven, ^K: {NO_ANSWER} machine.rest_unknown machine.state_unknown"
 GONE = "unproven, ^K: link.lost machine.state_unknown"
 SETTING = "stopped, ^A: controller.setting"
 ANOTHER_PROGRAM = "stopped, ^A: controller.program_differs"

@@ -21,7 +21,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 
 TICK_S = 0.1
-TELL_S = 1.0
+TELL_S, OFTEN_S, LATER_S = 1.0, 4.5, 10.0  # each second at first, then every ten
 REPEAT_S = 0.2
 SILENT_S = 1.0
 """Longer than any poll of a machine that answers; a stop in between would disturb the proof of rest."""
@@ -80,8 +80,9 @@ class Stopping:
                 self._first, self._count = stop.count - 1, stop.count
                 self._say(self._text("stopping.begun", stop=self._named(stop)))
             self._repeat(stop, now_s)
-            if now_s - self._reported_s >= TELL_S - 0.5 * TICK_S:
-                self._reported_s = max(self._reported_s + TELL_S, now_s - TELL_S)
+            due_s = TELL_S if self._reported_s - self._began_s < OFTEN_S else LATER_S
+            if now_s - self._reported_s >= due_s - 0.5 * TICK_S:
+                self._reported_s = max(self._reported_s + due_s, now_s - due_s)
                 self._tell(stop, now_s - self._began_s, now_s - self._seen_s)
         hurried_s = self._interruption.hurried_s
         if hurried_s is not None and now_s - hurried_s > END_WITHIN_S:

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from drivers.clock import TrainingClock
 
 LOOK_PERIOD_S = 0.1  # poll period of an idle machine
+CONNECT_AGAIN_S = 2.0  # after which a machine that has never answered is asked again
 LEAVE_S = 3.0  # timeout for a screen that cannot write to its terminal to leave, once the machine is at rest
 
 
@@ -178,8 +179,8 @@ class LinkThread:
             # else's.
             if self._stopped is not None:
                 opened.stop.stop(self._stopped)
-            if self._ending is None and not station.connect():
-                self._wait_until(lambda: self._ending is not None)
+            while self._ending is None and not station.connect():
+                self._wait(CONNECT_AGAIN_S)
             while self._ending is None:
                 station.step()
                 self._wait(LOOK_PERIOD_S if self._clock is None else LOOK_PERIOD_S / max(self._clock.speed, 1.0))

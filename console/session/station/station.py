@@ -147,14 +147,14 @@ class Station:
         )
 
     def connect(self) -> bool:
-        """Set up the link and compare the controller with its profile; False when nothing like a PMAC answers."""
+        """Set up the link and compare the controller with its profile; False when no PMAC answers yet."""
         context = self._context
         try:
             version, kind = context.lathe.connect()
         except ProblemError as error:
             # Whatever is at the other end received no motion command, and may not understand a stop.
             for problem in error.problems:
-                context.alarm(problem)
+                context.alarm_once(problem)
             context.tell(activity=Activity.LOST)
             return False
         context.tell(controller=f"{kind} {version}", firmware=(version, kind))

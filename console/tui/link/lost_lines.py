@@ -23,7 +23,9 @@ def lost_step(text: Catalogue, state: StationState) -> str:
     lost = state.lost_link
     if state.activity is Activity.LOST:
         if lost is None:  # not yet known to be lost: the stop is under way, or nothing is tried again
-            return text("lost_link.silent" if _is_asked_again(state) else "frame.lost")
+            if _is_asked_again(state):
+                return text("lost_link.silent")
+            return text("frame.lost" if _is_gone(state) or state.controller else "frame.never_answered")
         return _lost(text, lost)
     if lost is None or lost.back_s is None:
         return ""
@@ -84,8 +86,11 @@ def lost_rows(text: Catalogue, state: StationState, width: int) -> list[Line]:
 
 def _is_asked_again(state: StationState) -> bool:
     """Whether a stop is sent again until the machine answers: on a link that is there, once it was connected."""
-    gone = any(alarm.active and alarm.problem.code in GONE for alarm in state.alarms)
-    return state.stop is not None and not gone
+    return state.stop is not None and not _is_gone(state)
+
+
+def _is_gone(state: StationState) -> bool:
+    return any(alarm.active and alarm.problem.code in GONE for alarm in state.alarms)
 
 
 def _lost(text: Catalogue, lost: LostLink) -> str:

@@ -27,7 +27,7 @@ from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
 
-SILENT_CODES = ("link.silent", "link.not_in_step", "machine.not_at_rest")
+SILENT_CODES = ("link.silent", "link.not_in_step", "machine.not_at_rest", "machine.rest_unknown")
 """Alarms that are over once the machine was read again."""
 
 
