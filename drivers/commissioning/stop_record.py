@@ -58,7 +58,8 @@ class StopEntry:
 class StopRecord:
     """The entries of one machine. `kind` and `version` are its controller's; `key` is its `stop_key`.
 
-    `address` is the link that it was measured over, and `stop_way` the path of the stops.
+    `address` is the link that it was measured over, and `stop_way` the path of the stops. `tests` are the
+    commissioning tests that passed then.
     """
 
     machine: str
@@ -69,6 +70,7 @@ class StopRecord:
     address: str
     stop_way: StopWay
     entries: tuple[StopEntry, ...]
+    tests: tuple[str, ...] = ()
 
 
 def needed_stops(machine: MachineProfile) -> frozenset[tuple[Way, Origin, str]]:

@@ -190,6 +190,9 @@ def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_sto
     proven = console("doctor", "--prove", "--json")
     assert "#2J/" in card.lines
     assert (proven.code, stop_lines(proven)) == (0, {"stop_record": "holds"})
+    again = console("doctor", "--json")
+    told = [check["code"] for check in again.json["checks"] if check["group"] == "proofs"]
+    assert told == ["proofs_kept"], "the tests of this day are known without moving again"
     assert card.client.numbers("P1000") == (0.0,)  # nobody is left to own the machine
     (file,) = (data_folder / "trilobe" / "stops").iterdir()
     assert '"tcp:lathe:1"' in file.read_text(encoding="utf-8")

@@ -26,7 +26,6 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.machine.data_folder_checks import data_folder_checks
     from console.cli.output import agreed, show
     from console.session.trial.explained import explained_checks
-    from drivers.commissioning.proofs.bench import names_of, unproven
     from drivers.commissioning.verification import in_order, verify
     from profiles.findings import Severity, worst
 
@@ -36,13 +35,13 @@ def main(options: Namespace, text: Catalogue) -> int:
         read = verification.judged.configuration
         trial = explained_checks(data_of(options), card.machine, card.address, read, simulated=card.simulated)
         moves = options.prove and not unsigned and agreed(options, card.machine.name, card.simulated, text)
-        proofs = unproven(names_of(card.machine))
         if moves:
             if not card.simulated:
                 # The answer may have taken time.
                 verification = verify(card.client, card.machine, card.client.dialect)
-            proofs = [*doctor_checks.proven_checks(card, verification, text)]
+            made = doctor_checks.proven_checks(card, verification, text)
         stops = doctor_checks.stop_checks(card, date.today())
+        proofs = made if moves else doctor_checks.kept_proofs(card, stops)
     arrival = doctor_checks.arrival_check(card.client.line_check)
     libraries, commands = doctor_checks.library_checks(), doctor_checks.command_checks()
     of_computer = [*libraries, *commands, *data_folder_checks(data_of(options))]

@@ -14,6 +14,7 @@ from console.session.signals import Interruption
 from console.session.station.reaching import guard
 from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
+from drivers.commissioning.proofs.bench import names_of, unproven
 from drivers.commissioning.proofs.proving import Proven, prove
 from drivers.commissioning.stop_record import StopRecord, stop_key
 from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
@@ -27,6 +28,9 @@ from profiles.problem import Problem, ProfileError
 
 STOPS = ("proof_heartbeat", "proof_stop_")
 """Codes of the commissioning tests that a record rests on."""
+
+PROOF = "proof_"
+"""What the code of a commissioning test that was made begins with."""
 
 DISTRIBUTION = "trilobe"
 """Name of this distribution, and of the command that no other one claims."""
@@ -115,6 +119,18 @@ def stop_checks(card: Card, today: date) -> list[Check]:
     return checks
 
 
+def kept_proofs(card: Card, stops: list[Check]) -> list[Check]:
+    """Return what is known of the commissioning tests without moving: those that passed with the valid record."""
+    record = load(card.data, card.machine) if any(check.code == "stop_record" for check in stops) else None
+    names = names_of(card.machine)
+    if record is None or not record.tests:
+        return unproven(names)
+    facts = {"count": str(len(record.tests)), "address": record.address}
+    found = record.measured_at.isoformat()
+    kept = Check(group=Group.PROOFS, code="proofs_kept", severity=Severity.OK, found=found, facts=facts)
+    return [kept, *unproven(name for name in names if name not in record.tests)]
+
+
 def _record_checks(card: Card, today: date) -> list[Check]:
     try:
         record = load(card.data, card.machine)
@@ -154,6 +170,11 @@ def keep_stops(card: Card, proven: Proven, today: date) -> None:
         address=card.address,
         stop_way=card.stop.way,
         entries=proven.stops,
+        tests=tuple(
+            check.code.removeprefix(PROOF)
+            for check in proven.checks
+            if check.code.startswith(PROOF) and check.severity is Severity.OK
+        ),
     )
     if not record_problems(record, now):
         store(card.data, card.machine, record)
