@@ -11,11 +11,14 @@ import sys
 import threading
 from collections.abc import Callable
 from contextlib import closing
+from datetime import datetime, timedelta, tzinfo
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.session.data import kept_files
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import FOLDER, RunRecord, killed_or_refused, killed_runs
 from console.session.errors import SessionError
@@ -258,3 +261,27 @@ def test_the_next_run_tells_of_one_that_was_killed(
     assert said.code == 0 and said.err.count("was killed") == 2
     assert sum("was killed" in warning for warning in said.json["warnings"]) == 2
     assert "was killed" not in console(*words).err
+
+
+def test_a_clock_that_is_set_in_mid_run_changes_no_duration(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An hour ahead, and back: by the time signal of a plant, or by hand."""
+    hours = cycle((0, 1, -1))
+
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz: tzinfo | None = None) -> Any:
+            return real.now(tz) + timedelta(hours=next(hours))
+
+    real = datetime
+    monkeypatch.setattr(kept_files, "datetime", Clock)
+    run = RunRecord(tmp_path, RUN)
+    run.log.event("armed", {})
+    run.add("started", {})
+    run.log.event("step", {"step": "cut"})
+    run.add("cut", {"turn": 10.0})
+    run.close()
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
+        dates = [real.fromisoformat(at) for (at,) in database.execute("SELECT at_utc FROM events ORDER BY number")]
+    assert len(dates) == 4 and max(dates) - min(dates) < timedelta(minutes=1)

@@ -21,6 +21,7 @@ from console.session.stages import Stage
 from console.text.catalogue import load
 from profiles.store import load_job
 from profiles.traces import Trace, trace_content
+from tests.record_clock import set_dates
 from tests.tui.records_stage import described
 
 JOB = load_job("lee-2001-experiment-1").job
@@ -76,8 +77,7 @@ def test_the_part_that_has_the_file_is_named_by_the_end_of_its_cut(
 ) -> None:
     path, data = gauge_file(tmp_path), tmp_path / "data"
     at = datetime(2026, 3, 2, 16, 44, 12, tzinfo=UTC)
-    for module in ("console.session.data.records", "console.session.data.run_log"):
-        monkeypatch.setattr(f"{module}.utc_now", lambda: at.isoformat().replace("+00:00", "Z"))
+    set_dates(monkeypatch, lambda: at.isoformat().replace("+00:00", "Z"))
     cut(data, of=seen(path))
     (problem,) = of_this_part(seen(path), data, None).problems
     assert problem.value == at.astimezone().strftime("%Y-%m-%d %H:%M:%S")

@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from console.session.data import records
 from console.session.data.history import last_results
 from console.session.data.kept_files import is_ahead
 from console.session.data.learned_store import asked_for
@@ -17,6 +16,7 @@ from console.session.data.made_parts import cuts_of, date_problems, parts_made
 from console.session.data.records import RunRecord
 from console.text.catalogue import load
 from profiles.store import load_job, load_machine
+from tests.record_clock import set_dates
 
 Console = Callable[..., Any]
 
@@ -85,7 +85,7 @@ def test_a_calibration_that_was_named_by_its_date_comes_before_all_with_a_number
 
 def record_cut(data: Path, monkeypatch: pytest.MonkeyPatch, at: str, compensation: int | None) -> None:
     """Add a run of the job to the record, at that time of 30 November 2001."""
-    monkeypatch.setattr(records, "utc_now", lambda: f"2001-11-30T{at}:00.000+00:00")
+    set_dates(monkeypatch, lambda: f"2001-11-30T{at}:00.000+00:00")
     run = RunRecord(
         data,
         {

@@ -17,7 +17,6 @@ from typing import Any
 
 import pytest
 
-from console.session.data import records
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import runs
 from console.session.errors import SessionError
@@ -26,6 +25,7 @@ from console.session.shop.following import follow
 from console.session.shop.identity import lathe_identity
 from console.session.shop.shipping import MOST_ROWS, Sent, ship
 from profiles.problem import Problem
+from tests.record_clock import set_dates
 from tests.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql, shop_server
 from tests.system.lathe_records import (
     assert_all_there,
@@ -194,7 +194,7 @@ def test_a_clock_that_is_a_day_wrong_changes_no_order_and_is_found(
     record_runs(folder, 4)
     behind = (datetime.now(UTC) - timedelta(days=1)).isoformat(timespec="milliseconds").replace("+00:00", "Z")
     with monkeypatch.context() as wrong:
-        wrong.setattr(records, "utc_now", lambda: behind)
+        set_dates(wrong, lambda: behind)
         record_runs(folder, 4)
     monkeypatch.setattr(shipping, "clock", lambda: datetime.now(UTC) - timedelta(days=1))
     ship(folder, shop.dsn(SHIPPER))

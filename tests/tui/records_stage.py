@@ -12,14 +12,14 @@ import pytest
 
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
-from console.session.data import part_record as parts
-from console.session.data import records, run_log
+from console.session.data import run_log
 from console.session.data.records import RunRecord
 from console.session.stages import Stage
 from console.tui.pages.records import RecordsPage
 from profiles.job import Job
 from profiles.store import job_text
 from profiles.traces import Trace
+from tests.record_clock import set_dates
 from tests.tui.page_stage import PageScene
 from tests.tui.stage import MACHINE, experiment, lathe
 
@@ -116,5 +116,4 @@ def clocked(patch: pytest.MonkeyPatch, step: timedelta = timedelta(minutes=7)) -
         now[0] += step
         return now[0].isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
-    for module in (records, parts, run_log):
-        patch.setattr(module, "utc_now", utc_now)
+    set_dates(patch, utc_now)

@@ -53,6 +53,7 @@ from profiles.problem import Problem
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
+from tests.record_clock import set_dates
 from tests.tui import calibrate_stage, records_stage, scope_stage, tune_stage
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
@@ -298,7 +299,7 @@ def recorded() -> bytes:
     """The file of the run records: last results of some jobs, and four runs of this lathe."""
     names = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
     with tempfile.TemporaryDirectory() as folder, pytest.MonkeyPatch.context() as patch:
-        patch.setattr(records, "utc_now", lambda: RECORDED_AT)  # kept for all tests, whichever asks first
+        set_dates(patch, lambda: RECORDED_AT)  # kept for all tests, whichever asks first
         data = Path(folder)
         run = records.RunRecord(data, {**dict.fromkeys(names, ""), "simulated": 1})
         for job, ront_um in MEASURED_UM.items():
@@ -323,7 +324,7 @@ def fixed_world() -> Iterator[None]:
         return replace(load_job(where), sha256=SHA256)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(records, "utc_now", lambda: RECORDED_AT)
+        set_dates(patch, lambda: RECORDED_AT)
         for module in (shelf, jobs):
             patch.setattr(module, "load_job", signed_job)
         patch.setattr(errand, "SHORT_S", 60.0)

@@ -13,6 +13,7 @@ from urllib.parse import quote
 
 from console.session.data.home import account_name, home_of
 from console.session.errors import SessionError
+from drivers.clock import boot_s
 from profiles.files import make_private_folder, printable, read_regular_file, write_atomically
 from profiles.own_values import from_json
 from profiles.problem import Problem, ProfileError
@@ -142,7 +143,22 @@ TOLERANCE = timedelta(minutes=10)  # allowed clock difference of two computers t
 
 def utc_now() -> str:
     """Return the date for newly stored data, UTC after ISO 8601."""
-    return datetime.now(UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
+    return _stored(datetime.now(UTC))
+
+
+def _stored(date: datetime) -> str:
+    return date.isoformat(timespec="milliseconds").replace("+00:00", "Z")
+
+
+class RunDates:
+    """The dates of one run, whose differences are durations though the computer's clock is set meanwhile."""
+
+    def __init__(self) -> None:
+        self._began, self._began_s = datetime.now(UTC), boot_s()
+
+    def now(self) -> str:
+        """Return the date of its beginning, by the computer's clock then, and the time that has passed since."""
+        return _stored(self._began + timedelta(seconds=boot_s() - self._began_s))
 
 
 def is_ahead(date: str, now: str | None = None) -> bool:

@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 
-from console.session.data.kept_files import utc_now
 from console.session.data.run_log import shown
 from profiles.roundness import RoundnessResult
 
@@ -66,7 +65,7 @@ _INSERT = (
 )
 
 
-def measurement(run_id: str, part: PartRecord | None) -> list[Statement]:
+def measurement(run_id: str, at_utc: str, part: PartRecord | None) -> list[Statement]:
     """Return the statements that keep a part; none without one."""
     if part is None:
         return []
@@ -74,6 +73,6 @@ def measurement(run_id: str, part: PartRecord | None) -> list[Statement]:
     plain = tuple(int(value) if isinstance(value, bool) else value for value in values)
     sha256 = hashlib.sha256(part.trace).hexdigest()
     return [
-        (_INSERT, (run_id, run_id, utc_now(), sha256, shown(part.data), *plain)),
+        (_INSERT, (run_id, run_id, at_utc, sha256, shown(part.data), *plain)),
         (f"INSERT INTO traces SELECT ?, ({_NEXT}), ?", (run_id, run_id, zlib.compress(part.trace, 6))),
     ]

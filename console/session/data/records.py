@@ -154,7 +154,7 @@ class RunRecord:
         try:
             # The log's thread tidies up the journal; who cuts never waits for that.
             self._database.execute("PRAGMA wal_autocheckpoint=0")
-            self._write(_run({"run_id": self.run_id, "started_utc": utc_now(), **run}), until_s)
+            self._write(_run({"run_id": self.run_id, "started_utc": self.log.dates.now(), **run}), until_s)
             self._files = self._on_disk()
             if self._files[0] is None:
                 raise OSError(GONE)
@@ -169,7 +169,8 @@ class RunRecord:
         Raises SessionError: `record.lost`, the run must not continue.
         """
         try:
-            statements = [_event(self.run_id, kind, data), *measurement(self.run_id, part)]
+            at_utc = self.log.dates.now()
+            statements = [_event(self.run_id, at_utc, kind, data), *measurement(self.run_id, at_utc, part)]
             self._write(statements, time.monotonic() + self._timeout_s)
         except sqlite3.Error as error:
             raise record_error("record.lost", self._path, error) from error
@@ -217,7 +218,8 @@ def add_to_run(
     """
     until_s = time.monotonic() + timeout_s
     with closing(opened(folder, until_s, checked=False)) as database:
-        statements = [_event(run_id, kind, data), *measurement(run_id, part)]
+        at_utc = utc_now()
+        statements = [_event(run_id, at_utc, kind, data), *measurement(run_id, at_utc, part)]
         try:
             retrying(lambda: transaction(database, statements), until_s)
         except sqlite3.Error as error:
@@ -240,8 +242,8 @@ def _run(row: Mapping[str, object]) -> list[Statement]:
     ]
 
 
-def _event(run_id: str, kind: str, data: Mapping[str, object]) -> Statement:
-    return EVENT, (run_id, utc_now(), kind, shown(data), run_id)
+def _event(run_id: str, at_utc: str, kind: str, data: Mapping[str, object]) -> Statement:
+    return EVENT, (run_id, at_utc, kind, shown(data), run_id)
 
 
 FOLDER = "running"
@@ -349,7 +351,7 @@ def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated:
         return []
     kinds = {kind for (kind,) in database.execute(_KINDS, (run_id,))}
     if not kinds & _ENDED:
-        end = _event(run_id, "ended", {"reason": "killed"})
+        end = _event(run_id, utc_now(), "ended", {"reason": "killed"})
         retrying(lambda: transaction(database, [end]), time.monotonic() + TIMEOUT_S)
     mark.unlink(missing_ok=True)
     code = "record.left_in_part" if LEFT_IN_PART in kinds else "record.killed"

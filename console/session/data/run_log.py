@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.data.kept_files import utc_now
+from console.session.data.kept_files import RunDates
 from console.session.data.record_file import FILE_NAME, WAIT_S, connected, retrying, transaction
 from console.session.data.run_story import GATHERED, POLLED, TELEMETRY_END
 from profiles.files import printable
@@ -84,6 +84,7 @@ class RunLog:
 
     def __init__(self, folder: Path, run_id: str, *, most_waiting: int = MOST_WAITING) -> None:
         self._folder, self._run_id, self._most_waiting = folder, run_id, most_waiting
+        self.dates = RunDates()
         self._waiting: deque[_Item] = deque()
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
@@ -102,15 +103,15 @@ class RunLog:
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
         """Add an event that need not be on disk before the run continues."""
-        self._put(_Event(utc_now(), kind, data))
+        self._put(_Event(self.dates.now(), kind, data))
 
     def event_of(self, kind: str, work: Callable[[], Mapping[str, object] | None]) -> None:
         """Add an event whose values are worked out in the thread, within some seconds; None is no event."""
-        self._put(_Late(utc_now(), kind, work))
+        self._put(_Late(self.dates.now(), kind, work))
 
     def begin_cut(self, part: str, make_rows: MakeRows) -> None:
         """Begin the telemetry of a cut."""
-        self._put(_Begin(utc_now(), part, make_rows))
+        self._put(_Begin(self.dates.now(), part, make_rows))
 
     def poll(self, poll: Poll) -> None:
         """Add a poll of the cut."""
@@ -118,11 +119,11 @@ class RunLog:
 
     def gathered(self, part: str, rows: Rows) -> None:
         """Add a window that the controller has sampled, rows of `GATHERED_COLUMNS`."""
-        self._put(_Gathered(utc_now(), part, rows))
+        self._put(_Gathered(self.dates.now(), part, rows))
 
     def end_cut(self) -> None:
         """End the telemetry of the cut; the record then says how much there is of it."""
-        self._put(_End(utc_now()))
+        self._put(_End(self.dates.now()))
 
     def close(self) -> None:
         """Write what waits, as long as that takes at most `CLOSE_TIMEOUT_S`."""
