@@ -139,13 +139,15 @@ def _interrupted(interrupted: KeyboardInterrupt, text: Catalogue | None) -> int:
 
 def _explain(error: Exception, text: Catalogue, problems: list[Problem]) -> int:
     """Catch every error and explain it: no traceback ever reaches an operator."""
-    from profiles.problem import ProblemError
+    from profiles.problem import Problem, ProblemError
 
     if isinstance(error, ProblemError):
         problems += error.problems
         for problem in error.problems:
             _complain(text.problem(problem))
         return FAILED
+    if isinstance(error, MemoryError):
+        return _complain(text.problem(Problem(code="session.no_memory")))
     detail = " ".join(f"{type(error).__name__}: {error}".split())
     if os.environ.get("TRILOBE_TRACEBACK"):
         raise error

@@ -16,8 +16,9 @@ class Interrupted(KeyboardInterrupt):
 
 
 def fault_problem(fault: Exception) -> Problem:
-    """Return the problem of an internal fault, on one line."""
-    return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))
+    """Return the problem of an internal fault, on one line; a computer without memory is none."""
+    code = "session.no_memory" if isinstance(fault, MemoryError) else "session.fault"
+    return Problem(code=code, value=" ".join(f"{type(fault).__name__}: {fault}".split()))
 
 
 def refuse(*groups: Iterable[Problem]) -> None:

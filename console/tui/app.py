@@ -15,6 +15,7 @@ from textual.driver import Driver
 
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
+from console.session.errors import fault_problem
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
@@ -45,7 +46,7 @@ from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
 from console.tui.page_class import page_class
 from console.tui.palette_keys import PaletteKeys
-from console.tui.previewing import ChosenPath, Previewer, fault_of
+from console.tui.previewing import ChosenPath, Previewer
 from console.tui.scanning.scans import Scans
 from console.tui.settings.calm import Calm
 from console.tui.standing_orders import StandingOrders
@@ -395,4 +396,4 @@ class ConsoleApp(ListeningApp):
             with self.ui.answering():
                 work()
         except Exception as fault:
-            self.ui.said = (fault_of(fault),)
+            self.ui.said = (fault_problem(fault),)

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from console.session.cut.alignment import Alignment, aligned_job, aligned_machine
+from console.session.errors import fault_problem
 from console.session.work import Work
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -155,7 +156,7 @@ class Previewer:
                 if not self._add_to(begun):
                     return
             except Exception as fault:
-                self._fault = (begun, fault_of(fault))
+                self._fault = (begun, fault_problem(fault))
                 return
 
     def _add_to(self, begun: _Begun) -> bool:
@@ -205,15 +206,10 @@ def _begin(question: Question) -> _Begun:
     except ProblemError as error:
         return _Begun(question=question, problems=tuple(error.problems))
     except Exception as fault:
-        return _Begun(question=question, problems=(fault_of(fault),))
+        return _Begun(question=question, problems=(fault_problem(fault),))
     out_mm = air_mm(question.job, Stage.AIR) if question.in_air else 0.0
     asked = sorted(all_asked(*parts, question.path, out_mm), key=lambda each: each.strategy is not seen.strategy)
     return _Begun(question=question, outlook=seen, asked=tuple(asked))
-
-
-def fault_of(fault: Exception) -> Problem:
-    """Return a fault of the program as a problem of one line."""
-    return Problem(code="session.fault", value=" ".join(f"{type(fault).__name__}: {fault}".split()))
 
 
 class ChosenPath:

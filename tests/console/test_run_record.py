@@ -16,11 +16,14 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
-from console.session.data import kept_files
+from console.session.data import kept_files, record_file, records, run_log
 from console.session.data.record_file import FILE_NAME
-from console.session.data.records import FOLDER, RunRecord, killed_or_refused, killed_runs
+from console.session.data.records import FOLDER, RESERVE_BYTES, RunRecord, killed_or_refused, killed_runs
+from console.session.data.run_reader import story
+from console.session.data.run_story import TELEMETRY_END
 from console.session.errors import SessionError
 from console.text.catalogue import load
 
@@ -285,3 +288,51 @@ def test_a_clock_that_is_set_in_mid_run_changes_no_duration(
     with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
         dates = [real.fromisoformat(at) for (at,) in database.execute("SELECT at_utc FROM events ORDER BY number")]
     assert len(dates) == 4 and max(dates) - min(dates) < timedelta(minutes=1)
+
+
+def test_what_other_writers_keep_out_is_written_when_they_let_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two hundred commands at once had lost a tenth of the telemetry of the runs they made."""
+    monkeypatch.setattr(run_log, "WRITE_TIMEOUT_S", 0.0)
+    tries, write = threading.Semaphore(0), run_log.RunLog._write
+
+    def tried(log: run_log.RunLog, statements: Any) -> None:
+        tries.release()
+        write(log, statements)
+
+    monkeypatch.setattr(run_log.RunLog, "_write", tried)
+    run = RunRecord(tmp_path, RUN)
+    with closing(sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)) as other:
+        other.execute("BEGIN IMMEDIATE")
+        run.log.begin_cut("", lambda polls: np.array(polls, dtype=float))
+        for number in range(30):
+            run.log.poll((float(number),) * 7)
+        for _ in range(2):
+            assert tries.acquire(timeout=20.0)
+        other.execute("ROLLBACK")
+    run.log.end_cut()
+    run.close()
+    assert run.log.problem is None
+    (end,) = [event.data for event in story(tmp_path, run.run_id).events if event.kind == TELEMETRY_END]
+    assert (end["rows"], end["lost"]) == (30, 0)
+
+
+def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    run = RunRecord(tmp_path, RUN)
+    assert os.fstat(run._reserve.fileno()).st_blocks * 512 >= RESERVE_BYTES, "room that nobody else can take"
+    write = record_file.transaction
+
+    def full(database: sqlite3.Connection, statements: Any) -> None:
+        if not run._reserve.closed:
+            error = sqlite3.OperationalError("database or disk is full")
+            error.sqlite_errorcode = sqlite3.SQLITE_FULL
+            raise error
+        write(database, statements)
+
+    monkeypatch.setattr(records, "transaction", full)
+    with pytest.raises(SessionError) as lost:
+        run.add("stopped", {"reason": "space"})
+    assert [problem.code for problem in lost.value.problems] == ["record.lost"], "it does not go on"
+    run.close()
+    assert [event.kind for event in story(tmp_path, run.run_id).events] == ["stopped"]

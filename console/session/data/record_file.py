@@ -30,6 +30,17 @@ PAUSE_S = 0.02
 Result = TypeVar("Result")
 
 _BUSY = frozenset((sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED, sqlite3.SQLITE_PROTOCOL))
+_FULL = frozenset((sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR))
+
+
+def is_busy(error: sqlite3.Error) -> bool:
+    """Whether other writers have kept the file for as long as was waited for them."""
+    return isinstance(error, sqlite3.OperationalError) and error.sqlite_errorcode & 0xFF in _BUSY
+
+
+def is_full(error: sqlite3.Error) -> bool:
+    """Whether the disk may be full."""
+    return isinstance(error, sqlite3.OperationalError) and error.sqlite_errorcode & 0xFF in _FULL
 
 
 def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:
@@ -161,7 +172,7 @@ def retrying(work: Callable[[], Result], until_s: float) -> Result:
         try:
             return work()
         except sqlite3.OperationalError as error:
-            if error.sqlite_errorcode & 0xFF not in _BUSY or time.monotonic() > until_s:
+            if not is_busy(error) or time.monotonic() > until_s:
                 raise
             time.sleep(PAUSE_S)
 

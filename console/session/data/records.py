@@ -6,10 +6,12 @@ once.
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import os
 import platform
 import sqlite3
+import tempfile
 import time
 import uuid
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,11 +19,20 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
+from typing import IO
 
 from console.session.data.kept_files import utc_now
 from console.session.data.part_record import PartRecord, Statement, measurement
-from console.session.data.record_file import FILE_NAME, is_damage, opened, record_error, retrying, transaction
-from console.session.data.run_log import EVENT, RunLog, shown
+from console.session.data.record_file import (
+    FILE_NAME,
+    is_damage,
+    is_full,
+    opened,
+    record_error,
+    retrying,
+    transaction,
+)
+from console.session.data.run_log import CLOSE_TIMEOUT_S, EVENT, RunLog, shown
 from console.session.errors import SessionError
 from console.session.operator import operator_name
 from console.session.versioning.cut_from import VERSIONED, cut_from
@@ -38,6 +49,8 @@ DRIVES_ON_TIMEOUT_S = 5.0  # the same where the drives may be enabled
 GONE = "file gone"
 
 
+PATIENCE_S = 60.0  # at the end of a simulated run: nothing that moves waits for it
+RESERVE_BYTES = 262_144  # of a run: for how it ends, where the disk becomes full in it
 LEAST_FREE_BYTES = 50_000_000
 """Free space without which no run begins: some hundred times what a long cut needs, as others write, too."""
 
@@ -143,11 +156,12 @@ class RunRecord:
         self._path = folder / FILE_NAME
         self.run_id = uuid.uuid4().hex
         self._timeout_s = timeout_s
-        self.log = RunLog(folder, self.run_id)
+        self.log = RunLog(folder, self.run_id, waits_s=PATIENCE_S if run.get("simulated") else CLOSE_TIMEOUT_S)
         until_s = time.monotonic() + open_timeout_s
         self._database = opened(folder, until_s, checked=checked)
         try:
             self._mark = RunMark(folder, self.run_id)
+            self._reserve = _reserved(folder)
         except OSError as error:
             self._database.close()
             raise record_error("record.unwritable", self._path, error) from error
@@ -178,6 +192,8 @@ class RunRecord:
 
     def refuse_lost(self) -> None:
         """Refuse (`record.lost`) where the file or its folder was removed or replaced since."""
+        if self._reserve.closed:
+            raise record_error("record.lost", self._path, os.strerror(errno.ENOSPC))
         # SQLite keeps writing to a file that was unlinked.
         if self._on_disk() != self._files:
             raise record_error("record.lost", self._path, GONE)
@@ -187,9 +203,17 @@ class RunRecord:
         self.log.close()
         self._database.close()
         self._mark.close(stays=marked)
+        self._reserve.close()
 
     def _write(self, statements: Sequence[Statement], until_s: float) -> None:
-        retrying(lambda: transaction(self._database, statements), until_s)
+        try:
+            retrying(lambda: transaction(self._database, statements), until_s)
+        except sqlite3.Error as error:
+            if not is_full(error) or self._reserve.closed:
+                raise
+            # What ends the run, now that it has to, needs less than this.
+            self._reserve.close()
+            retrying(lambda: transaction(self._database, statements), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
         """Return device and inode of the database and of its journal, which holds the last lines."""
@@ -224,6 +248,14 @@ def add_to_run(
             retrying(lambda: transaction(database, statements), until_s)
         except sqlite3.Error as error:
             raise record_error("record.unwritable", folder / FILE_NAME, error) from error
+
+
+def _reserved(folder: Path) -> IO[bytes]:
+    """Return a file without a name, so that a kill leaves nothing, whose room is free once it is closed."""
+    reserve = tempfile.TemporaryFile(dir=folder)
+    with suppress(OSError):  # nearly full already, or a file system that cannot: then there is none
+        os.posix_fallocate(reserve.fileno(), 0, RESERVE_BYTES)
+    return reserve
 
 
 TEXTS = ("job_text_sha256", "machine_text_sha256")

@@ -7,6 +7,7 @@ Each block is on disk within a second of its first row.
 from __future__ import annotations
 
 import json
+import sqlite3
 import threading
 import time
 from collections import deque
@@ -19,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.data.kept_files import RunDates
-from console.session.data.record_file import FILE_NAME, WAIT_S, connected, retrying, transaction
+from console.session.data.record_file import FILE_NAME, WAIT_S, connected, is_busy, retrying, transaction
 from console.session.data.run_story import GATHERED, POLLED, TELEMETRY_END
 from profiles.files import printable
 from profiles.problem import Problem
@@ -29,6 +30,9 @@ PERIOD_S = 0.4
 
 MOST_WAITING = 20_000
 """Polls that may wait: minutes of a real cut, and of a simulated one seconds on a busy disk."""
+
+MOST_UNWRITTEN = 5_000
+"""Blocks and events that wait while other writers keep the file: half an hour of a cut."""
 
 WRITE_TIMEOUT_S = 5.0
 CLOSE_TIMEOUT_S = 6.0
@@ -82,14 +86,20 @@ _Statement = tuple[str, tuple[object, ...]]
 class RunLog:
     """Log of one run. All but `close` return at once; the thread begins with the first item."""
 
-    def __init__(self, folder: Path, run_id: str, *, most_waiting: int = MOST_WAITING) -> None:
+    def __init__(
+        self, folder: Path, run_id: str, *, most_waiting: int = MOST_WAITING, waits_s: float = CLOSE_TIMEOUT_S
+    ) -> None:
+        """At the end it is waited for `waits_s` until other writers let the last rows in."""
+        self._waits_s = waits_s
         self._folder, self._run_id, self._most_waiting = folder, run_id, most_waiting
         self.dates = RunDates()
         self._waiting: deque[_Item] = deque()
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
         self._cut: _Begin | None = None
-        self._kept = self._lost = 0
+        self._kept = self._lost = 0  # rows of telemetry, and items
+        self._written = self._unsure = 0  # rows that are on disk, and items that are not yet
+        self._unwritten: list[_Statement] = []  # while others keep the file
         self._dropped = 0  # counted by who adds; all else belongs to the thread
         self._reason = ""
 
@@ -126,12 +136,12 @@ class RunLog:
         self._put(_End(self.dates.now()))
 
     def close(self) -> None:
-        """Write what waits, as long as that takes at most `CLOSE_TIMEOUT_S`."""
+        """Write what waits."""
         if self._waiting and (self._thread is None or not self._thread.is_alive()):
             self._start()
         self._closing.set()
         if self._thread is not None:
-            self._thread.join(CLOSE_TIMEOUT_S)
+            self._thread.join(self._waits_s)
             if self._thread.is_alive():
                 self._reason = self._reason or "timeout"
 
@@ -150,23 +160,30 @@ class RunLog:
 
     def _run(self) -> None:
         ending = False
-        while not ending:
+        while not ending or self._unwritten:
             # Not woken by what is added: that would be a lock between the thread that cuts and this one.
             ending = self._closing.wait(PERIOD_S)
-            if self._waiting:
+            if self._waiting or self._unwritten:
                 self._write_waiting()
 
     def _write_waiting(self) -> None:
-        """Write what waits as one transaction; a failure loses it, and is kept for `problem`."""
+        """Write what waits as one transaction; a failure loses it, and is kept for `problem`.
+
+        What other writers keep from being written is written with the next.
+        """
         items = [self._waiting.popleft() for _ in range(len(self._waiting))]
-        kept, lost = self._kept, self._lost
+        self._unsure += len(items)
         try:
-            statements = self._statements(items)
-            self._write(statements)
+            self._unwritten += self._statements(items)
+            self._write(self._unwritten)
+            self._written = self._kept
         except Exception as error:
+            if isinstance(error, sqlite3.Error) and is_busy(error) and len(self._unwritten) < MOST_UNWRITTEN:
+                return
             # No fault of the log may end a cut; it is reported.
             self._reason = self._reason or printable(str(error) or type(error).__name__, 80)
-            self._kept, self._lost = kept, lost + len(items)
+            self._kept, self._lost = self._written, self._lost + self._unsure
+        self._unwritten, self._unsure = [], 0
 
     def _write(self, statements: Sequence[_Statement]) -> None:
         path = self._folder / FILE_NAME

@@ -7,9 +7,9 @@ import time
 from collections.abc import Callable
 from typing import Generic, TypeVar
 
+from console.session.errors import fault_problem
 from drivers.beside.side_controller import SideController
 from drivers.beside.side_line import CancelledError
-from profiles.files import printable
 from profiles.problem import Problem, ProblemError
 
 Found = TypeVar("Found")
@@ -73,6 +73,6 @@ class Errand(Generic[Found]):
         except ProblemError as error:
             problems = tuple(error.problems)
         except Exception as fault:  # in a thread of its own: nobody else would hear of it
-            problems = (Problem(code="session.fault", value=printable(f"{type(fault).__name__}: {fault}")),)
+            problems = (fault_problem(fault),)
         self.problems = problems
         self.ended += 1

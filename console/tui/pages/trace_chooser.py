@@ -14,6 +14,7 @@ from textual.widgets import Input
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, offered, trace_folder
+from console.session.errors import fault_problem
 from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
 from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
@@ -182,8 +183,7 @@ class _Reader:
         except ProfileError as error:
             found = tuple(error.problems)
         except Exception as fault:  # in a thread of its own: nobody else would hear of it
-            value = printable(f"{type(fault).__name__}: {fault}")
-            found = (Problem(code="session.fault", value=value),)
+            found = (fault_problem(fault),)
         self._found = question, found
 
 

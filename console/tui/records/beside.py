@@ -6,7 +6,7 @@ import threading
 from collections.abc import Callable, Hashable
 from typing import Generic, TypeVar
 
-from profiles.files import printable
+from console.session.errors import fault_problem
 from profiles.problem import Problem, ProblemError
 
 Found = TypeVar("Found")
@@ -46,5 +46,5 @@ class Beside(Generic[Found]):
         except ProblemError as error:
             found = tuple(error.problems)
         except Exception as fault:  # in a thread of its own: nobody else would hear of it
-            found = (Problem(code="session.fault", value=printable(f"{type(fault).__name__}: {fault}")),)
+            found = (fault_problem(fault),)
         self._found = question, found
