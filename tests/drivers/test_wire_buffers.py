@@ -78,7 +78,7 @@ def test_a_text_may_contain_a_semicolon_and_the_word_close(card: Wire) -> None:
 
 def test_a_part_of_a_program_is_listed(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", *(f"X{n}" for n in range(10)), "CLOSE")
-    assert card.ask("LIST PROG 1,7") == ["7:X7", "8:X8", "9:X9", "10:RETURN"]
+    assert card.ask("LIST PROG 1,7") == ["7:X7", "8:X8", "9:X9", "10:RET"]
     assert card.ask("LIST PROG 1,2,3") == ["2:X2", "3:X3", "4:X4"]
     assert card.ask("LIST PROG 1,,2") == ["0:X0", "1:X1"]
     assert card.ask("LIST PROG 1,11,1") == []

@@ -133,7 +133,6 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     rest = reading.text[begin : scanner.position]
     closing = TRAILING_CLOSE.search(rest)
     text = rest[: closing.start()] if closing else rest
-    reading.opens = reading.opens and closing is None
     plc_lines: tuple[StoredPlcLine, ...] = ()
     line: StoredLine | None = None
     if reading.filling is Filling.PLC:
@@ -147,7 +146,6 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
         context.work += len(rest) // _CHARACTERS_A_VALUE
         _store(context.controller, line, plc_lines)
         if closing:
-            context.sends_program = False
             close(context.controller)
 
     return step

@@ -31,37 +31,27 @@ from drivers.simulator.context import Context, Filling, Handler, Reading, Step, 
 
 _LOOKAHEAD, _USER_BUFFER = ("LOOKAHEAD", "LOOK"), ("UBUFFER", "UBUF")
 _NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", *_LOOKAHEAD)  # never defined
-_PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "RESUMEPLC")
+_PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "PAUPLC", "RESUMEPLC", "RESPLC")
 _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
 def _open_program(scanner: Scanner, reading: Reading) -> Step:
     number = _program_number(scanner)
-    _opens(reading, Filling.PROGRAM)
+    reading.filling = Filling.PROGRAM  # of the text after it on its line; a refusal ends the line
     return lambda context: buffers.open_program(context, number)
 
 
 def _open_plc(scanner: Scanner, reading: Reading) -> Step:
     number = _plc_number(scanner)
-    _opens(reading, Filling.PLC)
+    reading.filling = Filling.PLC
     return lambda context: buffers.open_plc(context, number)
-
-
-def _opens(reading: Reading, filling: Filling) -> None:
-    """Text after it on its line goes into the buffer; if the OPEN is refused, execution ends there."""
-    reading.filling, reading.opens = filling, True
 
 
 def _close(scanner: Scanner, reading: Reading) -> Step:
     scanner.accept("ALL")
-    reading.filling, reading.opens = Filling.NOWHERE, False
-
-    def step(context: Context) -> None:
-        context.sends_program = False
-        buffers.close(context.controller)
-
-    return step
+    reading.filling = Filling.NOWHERE
+    return lambda context: buffers.close(context.controller)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +62,8 @@ class _Part:
     count: int | None = None
     numbered: bool = False
 
-    def of(self, texts: Sequence[str]) -> list[str]:
+    def of(self, whole: Sequence[str]) -> list[str]:
         """Return the lines of it, with their numbers. A part behind the end has none."""
-        whole = listed(texts)
         if not self.numbered:
             return list(whole)
         part = range(len(whole))[self.first : None if self.count is None else self.first + self.count]
@@ -98,7 +87,7 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.programs.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
-        context.list_lines(part.of([line.text for line in lines]))
+        context.list_lines(part.of(listed(lines, in_full=context.in_full)))
 
     return step
 
@@ -112,7 +101,7 @@ def _list_plc(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.plcs.buffers.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-        context.list_lines(part.of([line.text for line in lines]))
+        context.list_lines(part.of(listed(lines, in_full=context.in_full)))
 
     return step
 
@@ -137,7 +126,7 @@ def _switch_plc(word: str) -> Handler:
 
 
 def _plc_text(scanner: Scanner, reading: Reading) -> Step:
-    """Prevent a PLC that is typed after a refused OPEN from aborting with `AND(`, or stepping with `SEND`."""
+    """Prevent a PLC that is typed without its OPEN from aborting with `AND(`, or stepping with `SEND`."""
     raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
 
 

@@ -18,7 +18,7 @@ def _refuse_without(reading: Reading) -> None:
 def _open(kind: str) -> Handler:
     def read(scanner: Scanner, reading: Reading) -> Step:
         _refuse_without(reading)
-        reading.filling, reading.opens = Filling.KINEMATIC, True
+        reading.filling = Filling.KINEMATIC
         return lambda context: buffers.open_kinematic(context, kind)
 
     return read
@@ -33,7 +33,7 @@ def _list(kind: str) -> Handler:
             lines = context.system.kinematic_lines.get(kind)
             if lines is None:
                 raise PmacError(ErrorCode.DATA_ERROR, f"&{context.system_number} has no {kind} program")
-            context.list_lines(list(listed([line.text for line in lines])))
+            context.list_lines(listed(lines, in_full=context.in_full))
 
         return step
 

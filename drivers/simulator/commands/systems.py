@@ -82,7 +82,8 @@ def _list_from(context: Context, place: Place, count: int) -> None:
     program, first = place
     buffer = context.controller.programs.get(program)
     lines = buffer[first : first + count] if buffer is not None else []
-    context.list_lines([f"P{program}:{first + n}:{line.text}" for n, line in enumerate(lines)])
+    texts = [line.listed(in_full=context.in_full) for line in lines]
+    context.list_lines([f"P{program}:{first + n}:{text}" for n, text in enumerate(texts)])
     if not lines:
         context.lines.append(_place(place))
 
