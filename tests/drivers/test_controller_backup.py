@@ -133,6 +133,7 @@ def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProf
         assert found.settings[9] == form
         assert {**found.settings, 9: plain.settings[9]} == plain.settings, form
         assert found.pointers == plain.pointers, form
+        assert (found.programs, found.plcs) == (plain.programs, plain.plcs), form
 
 
 @ON_ONE
