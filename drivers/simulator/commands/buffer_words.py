@@ -55,7 +55,7 @@ def _close(scanner: Scanner, reading: Reading) -> Step:
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class Part:
     """`,10` from line 10, `,10,5` five lines, `,,5` the first five; `numbered` when there is either."""
 
     first: int = 0
@@ -63,23 +63,26 @@ class _Part:
     numbered: bool = False
 
     def of(self, whole: Sequence[str]) -> list[str]:
-        """Return the lines of it, with their numbers. A part behind the end has none."""
+        """Return the lines of it, with their numbers. Raises PmacError: 003, it is behind the end."""
         if not self.numbered:
             return list(whole)
+        if self.first >= len(whole):
+            raise PmacError(ErrorCode.DATA_ERROR, f"{len(whole)} lines")
         part = range(len(whole))[self.first : None if self.count is None else self.first + self.count]
         return [f"{number}:{whole[number]}" for number in part]
 
 
-def _part(scanner: Scanner) -> _Part:
+def take_part(scanner: Scanner) -> Part:
+    """Consume the part of a listing that is asked for; without one, all of it."""
     if not scanner.accept(","):
-        return _Part()
+        return Part()
     first = scanner.take_integer() or 0
-    return _Part(first, scanner.take_integer() if scanner.accept(",") else None, numbered=True)
+    return Part(first, scanner.take_integer() if scanner.accept(",") else None, numbered=True)
 
 
 def _list_program(scanner: Scanner, reading: Reading) -> Step:
     """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
-    number, part = _program_number(scanner), _part(scanner)
+    number, part = _program_number(scanner), take_part(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller
@@ -93,7 +96,7 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
 
 
 def _list_plc(scanner: Scanner, reading: Reading) -> Step:
-    number, part = _plc_number(scanner), _part(scanner)
+    number, part = _plc_number(scanner), take_part(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller

@@ -7,6 +7,7 @@ from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import listed
 from drivers.simulator.card import buffers
+from drivers.simulator.commands.buffer_words import take_part
 from drivers.simulator.context import Context, Filling, Handler, Reading, Step
 
 
@@ -27,13 +28,14 @@ def _open(kind: str) -> Handler:
 def _list(kind: str) -> Handler:
     def read(scanner: Scanner, reading: Reading) -> Step:
         _refuse_without(reading)
+        part = take_part(scanner)
 
         def step(context: Context) -> None:
             buffers.refuse_locked(context.controller)
             lines = context.system.kinematic_lines.get(kind)
             if lines is None:
                 raise PmacError(ErrorCode.DATA_ERROR, f"&{context.system_number} has no {kind} program")
-            context.list_lines(listed(lines, in_full=context.in_full))
+            context.list_lines(part.of(listed(lines, in_full=context.in_full)))
 
         return step
 
