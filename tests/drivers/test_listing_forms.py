@@ -156,3 +156,44 @@ def test_m_definitions_and_settings_are_listed_in_the_form_of_i9(
         ["Y:$FFC2,0", "2", "$720", "0"],
         ["M11->Y:$FFC2,0", "I5=2", "I103=$720", "0"],
     ]
+
+
+@pytest.mark.parametrize("form", [2, 3])
+def test_a_reader_that_asks_for_eighty_words_at_a_time_gets_all_of_it(
+    machine: MachineProfile, dialect: Dialect, form: int
+) -> None:
+    """It goes on with the address of the last line, and ends when it is refused; 1350 characters are its limit."""
+    card = wire(machine, dialect)
+    texts = [f"IF(P1={n}ANDM2={n}) X(P1+{n}) Y{n}.5 DWELL{n}" for n in range(300)]
+    card.tell("OPEN PROG 5 CLEAR", *texts, "X1", "CLOSE", f"I9={form}")
+    found: list[str] = []
+    start = 0
+    while not (said := card.raw(f"LIST PROG 5,{start},80\r")).startswith(b"\x07"):
+        assert len(said) < 1350
+        lines = said[:-1].decode().split("\r")[:-1]
+        addresses, bodies = zip(*(line.split(":", 1) for line in lines), strict=True)
+        start = int(addresses[-1]) if len(lines) > 1 else start + 80
+        found += bodies[:-1] if len(lines) > 1 else bodies
+    assert said == b"\x07ERR003\r"
+    assert found == card.ask("LIST PROG 5")
+
+
+def test_a_part_by_start_and_length_follows_on_the_one_before(machine: MachineProfile, dialect: Dialect) -> None:
+    card = wire(machine, dialect)
+    card.tell("OPEN PROG 5 CLEAR", *program(7), "CLOSE")
+    whole = card.ask("LIST PROG 5,0")
+    end = int(whole[-1].partition(":")[0])
+    parts = [line for start in range(0, end + 1, 7) for line in card.ask(f"LIST PROG 5,{start},7")]
+    assert parts == whole
+
+
+def test_the_address_of_a_place_is_that_of_its_line_in_the_listing(
+    machine: MachineProfile, dialect: Dialect
+) -> None:
+    card = wire(machine, dialect)
+    card.tell("OPEN PROG 1 CLEAR", "P1=P2+P3*P4-P5/100", "TM500 X1", "CLOSE")
+    card.tell("#1J/ #2J/ #3J/ &1B1R")
+    card.sim.wait(0.1)
+    (place,) = card.ask("LIST PE")
+    assert place == f"P1:{card.ask('LIST PROG 1,1')[0]}" == "P1:3:TM500X1"
+    assert card.ask("PE") == ["P1:3"]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from itertools import accumulate
 
 from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import gather_moves, statements_of
@@ -57,11 +58,20 @@ _FULL = longest_of(tuple(_SHORT))
 _TYPED = re.compile(rf"{longest_of(tuple({*_WHOLE.keys(), *_WHOLE.values()} - {'O', 'N'})).pattern}|O(?=\d)")
 
 
+_CHARACTERS_A_WORD = 8  # how the real controller packs a line is not known
+
+
 @dataclass(frozen=True, slots=True)
-class _KeptText:
-    """The text of each statement, its word whole."""
+class KeptText:
+    """The text of each statement, its word whole, and how many words of memory the line takes."""
 
     pieces: tuple[str, ...]
+    words: int = field(init=False, compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Count once: the address of a line is asked for at every poll."""
+        words = -(-sum(map(len, self.pieces)) // _CHARACTERS_A_WORD)
+        object.__setattr__(self, "words", words)  # frozen: this is how it is set
 
     @property
     def text(self) -> str:
@@ -74,14 +84,14 @@ class _KeptText:
 
 
 @dataclass(frozen=True, slots=True)
-class StoredLine(_KeptText):
+class StoredLine(KeptText):
     """A line of a motion program: what it does, and how it is listed."""
 
     statements: Line
 
 
 @dataclass(frozen=True, slots=True)
-class StoredPlcLine(_KeptText):
+class StoredPlcLine(KeptText):
     """A line of a PLC: what it does, and how it is listed."""
 
     statements: PlcLine
@@ -109,10 +119,14 @@ def stored_plc_lines(text: str) -> tuple[StoredPlcLine, ...]:
     return tuple(StoredPlcLine(tuple(next(pieces) for _ in line), line) for line in lines)
 
 
-def listed(lines: Sequence[StoredLine | StoredPlcLine], *, in_full: bool) -> tuple[str, ...]:
-    """Return a whole listing, in full or in short: the lines, and the end if they do not have it."""
-    texts = tuple(line.listed(in_full=in_full) for line in lines)
-    return texts if texts and texts[-1] in _ENDS else (*texts, END if in_full else _SHORT[END])
+def with_end(lines: Sequence[KeptText]) -> tuple[KeptText, ...]:
+    """Return the lines of a whole listing: those of the buffer, and the end if they do not have it."""
+    return tuple(lines) if lines and lines[-1].text == END else (*lines, KeptText((END,)))
+
+
+def addresses(lines: Iterable[KeptText]) -> list[int]:
+    """Return where each line begins, in words of memory from the first one, and where the last one ends."""
+    return list(accumulate((line.words for line in lines), initial=0))
 
 
 def without_end(lines: Iterable[str]) -> tuple[str, ...]:

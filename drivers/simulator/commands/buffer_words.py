@@ -6,6 +6,7 @@ Entries of a compensation table are the constants that its host sends after DEFI
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ from drivers.pmac.language.expressions import (
     PROGRAM,
 )
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.listing import listed
+from drivers.pmac.language.listing import KeptText, addresses, with_end
 from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.memory import Pointer
@@ -56,20 +57,26 @@ def _close(scanner: Scanner, reading: Reading) -> Step:
 
 @dataclass(frozen=True, slots=True)
 class Part:
-    """`,10` from line 10, `,10,5` five lines, `,,5` the first five; `numbered` when there is either."""
+    """`,10` from word 10 of the buffer, `,10,5` what begins in five words, `,,5` in the first five.
+
+    `addressed` when there is either.
+    """
 
     first: int = 0
     count: int | None = None
-    numbered: bool = False
+    addressed: bool = False
 
-    def of(self, whole: Sequence[str]) -> list[str]:
-        """Return the lines of it, with their numbers. Raises PmacError: 003, it is behind the end."""
-        if not self.numbered:
-            return list(whole)
-        if self.first >= len(whole):
-            raise PmacError(ErrorCode.DATA_ERROR, f"{len(whole)} lines")
-        part = range(len(whole))[self.first : None if self.count is None else self.first + self.count]
-        return [f"{number}:{whole[number]}" for number in part]
+    def of(self, lines: Sequence[KeptText], context: Context) -> list[str]:
+        """Return the lines of it, with their addresses. Raises PmacError: 003, it is behind the end."""
+        whole, in_full = with_end(lines), context.in_full
+        if not self.addressed:
+            return [line.listed(in_full=in_full) for line in whole]
+        *starts, end = addresses(whole)
+        if self.first >= end:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{end} words")
+        last = end if self.count is None else self.first + self.count
+        part = range(bisect_left(starts, self.first), bisect_left(starts, last))
+        return [f"{starts[place]}:{whole[place].listed(in_full=in_full)}" for place in part]
 
 
 def take_part(scanner: Scanner) -> Part:
@@ -77,11 +84,11 @@ def take_part(scanner: Scanner) -> Part:
     if not scanner.accept(","):
         return Part()
     first = scanner.take_integer() or 0
-    return Part(first, scanner.take_integer() if scanner.accept(",") else None, numbered=True)
+    return Part(first, scanner.take_integer() if scanner.accept(",") else None, addressed=True)
 
 
 def _list_program(scanner: Scanner, reading: Reading) -> Step:
-    """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
+    """`LIST PROG 1`, `LIST PROG 1,10` from word 10, `LIST PROG 1,10,5` what begins in five words."""
     number, part = _program_number(scanner), take_part(scanner)
 
     def step(context: Context) -> None:
@@ -90,7 +97,7 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.programs.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
-        context.list_lines(part.of(listed(lines, in_full=context.in_full)))
+        context.list_lines(part.of(lines, context))
 
     return step
 
@@ -104,7 +111,7 @@ def _list_plc(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.plcs.buffers.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-        context.list_lines(part.of(listed(lines, in_full=context.in_full)))
+        context.list_lines(part.of(lines, context))
 
     return step
 

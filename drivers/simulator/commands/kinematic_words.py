@@ -5,7 +5,6 @@ from __future__ import annotations
 from drivers.pmac.execution.kinematics import KINDS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.listing import listed
 from drivers.simulator.card import buffers
 from drivers.simulator.commands.buffer_words import take_part
 from drivers.simulator.context import Context, Filling, Handler, Reading, Step
@@ -35,7 +34,7 @@ def _list(kind: str) -> Handler:
             lines = context.system.kinematic_lines.get(kind)
             if lines is None:
                 raise PmacError(ErrorCode.DATA_ERROR, f"&{context.system_number} has no {kind} program")
-            context.list_lines(part.of(listed(lines, in_full=context.in_full)))
+            context.list_lines(part.of(lines, context))
 
         return step
 

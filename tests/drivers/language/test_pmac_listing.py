@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from hypothesis import given
 
-from drivers.pmac.language.listing import listed, stored_line, stored_plc_lines, without_end
+from drivers.pmac.language.listing import stored_line, stored_plc_lines, with_end, without_end
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.syntax import Line
 from drivers.pmac.language.text import format_line
@@ -115,7 +115,9 @@ def test_a_short_word_is_not_taken_for_the_beginning_of_a_longer_one(typed: str)
 @pytest.mark.parametrize("in_full", [True, False])
 @pytest.mark.parametrize("typed", [(), ("X1",), ("X1", "RETURN"), ("X1", "ret")])
 def test_a_listing_that_is_sent_back_is_listed_the_same(typed: tuple[str, ...], in_full: bool) -> None:
-    once = listed([stored_line(text) for text in typed], in_full=in_full)
+    def listed(texts: tuple[str, ...]) -> tuple[str, ...]:
+        return tuple(line.listed(in_full=in_full) for line in with_end([stored_line(text) for text in texts]))
+
+    once = listed(typed)
     assert once[-1] == ("RETURN" if in_full else "RET")
-    for texts in (once, without_end(once)):
-        assert listed([stored_line(text) for text in texts], in_full=in_full) == once
+    assert listed(once) == listed(without_end(once)) == once
