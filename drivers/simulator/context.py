@@ -69,8 +69,7 @@ class Context:
     @property
     def fills_buffer(self) -> bool:
         """Whether program text from this host goes into the open buffer."""
-        opened = self.controller.open_buffer
-        return opened is not None and opened.owner is self
+        return self.filling is not Filling.NOWHERE
 
     @property
     def filling(self) -> Filling:
