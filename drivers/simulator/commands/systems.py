@@ -83,10 +83,10 @@ def _list_place(read: Callable[[CoordinateSystem], Place]) -> Handler:
 
 def _list_from(context: Context, place: Place, count: int) -> None:
     program, first = place
-    buffer = context.controller.programs.get(program)
-    lines = buffer[first : first + count] if buffer is not None else []
+    buffer = context.controller.programs.get(program, [])
+    lines, starts = buffer[first : first + count], addresses(buffer)[first:]
     texts = [line.listed(in_full=context.in_full) for line in lines]
-    context.list_lines([f"{_place(context, (program, first + n))}:{text}" for n, text in enumerate(texts)])
+    context.list_lines([f"P{program}:{start}:{text}" for start, text in zip(starts, texts, strict=False)])
     if not lines:
         context.lines.append(_place(context, place))
 
