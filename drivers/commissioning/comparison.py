@@ -16,6 +16,7 @@ from drivers.commissioning.reading import read_settings
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
 from drivers.pmac.axes import read_definitions
+from drivers.pmac.buffer_text import BufferKind, same_line
 from drivers.pmac.dialect import Dialect, Scope
 from drivers.pmac.language.text import format_number
 from profiles.findings import Severity
@@ -94,8 +95,8 @@ def differences(before: Configuration, now: Configuration, machine: MachineProfi
         *_settings(before, now, machine),
         *_entries("#{}->", Group.SYSTEM, *axes),
         *_entries("M{}->", Group.PROGRAMS, before.pointers, now.pointers),
-        *buffer_changes("PLC {}", before.plcs, now.plcs),
-        *buffer_changes("PROG {}", before.programs, now.programs),
+        *buffer_changes(BufferKind.PLC, before.plcs, now.plcs),
+        *buffer_changes(BufferKind.PROGRAM, before.programs, now.programs),
         *_entries("#{} COMP", Group.PROGRAMS, *tables),
         *_entries("Y:${:X}", Group.CARD, *words),
         *(() if None in (before.user_buffer, now.user_buffer) else _entries("{}", Group.PROGRAMS, *sizes)),
@@ -127,15 +128,15 @@ def _entries(form: str, group: Group, before: Mapping[_Key, str], now: Mapping[_
 
 
 def buffer_changes(
-    form: str, before: Mapping[_Key, tuple[str, ...]], now: Mapping[_Key, tuple[str, ...]]
+    kind: BufferKind, before: Mapping[int, tuple[str, ...]], now: Mapping[int, tuple[str, ...]]
 ) -> Iterator[Check]:
-    """Yield the first differing line of each buffer, by its name in the `form`."""
+    """Yield the first line of each buffer that does something else, by the name of the buffer."""
     for number in sorted(before.keys() | now.keys()):
         for line, (old, new) in enumerate(
             zip_longest(before.get(number, ()), now.get(number, ()), fillvalue="-"), start=1
         ):
-            if old != new:
-                yield changed(Group.PROGRAMS, f"{form.format(number)}:{line}", new, old)
+            if not same_line(kind, new, old):
+                yield changed(Group.PROGRAMS, f"{kind.called(number)}:{line}", new, old)
                 break
 
 

@@ -6,7 +6,6 @@ Only whole buffers are sent: OPEN, CLEAR, the lines, CLOSE. Nothing is enabled, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from itertools import zip_longest
 
@@ -16,9 +15,8 @@ from drivers.commissioning.reading import LISTING_TIMEOUT_S, listed_lines, refus
 from drivers.commissioning.restoring import Seen, refuse_busy, send_counted
 from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
-from drivers.pmac.buffer_text import BufferKind, TextBuffer, TextLine, stored
+from drivers.pmac.buffer_text import BufferKind, TextBuffer, TextLine, same_line
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.listing import END
 from drivers.pmac.preprocessor import Place
 from profiles.problem import Problem
@@ -197,23 +195,13 @@ def _first_difference(change: Change, found: Sequence[str] | None) -> tuple[int,
     if found is None:
         return 1, "-", wanted[0] if wanted else END
     for number, (actual, text) in enumerate(zip_longest(found, wanted), start=1):
-        if actual is None or text is None or not _same(change.buffer.kind, actual, text):
+        if actual is None or text is None or not same_line(change.buffer.kind, actual, text):
             return number, "-" if actual is None else actual, "-" if text is None else text
     return None
 
 
-def _same(kind: BufferKind, found: str, wanted: str) -> bool:
-    """Whether two lines do the same: a controller may shorten words, or space them otherwise."""
-    if found == wanted:
-        return True
-    with suppress(PmacError):
-        first, second = ([does for _, does in stored(kind, text)] for text in (found, wanted))
-        return first == second
-    return False
-
-
 def _read(client: Controller, buffer: TextBuffer, locked: list[str]) -> tuple[str, ...] | None:
-    lines = listed_lines(client, buffer.question, buffer.name, LISTING_TIMEOUT_S, locked)
-    if buffer.question.startswith("&"):
+    lines = listed_lines(client, buffer.kind, buffer.number, LISTING_TIMEOUT_S, locked)
+    if buffer.kind.of_system:
         client.request("&1", lines=0)
     return lines

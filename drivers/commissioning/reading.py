@@ -14,8 +14,8 @@ from drivers.commissioning.user_buffer import BYTES_A_WORD, Seen, read_place, re
 from drivers.commissioning.values import VALUES_A_LINE, read_values
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
+from drivers.pmac.buffer_text import BufferKind, in_full
 from drivers.pmac.dialect import Dialect, Scope
-from drivers.pmac.execution.kinematics import FORWARD, INVERSE
 from drivers.pmac.expected_replies import number_of
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
@@ -139,7 +139,7 @@ def read_configuration(
     kind, version = (text.strip() for text in client.query("TYPE", "VERSION", again=True))
     motors, locked, entries = extent.motors, list[str](), dict[int, tuple[int, ...]]()
     pointers = dict(_pointers(client, extent.pointers))
-    programs = dict(_listings(client, "PROG", extent.programs, LISTING_TIMEOUT_S, locked))
+    programs = dict(_listings(client, BufferKind.PROGRAM, extent.programs, LISTING_TIMEOUT_S, locked))
     further = set(extent.programs) - set(PROGRAM_NUMBERS) - programs.keys()
     return Configuration(
         family=dialect.name,
@@ -148,7 +148,7 @@ def read_configuration(
         settings=read_ranges(client, dialect, extent.settings),
         axes=dict(_axes(client, dialect, motors)),
         pointers=pointers,
-        plcs=dict(_listings(client, "PLC", extent.plcs, PLC_TIMEOUT_S, locked)),
+        plcs=dict(_listings(client, BufferKind.PLC, extent.plcs, PLC_TIMEOUT_S, locked)),
         programs=programs,
         no_programs=tuple(sorted(number for number in further if f"PROG {number}" not in locked)),
         tables=dict(_tables(client, extent.table_motors, extent.unlisted_table, entries)),
@@ -277,30 +277,30 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
 
 
 def _listings(
-    client: Controller, kind: str, numbers: Iterable[int], timeout_s: float, locked: list[str]
+    client: Controller, kind: BufferKind, numbers: Iterable[int], timeout_s: float, locked: list[str]
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
     """Yield the text of each buffer that has one; what is behind a password is named in `locked`."""
     for number in numbers:
-        kept = listed_lines(client, f"LIST {kind}{number}", f"{kind} {number}", timeout_s, locked)
+        kept = listed_lines(client, kind, number, timeout_s, locked)
         if kept:
             yield number, kept
 
 
 def listed_lines(
-    client: Controller, line: str, name: str, timeout_s: float, locked: list[str]
+    client: Controller, kind: BufferKind, number: int, timeout_s: float, locked: list[str]
 ) -> tuple[str, ...] | None:
-    """Return a listing without its end, None where there is no such buffer.
+    """Return a listing in full, whatever I9 is, and without its end; None where there is no such buffer.
 
     What is behind a password is named in `locked`.
     """
     try:
-        lines = ask_or_none(client, line, timeout_s)
+        lines = ask_or_none(client, kind.line("LIST", number), timeout_s)
     except ControllerError as error:
         if error.error_number != ErrorCode.PASSWORD:
             raise
-        locked.append(name)
+        locked.append(kind.called(number))
         return None
-    return None if lines is None else without_end(each.strip() for each in lines)
+    return None if lines is None else in_full(kind, without_end(each.strip() for each in lines))
 
 
 def _kinematics(
@@ -308,8 +308,8 @@ def _kinematics(
 ) -> Iterator[tuple[tuple[int, str], tuple[str, ...]]]:
     """Yield the kinematic programs of each coordinate system that have text, in a family that has any."""
     for system in dialect.numbers(Scope.SYSTEM) if dialect.kinematics is not None else ():
-        for kind in (INVERSE, FORWARD):
-            lines = listed_lines(client, f"&{system}LIST {kind}", f"&{system} {kind}", LISTING_TIMEOUT_S, locked)
+        for kind in (BufferKind.INVERSE, BufferKind.FORWARD):
+            lines = listed_lines(client, kind, system, LISTING_TIMEOUT_S, locked)
             if lines:
                 yield (system, kind), lines
     client.request("&1", lines=0)

@@ -19,6 +19,7 @@ from drivers.commissioning.user_buffer import definition
 from drivers.commissioning.values import order_of
 from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
+from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.language.text import format_number
@@ -173,7 +174,12 @@ def left_differing(wanted: Configuration, now: Configuration, machine: MachinePr
     if wanted.values is None or now.values is None:
         return found
     values = [*_differing_values(wanted.values, now.values), *_differing_words(wanted, now)]
-    found += buffer_changes("&{0[0]} {0[1]}", wanted.kinematics, now.kinematics)
+    for kind in (BufferKind.FORWARD, BufferKind.INVERSE):
+        of_kind = (
+            {system: lines for (system, of), lines in each.kinematics.items() if of == kind}
+            for each in (wanted, now)
+        )
+        found += buffer_changes(kind, *of_kind)
     found += values[:MOST_VALUES]
     if len(values) > MOST_VALUES:
         facts = {"more": str(len(values) - MOST_VALUES)}

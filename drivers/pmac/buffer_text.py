@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass, field
 from enum import StrEnum
 
 from drivers.pmac.execution.kinematics import FORWARD, INVERSE, stored_kinematic_line
+from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.listing import END, stored_line, stored_plc_lines
 from drivers.pmac.language.syntax import Line, PlcLine
 from drivers.pmac.preprocessor import Place
@@ -22,6 +25,19 @@ class BufferKind(StrEnum):
     PLC = "PLC"
     INVERSE = INVERSE
     FORWARD = FORWARD
+
+    def called(self, number: int) -> str:
+        """Return how the buffer of a program, PLC or coordinate system is called: `PROG 5`, `&1 INVERSE`."""
+        return f"&{number} {self}" if self.of_system else f"{self} {number}"
+
+    def line(self, word: str, number: int) -> str:
+        """Return the line that opens or lists it: `OPEN PROG5`, `&1LIST INVERSE`."""
+        return f"&{number}{word} {self}" if self.of_system else f"{word} {self}{number}"
+
+    @property
+    def of_system(self) -> bool:
+        """Whether it belongs to the addressed coordinate system."""
+        return self in (BufferKind.INVERSE, BufferKind.FORWARD)
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,24 +65,12 @@ class TextBuffer:
     @property
     def name(self) -> str:
         """Its name: `PROG 5`, `PLC 3`, `&1 INVERSE`."""
-        return f"&{self.number} {self.kind}" if self._of_system else f"{self.kind} {self.number}"
+        return self.kind.called(self.number)
 
     @property
     def opening(self) -> str:
         """The line that opens it."""
-        return self._with("OPEN")
-
-    @property
-    def question(self) -> str:
-        """The line that lists it."""
-        return self._with("LIST")
-
-    @property
-    def _of_system(self) -> bool:
-        return self.kind in (BufferKind.INVERSE, BufferKind.FORWARD)
-
-    def _with(self, word: str) -> str:
-        return f"&{self.number}{word} {self.kind}" if self._of_system else f"{word} {self.kind}{self.number}"
+        return self.kind.line("OPEN", self.number)
 
     def listing(self) -> tuple[TextLine, ...]:
         """Return the lines as the controller lists them, each with its place in the text; without the end."""
@@ -83,6 +87,30 @@ def stored(kind: BufferKind, text: str) -> tuple[tuple[str, Line | PlcLine], ...
         return tuple((line.text, line.statements) for line in stored_plc_lines(text))
     line = stored_line(text) if kind is BufferKind.PROGRAM else stored_kinematic_line(text)
     return ((line.text, line.statements),)
+
+
+def in_full(kind: BufferKind, lines: Iterable[str]) -> tuple[str, ...]:
+    """Return lines of a listing in whole words, however I9 and the controller spell them.
+
+    A line that no buffer of this kind could hold stays as it is.
+    """
+    whole = list[str]()
+    for line in lines:
+        try:
+            whole += [text for text, _ in stored(kind, line)] or [line]
+        except PmacError:
+            whole.append(line)
+    return tuple(whole)
+
+
+def same_line(kind: BufferKind, found: str, wanted: str) -> bool:
+    """Return whether two lines do the same: one may have shorter words, or other spaces."""
+    if found == wanted:
+        return True
+    with suppress(PmacError):
+        first, second = ([does for _, does in stored(kind, text)] for text in (found, wanted))
+        return first == second
+    return False
 
 
 @dataclass(frozen=True, slots=True)

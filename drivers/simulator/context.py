@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum, auto
 
@@ -27,7 +27,7 @@ class Context:
 
     `motor_bank` is the group of eight motors that the control characters report, from 0. `card_number` is the
     controller addressed with `@n`, None before any was. `work` is the cost of its commands: values read or set,
-    and lines of data. `sends_program` is whether the host has sent an OPEN and no CLOSE since, refused or not.
+    and lines of data.
     """
 
     controller: Controller
@@ -37,7 +37,6 @@ class Context:
     card_number: int | None = None
     lines: list[str] = field(default_factory=list)
     work: int = 0
-    sends_program: bool = False
 
     @property
     def dialect(self) -> Dialect:
@@ -70,25 +69,29 @@ class Context:
     @property
     def fills_buffer(self) -> bool:
         """Whether program text from this host goes into the open buffer."""
-        opened = self.controller.open_buffer
-        return opened is not None and opened.owner is self
+        return self.filling is not Filling.NOWHERE
 
     @property
     def filling(self) -> Filling:
         """Where program text from this host goes."""
-        if self.fills_buffer:
-            opened = self.controller.open_buffer
-            if opened is not None and opened.kinematic is not None:
-                return Filling.KINEMATIC
-            return Filling.PLC if opened is not None and opened.plc is not None else Filling.PROGRAM
-        return Filling.REFUSED if self.sends_program else Filling.NOWHERE
+        opened = self.controller.open_buffer
+        if opened is None or opened.owner is not self:
+            return Filling.NOWHERE
+        if opened.kinematic is not None:
+            return Filling.KINEMATIC
+        return Filling.PROGRAM if opened.plc is None else Filling.PLC
 
     def value(self, expression: Expression) -> float:
         """Return the value of an expression. Raises PmacError: 003, it has none."""
         degrees = self.controller.variables.i(15) == 0
         return evaluate(expression, self.variables, degrees, strict=False)
 
-    def list_lines(self, lines: list[str]) -> None:
+    @property
+    def in_full(self) -> bool:
+        """Whether listings and reports of I-variables and M-definitions are whole statements (bit 0 of I9)."""
+        return bool(int(self.controller.variables.i(9)) & 1)
+
+    def list_lines(self, lines: Sequence[str]) -> None:
         """Reply with lines of a listing."""
         self.work += len(lines) * LINE_WORK
         self.lines += lines
@@ -104,25 +107,20 @@ class Filling(StrEnum):
     PROGRAM = auto()
     PLC = auto()
     KINEMATIC = auto()  # the inverse or forward program of a coordinate system
-    REFUSED = auto()  # its OPEN was refused, or somebody else has closed the buffer: the body must not act
 
 
 @dataclass(slots=True)
 class Reading:
-    """What the reading of a line depends on: its text, as typed, the family, and where program text goes.
-
-    `opens` is whether an OPEN has been read in the line.
-    """
+    """What the reading of a line depends on: its text, as typed, the family, and where program text goes."""
 
     text: str
     dialect: Dialect
     filling: Filling = Filling.NOWHERE
-    opens: bool = False
 
     @property
     def fills(self) -> bool:
         """Whether program text goes into a buffer."""
-        return self.filling in (Filling.PROGRAM, Filling.PLC, Filling.KINEMATIC)
+        return self.filling is not Filling.NOWHERE
 
 
 Handler = Callable[[Scanner, Reading], Step]

@@ -42,9 +42,9 @@ ENDI
 CLOSE
 """
 LISTED = {  # whole words, no blanks, the rest as typed, RETURN behind each (Software Reference, LIST)
-    "LIST PROG101": ["INC", "TA100TS20TM500", "X1000Y(P60*2)", "DWELL20", "X-1000", "RETURN"],
-    "LIST PROG102": ["F20", "RETURN"],
-    "LIST PLC5": ["IF(P50=1)", "P51=20", "ENDIF", "RETURN"],
+    "LIST PROG101": ["INC", "TA100TS20TM500", "X1000Y(P60*2)", "DWE20", "X-1000", "RET"],
+    "LIST PROG102": ["F20", "RET"],
+    "LIST PLC5": ["IF(P50=1)", "P51=20", "ENDI", "RET"],
 }
 
 
@@ -108,10 +108,10 @@ def test_what_was_replaced_comes_back_from_the_backup_that_it_names(
     diff = console("controller", "diff", str(kept))
     assert diff.code == 1 and "PROG 102:1" in diff.out and "PROG 103" not in diff.out
     assert console("controller", "restore", str(kept)).code == 0
-    assert listing(card, "LIST PROG101") == ["X7", "X8", "RETURN"]
-    assert listing(card, "LIST PLC5") == ["P9=P9+1", "RETURN"]
-    assert listing(card, "LIST PROG103") == ["X9", "RETURN"]
-    assert listing(card, "LIST PROG102") == ["RETURN"], "new in the file: erased as well"
+    assert listing(card, "LIST PROG101") == ["X7", "X8", "RET"]
+    assert listing(card, "LIST PLC5") == ["P9=P9+1", "RET"]
+    assert listing(card, "LIST PROG103") == ["X9", "RET"]
+    assert listing(card, "LIST PROG102") == ["RET"], "new in the file: erased as well"
 
 
 @on_one
@@ -256,7 +256,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
     assert parts[language] in said.err, said.err
     assert ("line 11 of" if language == "en" else "행 11 입니다") in said.err
     assert f"console controller restore {kept}" in said.err
-    assert listing(card, "LIST PROG102") == ["RETURN"]
+    assert listing(card, "LIST PROG102") == ["RET"]
     assert card.client.numbers("P1000") == (0.0,)
 
 
@@ -306,8 +306,8 @@ def test_kinematics_go_to_their_coordinate_system(
         assert said.code == 1 and card.line.heard == b""
         return
     assert said.code == 0, said.err
-    assert listing(card, "&2LIST INVERSE") == ["P1=Q7*10", "RETURN"]
-    assert listing(card, "&2LIST FORWARD") == ["Q7=P1/10", "RETURN"]
+    assert listing(card, "&2LIST INVERSE") == ["P1=Q7*10", "RET"]
+    assert listing(card, "&2LIST FORWARD") == ["Q7=P1/10", "RET"]
 
 
 @on_one
@@ -315,7 +315,7 @@ def test_a_tab_is_sent_as_a_blank(console: Console, card: Commissioned, own: Cal
     """Control-I is a command of the card: it repeats the last line."""
     assert console("controller", "download", own(GOOD.replace("X1", "INC\tX1"))).code == 0
     assert b"\t" not in card.line.heard
-    assert listing(card, "LIST PROG101") == ["INCX1", "RETURN"]
+    assert listing(card, "LIST PROG101") == ["INCX1", "RET"]
 
 
 @on_one

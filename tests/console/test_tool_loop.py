@@ -72,4 +72,4 @@ def test_a_stop_ends_a_test_and_leaves_the_machine_stopped_with_its_drives_off(t
     assert state.stop is not None and state.stop.reason == "space" and state.stop.rest_s is not None
     assert state.activity is Activity.STOPPED and kept_tests(tmp_path, MACHINE, 5) == ()
     assert state.snapshot is not None and state.snapshot.loops_open
-    assert owner.client.request("LIST PROG998") in ((), ("",), ("RETURN",))
+    assert owner.client.request("LIST PROG998") in ((), ("",), ("RET",))

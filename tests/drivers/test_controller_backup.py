@@ -133,6 +133,18 @@ def test_the_form_in_which_the_card_answers_does_not_matter(machine: MachineProf
         assert found.settings[9] == form
         assert {**found.settings, 9: plain.settings[9]} == plain.settings, form
         assert found.pointers == plain.pointers, form
+        assert (found.programs, found.plcs) == (plain.programs, plain.plcs), form
+
+
+def test_a_backup_with_short_or_spaced_lines_differs_only_in_what_they_do(
+    machine: MachineProfile, plain: Configuration
+) -> None:
+    assert plain.programs == {7: ("LINEARF20X10", "DWELL0")}
+    before = replace(plain, programs={7: ("LIN F20 X10", "DWE0")}, plcs={3: ("P5 = P5+1",)})
+    assert differences(before, plain, machine) == []
+    before = replace(plain, programs={7: ("LIN F20 X10", "DLY0")})
+    (found,) = differences(before, plain, machine)
+    assert (found.facts["what_changed"], found.found, found.wanted) == ("PROG 7:2", "DWELL0", "DLY0")
 
 
 @ON_ONE

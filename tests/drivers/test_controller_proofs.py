@@ -230,7 +230,7 @@ def test_somebodys_program_is_not_overwritten(machine: MachineProfile) -> None:
     made = card.bench()
     card.tell("OPEN PROG999", "CLEAR", "DWELL1", "CLOSE")
     assert pvt_rounding(made).code == "unproven_pvt_rounding"
-    assert card.client.request("LIST PROG999") == ("DWELL1", "RETURN")
+    assert card.client.request("LIST PROG999") == ("DWE1", "RET")
 
 
 def test_a_cable_that_is_cut_ends_the_proofs(machine: MachineProfile) -> None:

@@ -194,7 +194,7 @@ def test_lines_of_a_write_buffer_are_typed_and_answered_as_one(client: Client) -
     lines = b"OPEN PROG 1\0CLEAR\0X10\0X20\0CLOSE\0P5=42\0"
     assert client.ask(RequestCode.WRITEBUFFER, lines) == b"\0\0\0\0"
     assert client.fetched() == b"\0"
-    assert client.response(b"LIST PROG 1") == b"X10\rX20\rRETURN\r\x06"
+    assert client.response(b"LIST PROG 1") == b"X10\rX20\rRET\r\x06"
     assert client.ask(RequestCode.WRITEBUFFER, lines[:-1]) == b"\0\0\0\0"
     assert client.response(b"P5") == b"42\r\x06"
 

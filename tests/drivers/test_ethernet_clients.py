@@ -144,7 +144,7 @@ def test_an_interface_that_writes_programs_and_memory_in_blocks(board: BoardWire
     assert board.ask(DOWN, 0xB3) == b"@"
     connected(board)
     assert board.ask(DOWN, 0xC6, b"OPEN PROG 5\0CLEAR\0X10\0CLOSE\0") == b"\0\0\0\0"
-    assert board.response(b"LIST PROG 5") == b"X10\rRETURN\r\x06"
+    assert board.response(b"LIST PROG 5") == b"X10\rRET\r\x06"
     assert board.ask(DOWN, 0xB5, b"\x01\x02", value=0x200) == b"@"
     assert board.ask(UP, 0xB4, value=0x200, length=2) == b"\x01\x02"
 

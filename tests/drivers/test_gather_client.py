@@ -203,7 +203,7 @@ def test_settings_never_become_lines_of_a_program_that_is_being_entered(bench: B
     with pytest.raises(GatherError, match="CLOSE it first"):
         bench.gathering.prepare(channels, 5)
     bench.client.request("CLOSE")
-    assert bench.client.request("LIST PROG 1") == ("RETURN",)
+    assert bench.client.request("LIST PROG 1") == ("RET",)
 
 
 @pytest.mark.parametrize("change", ["source", "period", "I10"])

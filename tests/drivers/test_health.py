@@ -49,7 +49,7 @@ def test_the_nominal_tool_is_as_its_model_and_everything_is_as_before(machine: M
     assert after.settings == before.settings and stand.rig.client.request("LIST PROG998") in (
         (),
         ("",),
-        ("RETURN",),
+        ("RET",),
     )
     snapshot = stand.rig.lathe.snapshot()
     assert abs(snapshot.tool.position) <= 2.0 and snapshot.at_rest and snapshot.loops_closed
@@ -103,4 +103,4 @@ def test_a_stop_ends_it_at_rest_with_the_drives_off_and_nothing_left(after_s: fl
         checked(stand)
     assert isinstance(error.value, StoppedError), error.value
     assert not stand.drives_on
-    assert stand.rig.client.request("LIST PROG998") in ((), ("",), ("RETURN",))
+    assert stand.rig.client.request("LIST PROG998") in ((), ("",), ("RET",))

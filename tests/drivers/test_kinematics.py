@@ -166,13 +166,15 @@ def test_switched_off_the_motors_stay_where_they_are(machine: MachineProfile) ->
 def test_listing_saving_and_deleting(machine: MachineProfile, tmp_path: Path) -> None:
     card = wire(machine, TURBO, tmp_path / "saved.json")
     card.tell("&3 OPEN INVERSE CLEAR", *INVERSE, "CLOSE", "OPEN FWD", "q1 = p1 / 10", "CLOSE", "SAVE")
-    assert card.ask("LIST FORWARD") == ["Q1=P1/10", "RETURN"]
+    assert card.ask("LIST FORWARD") == ["Q1=P1/10", "RET"]
+    assert card.ask("LIST FORWARD,1,80") == ["1:RET"]
+    assert card.refusal("LIST FORWARD,80,80") == 3
     assert card.refusal("&2 LIST INVERSE") == 3
     card.tell("&3", "DELETE INVERSE", "OPEN FORWARD CLEAR", "CLOSE")
     assert card.refusal("LIST INV") == 3
-    assert card.ask("LIST FWD") == ["RETURN"]
+    assert card.ask("LIST FWD") == ["RET"]
     again = wire(machine, TURBO, tmp_path / "saved.json")
-    assert again.ask("&3 LIST INVERSE") == [*INVERSE, "RETURN"]
+    assert again.ask("&3 LIST INVERSE") == [*INVERSE, "RET"]
 
 
 def test_what_is_refused(machine: MachineProfile) -> None:

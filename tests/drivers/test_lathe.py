@@ -82,7 +82,7 @@ def test_verifying_writes_nothing(bench: Bench) -> None:
 
 def test_a_program_is_loaded_and_read_back(bench: Bench) -> None:
     bench.lathe.program.load(read_program(SLOW))
-    assert bench.client.request("LIST PROG 3") == ("INC", "TA100TS0TM60000", "Z60000", "RETURN")
+    assert bench.client.request("LIST PROG 3") == ("INC", "TA100TS0TM60000", "Z60000", "RET")
 
 
 @pytest.mark.parametrize(

@@ -94,7 +94,7 @@ def test_a_program_typed_in_one_go_is_stored_within_a_tenth_of_a_second(bench: B
     bench.port.receive("".join(line + "\r" for line in lines).encode())
     bench.sim.wait(0.1)
     assert bench.port.take_output() == b"\x06" * len(lines)
-    assert bench.client.request("LIST PROG 1") == (*lines[2:-1], "RETURN")
+    assert bench.client.request("LIST PROG 1") == (*lines[2:-1], "RET")
 
 
 def test_a_line_that_comes_over_many_cycles_is_one_line(bench: Bench) -> None:

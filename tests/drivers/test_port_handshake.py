@@ -169,7 +169,7 @@ def test_only_the_port_that_opened_a_buffer_fills_it(bench: Bench) -> None:
     assert other.take_output() == b"\x06\x07ERR005\r\x07ERR007\r"
     bench.client.request("P1=9")
     bench.client.request("CLOSE")
-    assert bench.client.request("LIST PROG 1") == ("P1=9", "RETURN")
+    assert bench.client.request("LIST PROG 1") == ("P1=9", "RET")
     assert bench.number("P1") == 5
 
 
@@ -189,7 +189,7 @@ def test_a_host_that_goes_leaves_the_buffer_of_another_open(bench: Bench) -> Non
     bench.sim.disconnect(passer_by)
     bench.client.request("X100")
     bench.client.request("CLOSE")
-    assert bench.client.request("LIST PROG 1") == ("X100", "RETURN")
+    assert bench.client.request("LIST PROG 1") == ("X100", "RET")
 
 
 def test_a_stored_line_goes_into_the_buffer_and_is_not_executed(bench: Bench) -> None:
@@ -198,7 +198,7 @@ def test_a_stored_line_goes_into_the_buffer_and_is_not_executed(bench: Bench) ->
     assert bench.raw("P1\r") == b"\x07ERR003\r"
     bench.client.request("X10 Y20 CLOSE")
     assert bench.number("P1") == 1
-    assert bench.client.request("LIST PROG 1") == ("P1=2", "X10Y20", "RETURN")
+    assert bench.client.request("LIST PROG 1") == ("P1=2", "X10Y20", "RET")
 
 
 @pytest.mark.parametrize(("i3", "like"), [(0, 0), (1, 0), (2, 2), (3, 2)])

@@ -219,18 +219,23 @@ def test_a_program_that_is_not_there_is_refused(bench: Recorded) -> None:
     assert refused.value.error_number == 3
 
 
-def test_a_listing_in_another_spelling_is_the_same_program(bench: Recorded) -> None:
-    """Manuals print LIN for LINEAR and WHILE (P1 < 3); spaces and case are free."""
+@pytest.mark.parametrize("form", range(4))
+def test_a_listing_in_another_form_or_spelling_is_the_same_program(bench: Recorded, form: int) -> None:
+    """I9 chooses between LIN and LINEAR, ENDW and ENDWHILE; spaces and case are free."""
     program = read_program(TEXT)
     load_program(bench.client, program, bench.client.dialect)
-    ask = bench.client.question
-    spelled = {"LINEAR TA100 TS0 TM1000": "lin ta100 ts0 tm1000", "WHILE(P1<3)": "WHILE (P1 < 3)"}
+    bench.client.request(f"I9={form}")
+    verify_program(bench.client, program)
+    ask, met = bench.client.question, list[str]()
 
     def question(line: str, timeout_s: float) -> tuple[str, ...]:
-        return tuple(spelled.get(each, each) for each in ask(line, timeout_s))
+        met.extend(spelled := tuple(each.lower().replace("(", " ( ") for each in ask(line, timeout_s)))
+        return spelled
 
     bench.client.question = question  # type: ignore[assignment, method-assign]
     verify_program(bench.client, program)
+    assert ("endwhile" if form % 2 else "endw") in met
+    assert "while ( p1<3)" in met
 
 
 def test_a_long_program_is_read_back_over_a_slow_line(bench: Recorded) -> None:

@@ -210,7 +210,7 @@ def test_a_reset_keeps_the_settings_of_the_machine_and_forgets_where_it_stands(c
     closed.lathe.connect()
     assert closed.number("I116") == 500
     assert closed.ask("#1->") == "X"
-    assert closed.client.request("LIST PROG 1") == ("INC", "X5", "RETURN")
+    assert closed.client.request("LIST PROG 1") == ("INC", "X5", "RET")
     snapshot = closed.lathe.snapshot()
     assert not snapshot.loops_closed
     assert not snapshot.homed

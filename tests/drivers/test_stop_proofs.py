@@ -155,7 +155,7 @@ def test_somebodys_program_is_left_and_the_cuts_are_not_measured(machine: Machin
     card.tell("OPEN PROG999", "CLEAR", "DWELL1", "CLOSE")
     found = prove_stops(made)
     assert {e.origin for e in found.entries} == {Origin.JOG}
-    assert card.client.request("LIST PROG999") == ("DWELL1", "RETURN")
+    assert card.client.request("LIST PROG999") == ("DWE1", "RET")
 
 
 @ON_ONE

@@ -78,11 +78,11 @@ def test_a_text_may_contain_a_semicolon_and_the_word_close(card: Wire) -> None:
 
 def test_a_part_of_a_program_is_listed(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", *(f"X{n}" for n in range(10)), "CLOSE")
-    assert card.ask("LIST PROG 1,7") == ["7:X7", "8:X8", "9:X9", "10:RETURN"]
+    assert card.ask("LIST PROG 1,7") == ["7:X7", "8:X8", "9:X9", "10:RET"]
     assert card.ask("LIST PROG 1,2,3") == ["2:X2", "3:X3", "4:X4"]
     assert card.ask("LIST PROG 1,,2") == ["0:X0", "1:X1"]
-    assert card.ask("LIST PROG 1,11,1") == []
-    assert card.ask("LIST PROGRAM 1,20") == []
+    assert card.refusal("LIST PROG 1,11,1") == 3
+    assert card.refusal("LIST PROGRAM 1,20") == 3
 
 
 def test_003_there_is_no_such_program(card: Wire) -> None:
@@ -138,7 +138,7 @@ def test_plcs_are_kept_listed_and_switched(card: Wire) -> None:
     card.tell("ENABLE PLC 5", "OPEN PLC 5 CLEAR", *lines, "CLOSE")
     assert card.listed("PLC 5") == [line.replace("CMD", "COMMAND") for line in lines]
     assert card.ask("LIST PLC 5,1,1") == ["1:P2=P2+1"]
-    assert card.ask("LIST PLC 5,9,1") == []
+    assert card.refusal("LIST PLC 5,9,1") == 3
     assert card.card.plcs.switches.enabled == set()
     card.tell("ENABLE PLC 1,5..7", "DISABLE PLC 6")
     assert card.card.plcs.switches.enabled == {1, 5, 7}

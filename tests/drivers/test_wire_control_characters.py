@@ -96,7 +96,7 @@ def test_control_i_repeats_the_last_line(card: Wire) -> None:
 
 def test_control_i_is_white_space_inside_a_line_and_while_a_program_is_typed(card: Wire) -> None:
     card.tell("P1=5\t+ 1", "OPEN PROG1 CLEAR", "\tX10", "\tX20", "CLOSE")
-    assert card.ask("P1 LIST PROG1") == ["6", "X10", "X20", "RETURN"]
+    assert card.ask("P1 LIST PROG1") == ["6", "X10", "X20", "RET"]
 
 
 def test_control_k_kills_every_motor_also_in_a_program(running: Wire) -> None:

@@ -32,7 +32,7 @@ def set_up(card: Wire) -> None:
 
 
 def check(card: Wire) -> None:
-    assert card.ask("I116 M5-> LIST PLC 4 &2#3->&1") == ["77.125", "X:$700,4,8,S", "P1=P1+1", "RETURN", "0.5A-7"]
+    assert card.ask("I116 M5-> LIST PLC 4 &2#3->&1") == ["77.125", "X:$700,4,8,S", "P1=P1+1", "RET", "0.5A-7"]
     assert card.listed("PROG 5") == ["WHILE(P1<3)", "X(SIN(P1)/3)F1.1", "ENDWHILE"]
 
 

@@ -107,7 +107,7 @@ def test_percent_sets_and_reports_the_time_base(card: Wire) -> None:
 def test_the_program_counter_and_what_is_executed(card: Wire) -> None:
     """P{program}:{line}; the counter is ahead of the motion by a move."""
     card.tell("B1")
-    assert card.ask("PC LIST PC LIST PE,2") == ["P1:0", *["P1:0:INCTA10TS0TM100"] * 2, "P1:1:Z30"]
+    assert card.ask("PC LIST PC LIST PE,2") == ["P1:0", *["P1:0:INCTA10TS0TM100"] * 2, "P1:2:Z30"]
     card.tell("R")
     card.sim.wait(0.05)
     (counter,) = card.ask("PC")

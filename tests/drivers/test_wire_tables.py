@@ -151,7 +151,7 @@ def test_no_table_is_defined_while_a_program_is_stored(card: Wire) -> None:
     card.tell("CLOSE", "#1DEFINE COMP 1,100", "OPEN PROG 1")
     assert card.raw("0\r").startswith(b"\x07")
     card.tell("CLOSE", "0")
-    assert card.ask("LIST PROG 1 LIST COMP") == ["X1", "RETURN", "0"]
+    assert card.ask("LIST PROG 1 LIST COMP") == ["X1", "RET", "0"]
 
 
 @pytest.mark.parametrize("word", ["LIST COMP", "LIST COMP DEF"])
@@ -226,7 +226,7 @@ def test_saved_tables_come_back_with_a_reset(card: Wire) -> None:
 def test_without_save_a_reset_leaves_tables_as_it_leaves_programs(card: Wire) -> None:
     card.tell(*EIGHT, "OPEN PROG 5 CLEAR", "X1", "CLOSE")
     reset(card)
-    assert card.ask("#1LIST COMP DEF LIST PROG 5") == ["8,#1,#1,4000", "X1", "RETURN"]
+    assert card.ask("#1LIST COMP DEF LIST PROG 5") == ["8,#1,#1,4000", "X1", "RET"]
 
 
 def test_the_factory_has_no_tables(card: Wire) -> None:

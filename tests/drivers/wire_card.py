@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card.controller import Controller
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
@@ -51,8 +52,11 @@ class Wire:
         return data.split("\r")[:-1]
 
     def listed(self, buffer: str) -> list[str]:
-        """Return the lines of a buffer (`PROG 1`), without the end that every listing has."""
+        """Return the lines of a buffer (`PROG 1`) in full, whatever I9 is, without the end of every listing."""
+        form = self.card.variables.i(9)
+        self.card.variables.set(VariableKind.I, 9, 3.0)
         lines = self.ask(f"LIST {buffer}")
+        self.card.variables.set(VariableKind.I, 9, form)
         assert lines[-1] == "RETURN"
         return lines[:-1]
 

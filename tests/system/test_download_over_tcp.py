@@ -33,5 +33,5 @@ def test_a_program_and_a_plc_arrive_over_a_socket(serve: Serve, family: str) -> 
             changes = planned(client, client.dialect, buffers)
             send(client, client.dialect, changes, "text", lambda sent, of: None)
             assert differing(client, changes) == []
-            assert [line.strip() for line in client.question("LIST PROG51")] == ["INCX5", "DWELL20", "RETURN"]
-            assert [line.strip() for line in client.question("LIST PLC5")] == ["P51=2", "RETURN"]
+            assert [line.strip() for line in client.question("LIST PROG51")] == ["INCX5", "DWE20", "RET"]
+            assert [line.strip() for line in client.question("LIST PLC5")] == ["P51=2", "RET"]

@@ -141,7 +141,7 @@ PMAC = Dialect(
     gathering=GatherSettings(period=19, masks=(20,), first_source=21),
     offset_following=(5, 16),
     no_line_feeds_switch=58,
-    global_addresses=tuple(range(20, 45)),
+    global_addresses=(*range(20, 45), 47),
     motor_addresses=(2, 3, 4, 5, 10, 25, 81, 83),
     system_addresses=(93,),
     variable_addresses={"P": 0x1000, "Q": 0x1400},

@@ -115,8 +115,8 @@ _HOMES = {"HOME": False, "HM": False, "HOMEZ": True, "HMZ": True}
 _SWITCHES = {  # word: on, keeping the place
     **dict.fromkeys(("ENABLEPLC", "ENAPLC"), (True, False)),
     **dict.fromkeys(("DISABLEPLC", "DISPLC"), (False, False)),
-    "PAUSEPLC": (False, True),
-    "RESUMEPLC": (True, True),
+    **dict.fromkeys(("PAUSEPLC", "PAUPLC"), (False, True)),
+    **dict.fromkeys(("RESUMEPLC", "RESPLC"), (True, True)),
 }
 _TALKERS = {"COMMAND": "CMD", "CMD": "CMD", "SEND": "SEND"}
 _WITH_PORT = {f"{word}{port}": (name, port) for word, name in _TALKERS.items() for port in ("", *PORTS)}
@@ -279,7 +279,7 @@ _READERS: Mapping[str, Reader] = {
     "ELSE": lambda scanner, word: syntax.Else(inline=not scanner.at_end),
     **dict.fromkeys(("N", "O"), _label),
     "GOTO": lambda scanner, word: syntax.Goto(parse_data(scanner)),
-    "GOSUB": lambda scanner, word: syntax.Gosub(parse_data(scanner)),
+    **dict.fromkeys(("GOSUB", "GOS"), lambda scanner, word: syntax.Gosub(parse_data(scanner))),
     "CALL": lambda scanner, word: syntax.CallProgram(parse_data(scanner)),
     **dict.fromkeys(CODES, _unless_online(lambda word, value: syntax.CallProgram(value, code=word))),
     "READ": lambda scanner, word: syntax.Read(parse_letters(scanner, READABLE)),

@@ -9,7 +9,7 @@ from drivers.pmac.families.family import BufferDirectory
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, TRAILING_CLOSE
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.listing import StoredLine, StoredPlcLine, stored_line, stored_plc_lines
+from drivers.pmac.language.listing import StoredLine, StoredPlcLine, addresses, stored_line, stored_plc_lines
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.simulator.card.controller import Controller
@@ -133,7 +133,6 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
     rest = reading.text[begin : scanner.position]
     closing = TRAILING_CLOSE.search(rest)
     text = rest[: closing.start()] if closing else rest
-    reading.opens = reading.opens and closing is None
     plc_lines: tuple[StoredPlcLine, ...] = ()
     line: StoredLine | None = None
     if reading.filling is Filling.PLC:
@@ -147,7 +146,6 @@ def read_stored(scanner: Scanner, reading: Reading) -> Step:
         context.work += len(rest) // _CHARACTERS_A_VALUE
         _store(context.controller, line, plc_lines)
         if closing:
-            context.sends_program = False
             close(context.controller)
 
     return step
@@ -231,7 +229,7 @@ def _opened(controller: Controller) -> OpenBuffer:
 class StoredBuffers:
     """What memory shows of stored programs, as far as a family is known to show it.
 
-    A program begins one word after each line of those before it; the real controller needs some words a line.
+    A program begins behind the words of those before it.
     """
 
     def __init__(self, controller: Controller) -> None:
@@ -256,12 +254,12 @@ class StoredBuffers:
             return 0
         if space == "X":
             return programs[entry][0]
-        return places.storage + sum(len(lines) for _, lines in programs[:entry])
+        return places.storage + sum(addresses(lines)[-1] for _, lines in programs[:entry])
 
     def _plc(self, space: str, number: int, places: BufferDirectory) -> int:
         plcs = self._controller.plcs
-        begins = places.storage + sum(map(len, self._controller.programs.values()))
-        begins += sum(len(lines) for n, lines in plcs.buffers.items() if n < number)
+        begins = places.storage + sum(addresses(lines)[-1] for lines in self._controller.programs.values())
+        begins += sum(addresses(lines)[-1] for n, lines in plcs.buffers.items() if n < number)
         stored = number in plcs.buffers
         off = 0 if stored and number in plcs.switches.enabled else _PLC_OFF
         return (begins if stored else 0) | (off if space == "Y" else 0)

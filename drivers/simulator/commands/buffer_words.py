@@ -6,6 +6,7 @@ Entries of a compensation table are the constants that its host sends after DEFI
 from __future__ import annotations
 
 import re
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -22,7 +23,7 @@ from drivers.pmac.language.expressions import (
     PROGRAM,
 )
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.listing import listed
+from drivers.pmac.language.listing import KeptText, addresses, with_end
 from drivers.pmac.language.parser import MESSAGE_READERS
 from drivers.pmac.language.syntax import PlcSwitch
 from drivers.pmac.memory import Pointer
@@ -31,66 +32,64 @@ from drivers.simulator.context import Context, Filling, Handler, Reading, Step, 
 
 _LOOKAHEAD, _USER_BUFFER = ("LOOKAHEAD", "LOOK"), ("UBUFFER", "UBUF")
 _NOT_HERE = ("TRACE", "ROTARY", "ROT", "TCOMP", "BLCOMP", "TBUF", *_LOOKAHEAD)  # never defined
-_PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "RESUMEPLC")
+_PLC_SWITCHES = ("ENABLEPLC", "ENAPLC", "DISABLEPLC", "DISPLC", "PAUSEPLC", "PAUPLC", "RESUMEPLC", "RESPLC")
 _GATHER = ("GATHER", "GAT")
 _CONSTANT = re.compile(r"[+-]?[\d.]")  # first characters of a line of entries; `$` is a command
 
 
 def _open_program(scanner: Scanner, reading: Reading) -> Step:
     number = _program_number(scanner)
-    _opens(reading, Filling.PROGRAM)
+    reading.filling = Filling.PROGRAM  # of the text after it on its line; a refusal ends the line
     return lambda context: buffers.open_program(context, number)
 
 
 def _open_plc(scanner: Scanner, reading: Reading) -> Step:
     number = _plc_number(scanner)
-    _opens(reading, Filling.PLC)
+    reading.filling = Filling.PLC
     return lambda context: buffers.open_plc(context, number)
-
-
-def _opens(reading: Reading, filling: Filling) -> None:
-    """Text after it on its line goes into the buffer; if the OPEN is refused, execution ends there."""
-    reading.filling, reading.opens = filling, True
 
 
 def _close(scanner: Scanner, reading: Reading) -> Step:
     scanner.accept("ALL")
-    reading.filling, reading.opens = Filling.NOWHERE, False
-
-    def step(context: Context) -> None:
-        context.sends_program = False
-        buffers.close(context.controller)
-
-    return step
+    reading.filling = Filling.NOWHERE
+    return lambda context: buffers.close(context.controller)
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
-    """`,10` from line 10, `,10,5` five lines, `,,5` the first five; `numbered` when there is either."""
+class Part:
+    """`,10` from word 10 of the buffer, `,10,5` what begins in five words, `,,5` in the first five.
+
+    `addressed` when there is either.
+    """
 
     first: int = 0
     count: int | None = None
-    numbered: bool = False
+    addressed: bool = False
 
-    def of(self, texts: Sequence[str]) -> list[str]:
-        """Return the lines of it, with their numbers. A part behind the end has none."""
-        whole = listed(texts)
-        if not self.numbered:
-            return list(whole)
-        part = range(len(whole))[self.first : None if self.count is None else self.first + self.count]
-        return [f"{number}:{whole[number]}" for number in part]
+    def of(self, lines: Sequence[KeptText], context: Context) -> list[str]:
+        """Return the lines of it, with their addresses. Raises PmacError: 003, it is behind the end."""
+        whole, in_full = with_end(lines), context.in_full
+        if not self.addressed:
+            return [line.listed(in_full=in_full) for line in whole]
+        *starts, end = addresses(whole)
+        if self.first >= end:
+            raise PmacError(ErrorCode.DATA_ERROR, f"{end} words")
+        last = end if self.count is None else self.first + self.count
+        part = range(bisect_left(starts, self.first), bisect_left(starts, last))
+        return [f"{starts[place]}:{whole[place].listed(in_full=in_full)}" for place in part]
 
 
-def _part(scanner: Scanner) -> _Part:
+def take_part(scanner: Scanner) -> Part:
+    """Consume the part of a listing that is asked for; without one, all of it."""
     if not scanner.accept(","):
-        return _Part()
+        return Part()
     first = scanner.take_integer() or 0
-    return _Part(first, scanner.take_integer() if scanner.accept(",") else None, numbered=True)
+    return Part(first, scanner.take_integer() if scanner.accept(",") else None, addressed=True)
 
 
 def _list_program(scanner: Scanner, reading: Reading) -> Step:
-    """`LIST PROG 1`, `LIST PROG 1,10` from line 10, `LIST PROG 1,10,5` five lines."""
-    number, part = _program_number(scanner), _part(scanner)
+    """`LIST PROG 1`, `LIST PROG 1,10` from word 10, `LIST PROG 1,10,5` what begins in five words."""
+    number, part = _program_number(scanner), take_part(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller
@@ -98,13 +97,13 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.programs.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"program {number} does not exist")
-        context.list_lines(part.of([line.text for line in lines]))
+        context.list_lines(part.of(lines, context))
 
     return step
 
 
 def _list_plc(scanner: Scanner, reading: Reading) -> Step:
-    number, part = _plc_number(scanner), _part(scanner)
+    number, part = _plc_number(scanner), take_part(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller
@@ -112,7 +111,7 @@ def _list_plc(scanner: Scanner, reading: Reading) -> Step:
         lines = controller.plcs.buffers.get(number)
         if lines is None:
             raise PmacError(ErrorCode.DATA_ERROR, f"PLC {number} does not exist")
-        context.list_lines(part.of([line.text for line in lines]))
+        context.list_lines(part.of(lines, context))
 
     return step
 
@@ -137,7 +136,7 @@ def _switch_plc(word: str) -> Handler:
 
 
 def _plc_text(scanner: Scanner, reading: Reading) -> Step:
-    """Prevent a PLC that is typed after a refused OPEN from aborting with `AND(`, or stepping with `SEND`."""
+    """Prevent a PLC that is typed without its OPEN from aborting with `AND(`, or stepping with `SEND`."""
     raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
 
 

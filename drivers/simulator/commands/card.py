@@ -39,13 +39,11 @@ def _save(context: Context) -> None:
 
 def _reset(context: Context) -> None:
     context.controller.reset()
-    context.sends_program = False
     context.work += _work_of_all(context)
 
 
 def _factory_reset(context: Context) -> None:
     context.controller.reset(context.dialect.factory)
-    context.sends_program = False
     context.work += _work_of_all(context)
 
 

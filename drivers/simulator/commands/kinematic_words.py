@@ -5,8 +5,8 @@ from __future__ import annotations
 from drivers.pmac.execution.kinematics import KINDS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
-from drivers.pmac.language.listing import listed
 from drivers.simulator.card import buffers
+from drivers.simulator.commands.buffer_words import take_part
 from drivers.simulator.context import Context, Filling, Handler, Reading, Step
 
 
@@ -18,7 +18,7 @@ def _refuse_without(reading: Reading) -> None:
 def _open(kind: str) -> Handler:
     def read(scanner: Scanner, reading: Reading) -> Step:
         _refuse_without(reading)
-        reading.filling, reading.opens = Filling.KINEMATIC, True
+        reading.filling = Filling.KINEMATIC
         return lambda context: buffers.open_kinematic(context, kind)
 
     return read
@@ -27,13 +27,14 @@ def _open(kind: str) -> Handler:
 def _list(kind: str) -> Handler:
     def read(scanner: Scanner, reading: Reading) -> Step:
         _refuse_without(reading)
+        part = take_part(scanner)
 
         def step(context: Context) -> None:
             buffers.refuse_locked(context.controller)
             lines = context.system.kinematic_lines.get(kind)
             if lines is None:
                 raise PmacError(ErrorCode.DATA_ERROR, f"&{context.system_number} has no {kind} program")
-            context.list_lines(list(listed([line.text for line in lines])))
+            context.list_lines(part.of(lines, context))
 
         return step
 

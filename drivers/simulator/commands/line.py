@@ -52,12 +52,6 @@ _PROGRAM_OR_LETTER = longest_of((*PROGRAM_WORDS, *_LETTERS))
 _IMMEDIATE = re.compile(r"J(?:[+/=:^]|-(?![\d.($]))|[PVFKRSHQAZ]+(?=[#&?%@]|$)|M\d+(?:\.\.\d+)?->")
 """Commands although their letters are program words: `J+` is a jog, `J-5` is part of the centre of a circle."""
 
-_QUERY = re.compile(r"[IPQM]\d+(?:\.\.\d+|,\d+(?:,\d+)?)?(?=[#&?%@PQVFIM]|$)")
-"""What may be asked in the body of a refused OPEN: it changes nothing."""
-
-_OPENING = re.compile(r"O\s*P\s*E\s*N(?!.*C\s*L\s*(?:O\s*)?S)", re.IGNORECASE)
-_STARTS = ("R", "S", "Z")  # letters that do not act in the body of a refused OPEN; a stop always does
-
 MOST_REMEMBERED = 256  # lines that are read once and executed many times: what a host that polls sends
 
 
@@ -104,32 +98,22 @@ def read_line(text: str, dialect: Dialect) -> None:
 
 
 def _read(text: str, context: Context) -> tuple[Step, ...]:
-    """Read a line. Raises PmacError: it was not understood; what follows a refused OPEN is still its body."""
+    """Read a line. Raises PmacError: it was not understood."""
     filling = context.filling
-    try:
-        if "@" in text:
-            steps, opens = _addressed(text, context)
-        elif filling is Filling.NOWHERE and not context.controller.tables.is_filled_by(context):
-            steps, opens = _remembered(text, context.dialect)
-        else:
-            reading = Reading(text, context.dialect, filling)
-            steps = tuple(_commands(Scanner(text), reading, _first_of(context)))
-            opens = reading.opens
-    except PmacError:
-        context.sends_program = context.sends_program or _OPENING.search(text) is not None
-        raise
-    context.sends_program = context.sends_program or opens
-    return steps
+    if "@" in text:
+        return _addressed(text, context)
+    if filling is Filling.NOWHERE and not context.controller.tables.is_filled_by(context):
+        return _remembered(text, context.dialect)
+    return tuple(_commands(Scanner(text), Reading(text, context.dialect, filling), _first_of(context)))
 
 
 @lru_cache(maxsize=MOST_REMEMBERED)
-def _remembered(text: str, dialect: Dialect) -> tuple[tuple[Step, ...], bool]:
+def _remembered(text: str, dialect: Dialect) -> tuple[Step, ...]:
     """Return the commands of a line that fills nothing: they depend on its text and the family alone."""
-    reading = Reading(text, dialect)
-    return tuple(_commands(Scanner(text), reading, (_constant,))), reading.opens
+    return tuple(_commands(Scanner(text), Reading(text, dialect), (_constant,)))
 
 
-def _addressed(text: str, context: Context) -> tuple[tuple[Step, ...], bool]:
+def _addressed(text: str, context: Context) -> tuple[Step, ...]:
     """Return the commands of a line that names controllers, without those for another one."""
     reading, scanner = Reading(text, context.dialect, context.filling), Scanner(text)
     steps: list[Step] = []
@@ -145,7 +129,7 @@ def _addressed(text: str, context: Context) -> tuple[tuple[Step, ...], bool]:
             found = scanner.rest.find("@")
             scanner.reset(scanner.mark() + (len(scanner.rest) if found < 0 else found))
         first = ()
-    return tuple(steps), reading.opens
+    return tuple(steps)
 
 
 _Whole = Callable[[Scanner, Reading], Step | None]
@@ -182,13 +166,10 @@ class _Kind(Enum):
 
 
 def _command(scanner: Scanner, reading: Reading) -> tuple[Step, _Kind]:
-    astray = reading.filling is Filling.REFUSED
-    if reading.filling is not Filling.NOWHERE and not _IMMEDIATE.match(scanner.rest):
+    if reading.fills and not _IMMEDIATE.match(scanner.rest):
         word = _word(scanner, _ALWAYS)
-        if word is None and reading.fills:
+        if word is None:
             return buffers.read_stored(scanner, reading), _Kind.TEXT
-        if word is None and not _QUERY.match(scanner.rest):
-            raise PmacError(ErrorCode.NO_BUFFER_OPEN, f"{scanner.rest[:20]}: its OPEN was refused; CLOSE")
     else:
         word = _word(scanner, _ANY)
     if word is not None:
@@ -201,7 +182,7 @@ def _command(scanner: Scanner, reading: Reading) -> tuple[Step, _Kind]:
         return step, _Kind.ACTION
     letter = scanner.take(_PROGRAM_OR_LETTER)
     if letter is not None:
-        if letter not in _LETTERS or (astray and letter in _STARTS):
+        if letter not in _LETTERS:
             # Never letter by letter: the R of RAPID or RETURN would run the program, the A of ABS abort it.
             raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
         return _LETTERS[letter](scanner, reading), _Kind.REPORT if letter in status.LETTERS else _Kind.ACTION
@@ -227,6 +208,4 @@ def _constant(scanner: Scanner, reading: Reading) -> Step | None:
     if value is None or not scanner.at_end:
         scanner.reset(start)
         return None
-    if reading.filling is Filling.REFUSED:
-        raise PmacError(ErrorCode.NO_BUFFER_OPEN, reading.text[:20])
     return lambda context: context.variables.set(VariableKind.P, 0, value)

@@ -9,6 +9,7 @@ from drivers.pmac.axes import AXIS_LETTERS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.expressions import HIGHEST_PROGRAM, parse_expression
 from drivers.pmac.language.lexer import Scanner
+from drivers.pmac.language.listing import addresses
 from drivers.pmac.language.text import format_number
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.program_motion import Place
@@ -62,8 +63,10 @@ def _override(scanner: Scanner, reading: Reading) -> Step:
     return lambda context: context.system.set_override(percent)
 
 
-def _place(place: Place) -> str:
-    return f"P{place[0]}:{place[1]}"
+def _place(context: Context, place: Place) -> str:
+    """Return the program and the address of a line in it, as LIST PROG has it."""
+    program, line = place
+    return f"P{program}:{addresses(context.controller.programs.get(program, [])[:line])[-1]}"
 
 
 def _list_place(read: Callable[[CoordinateSystem], Place]) -> Handler:
@@ -80,16 +83,17 @@ def _list_place(read: Callable[[CoordinateSystem], Place]) -> Handler:
 
 def _list_from(context: Context, place: Place, count: int) -> None:
     program, first = place
-    buffer = context.controller.programs.get(program)
-    lines = buffer[first : first + count] if buffer is not None else []
-    context.list_lines([f"P{program}:{first + n}:{line.text}" for n, line in enumerate(lines)])
+    buffer = context.controller.programs.get(program, [])
+    lines, starts = buffer[first : first + count], addresses(buffer)[first:]
+    texts = [line.listed(in_full=context.in_full) for line in lines]
+    context.list_lines([f"P{program}:{start}:{text}" for start, text in zip(starts, texts, strict=False)])
     if not lines:
-        context.lines.append(_place(place))
+        context.lines.append(_place(context, place))
 
 
 WORDS: dict[str, Handler] = {
-    "PC": say(lambda context: _place(context.system.program_counter())),
-    "PE": say(lambda context: _place(context.system.executing())),
+    "PC": say(lambda context: _place(context, context.system.program_counter())),
+    "PE": say(lambda context: _place(context, context.system.executing())),
     "PR": say(lambda _: "0"),
     "MOVETIME": say(lambda context: format_number(round(context.system.motion.left_ms, 3))),
     "PMATCH": act(lambda context: context.system.match_positions()),

@@ -16,7 +16,7 @@ from drivers.simulator.context import Context, Handler, Reading, Step, signed_co
 _KINDS = {str(kind): kind for kind in VariableKind}
 _KIND = longest_of(tuple(_KINDS))
 _DEFINITION = re.compile(r"\*|(?:[XYLF]|DP?|TW[BDRS])[:$\d]")
-_LONG, _HEXADECIMAL = 1, 2  # bits of I9
+_HEXADECIMAL = 2  # bit 1 of I9
 MOST_WORDS = 256  # maximum words read by one command
 _WORD_WORK = 3  # cost of a word, in variables read
 ADDRESS_STARTS = ":$0123456789"
@@ -114,16 +114,17 @@ def _assign(scanner: Scanner, kind: VariableKind, indices: _Indices) -> Step:
 
 
 def _reported(context: Context, kind: VariableKind, indices: range) -> Iterator[str]:
-    variables = context.variables
-    form = int(context.controller.variables.i(9)) if kind is VariableKind.I else 0
-    addresses = context.dialect.hexadecimal if form & _HEXADECIMAL else ()
+    variables, setting = context.variables, kind is VariableKind.I
+    in_full = setting and context.in_full
+    hexadecimal = setting and int(context.controller.variables.i(9)) & _HEXADECIMAL
+    addresses = context.dialect.hexadecimal if hexadecimal else ()
     for index in indices:
         value = variables.get(kind, index)
         if index in addresses and value >= 0 and value == int(value):
             text = f"${int(value):X}"
         else:
             text = format_number(value)
-        yield f"I{index}={text}" if form & _LONG else text
+        yield f"I{index}={text}" if in_full else text
 
 
 def _point(scanner: Scanner, indices: _Indices, reading: Reading) -> Step:
@@ -144,12 +145,11 @@ def _point(scanner: Scanner, indices: _Indices, reading: Reading) -> Step:
 
 
 def _list_pointers(context: Context, indices: range) -> None:
-    store = context.controller.variables
-    long = int(store.i(9)) & _LONG
+    store, in_full = context.controller.variables, context.in_full
     context.work += len(indices)
     for index in indices:
         text = str(store.pointers.get(index, "*"))
-        context.lines.append(f"M{index}->{text}" if long else text)
+        context.lines.append(f"M{index}->{text}" if in_full else text)
 
 
 def _read_words(space: str, hexadecimal: bool) -> Handler:
