@@ -16,11 +16,14 @@ from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import ending_words
 from console.session.data.run_reader import AlarmStory, RunEvent, Telemetry
+from console.session.data.run_rows import CODES, PROBLEMS, REASONS, recorded_problems
 from console.session.data.run_story import ACKNOWLEDGED, ENDED, POLLED, RAISED, TELEMETRY_END
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import order_words, problem_words
 from profiles.arrays import Floats
 
 NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
+NOT_PLAIN = frozenset({"command", REASONS, CODES, PROBLEMS})
 MOST_DETAIL = 160
 LEAST_ROWS = 2
 LEAST_S = 1e-3
@@ -42,13 +45,12 @@ class InPart:
 
 def course(run: ReportedRun, text: Catalogue) -> Markup:
     """Return the section."""
-    row = run.story.row
     cuts = [found for each in run.story.telemetry if (found := _in_part(each, run)) is not None]
     last = cuts[-1] if cuts else None
     return section(
         "course",
         text("report.course"),
-        paragraph(element("strong", text("report.ended")), " ", ending_words(row.ended, text)),
+        paragraph(element("strong", text("report.ended")), " ", ending_words(run.story, text)),
         _recorded_figures(run, text),
         paragraph(text("report.no_telemetry")) if last is None else _drawn(run, last, text),
         _gathered(run, text),
@@ -182,7 +184,7 @@ def _name(event: RunEvent, text: Catalogue) -> str:
         part, step = part_words(str(data.get("part", "")), text), str(data.get("step", ""))
         return f"{part}: {_known('step', step, text)}"
     if event.kind == "command":
-        return _known("report.command", str(data.get("command", "")), text)
+        return order_words(str(data.get("command", "")), text)
     return _known("report.event", event.kind, text)
 
 
@@ -199,12 +201,14 @@ def _detail(event: RunEvent, text: Catalogue) -> str:
     if event.kind == "result":
         return ""
     said = ", ".join(_plain(data))
-    return said if len(said) <= MOST_DETAIL else f"{said[:MOST_DETAIL]} …"
+    shown = said if len(said) <= MOST_DETAIL else f"{said[:MOST_DETAIL]} …"
+    told = recorded_problems(data, REASONS) or recorded_problems(data, CODES)
+    return "; ".join(filter(None, (*(problem_words(each, text) for each in told), shown)))
 
 
 def _plain(data: Mapping[str, object]) -> Iterable[str]:
     for key, value in data.items():
-        known = key == "command" or key.endswith("_sha256")  # these stand elsewhere in the report
+        known = key in NOT_PLAIN or key.endswith("_sha256")  # these stand elsewhere in the report
         if known or value in (None, "", [], {}) or isinstance(value, Mapping):
             continue
         values = value if isinstance(value, list | tuple) else (value,)

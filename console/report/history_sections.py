@@ -9,8 +9,9 @@ from console.report.drawing import figure
 from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
-from console.report.verdict import code_words
+from console.session.data.run_rows import REASONS, recorded_problems
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
 from profiles.forecast import forecast_um
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
@@ -49,9 +50,8 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             facts = {"lobe": um(step.get("expected_lobe_um_pp")), "ront": ront}
             gain, version = number(step.get("gain"), 3), str(step["version"])
             yield text("report.proposed", version=version, orders=orders, gain=gain, **facts)
-        reasons = step.get("reasons")
-        if isinstance(reasons, list) and reasons:
-            yield text("report.not_proposed", reasons="; ".join(code_words(str(each), text) for each in reasons))
+        if reasons := recorded_problems(step, REASONS):
+            yield text("report.not_proposed", reasons="; ".join(problem_words(each, text) for each in reasons))
 
 
 def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:

@@ -31,7 +31,7 @@ from console.report.quantities import NOTHING, exact, mm, number, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import SIGNS, Judgement
 from console.text.catalogue import Catalogue
-from drivers.cutting.strategy import Strategy
+from console.text.recorded_words import is_plain
 from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
@@ -219,14 +219,9 @@ def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
         return Profile(angle_deg=found.angle_deg + by_deg, deviation_um=found.profile_um, bold=False), True
     if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
         return None, False
-    if not _follows_lobe(run.story.row.strategy):
+    if is_plain(run.story.row.strategy):
         return None, False
     return _stated(run.job, jaw_1_deg), False
-
-
-def _follows_lobe(strategy: str) -> bool:
-    """Whether a strategy compensates; one that this console does not know is taken to."""
-    return strategy not in [each.value for each in Strategy if not each.traits.follows_lobe]
 
 
 def _stated(job: Job, jaw_1_deg: float) -> Profile:

@@ -23,7 +23,6 @@ from console.report.reported_run import ReportedRun, reported_run
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
 from console.session.stages import Stage
-from console.session.station.commands import Command
 from console.text.catalogue import LANGUAGES, load
 from profiles.trace_files.header import header_of
 from tests.console.reported_runs import (
@@ -315,15 +314,6 @@ def test_the_run_chart_has_the_parts_up_to_this_one(tmp_path: Path) -> None:
         in said
     )
     assert "Run chart" not in words(page_of(tmp_path, runs[0]))
-
-
-def test_every_action_of_an_operator_has_words_in_both_languages() -> None:
-    actions = [each.__name__ for each in Command.__subclasses__()]
-    assert len(actions) > 15
-    for language in LANGUAGES:
-        text = load(language)
-        missing = [name for name in actions if text(f"report.command.{name}").startswith("report.")]
-        assert missing == []
 
 
 def test_the_command_writes_the_newest_run_once_and_says_which(
