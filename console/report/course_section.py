@@ -26,10 +26,6 @@ NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
 NOT_PLAIN = frozenset({"command", REASONS, CODES, PROBLEMS})
 MOST_DETAIL = 160
 LEAST_ROWS = 2
-LEAST_S = 1e-3
-LEAST_FEED = 0.8
-"""Fraction of the usual feed below which the carriage is coming to rest, and the tool is on its way out."""
-
 FIGURES = ("tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um")
 
 
@@ -63,21 +59,13 @@ def _in_part(telemetry: Telemetry, run: ReportedRun) -> InPart | None:
     """Return the samples while the tool was fed along the part: before and after it is far from its path."""
     if telemetry.kind != POLLED:
         return None
-    rows = telemetry.rows.astype(np.float64)
-    value = {name: rows[:, place] for place, name in enumerate(telemetry.columns)}
-    end_mm = np.inf if run.job is None else run.job.cut_length_mm
-    over = (value["z_mm"] >= 0.0) & (value["z_mm"] <= end_mm)
+    value = {name: telemetry.column(name).astype(np.float64) for name in ("turn", "tool_error_um", "speed_rpm")}
+    over = telemetry.fed_along(np.inf if run.job is None else run.job.cut_length_mm)
+    for each in value.values():
+        over &= np.isfinite(each)
     if over.sum() < LEAST_ROWS:
         return None
-    taken_s = np.maximum(np.diff(value["time_s"]), LEAST_S)
-    feed_mm_per_s = np.append(np.diff(value["z_mm"]) / taken_s, 0.0)
-    over &= feed_mm_per_s > LEAST_FEED * np.median(feed_mm_per_s[over])
-    for name in ("turn", "tool_error_um", "speed_rpm"):
-        over &= np.isfinite(value[name])
-    if over.sum() < LEAST_ROWS:
-        return None
-    kept = {name: value[name][over] for name in ("turn", "tool_error_um", "speed_rpm")}
-    return InPart(part=telemetry.part, **kept)
+    return InPart(part=telemetry.part, **{name: each[over] for name, each in value.items()})
 
 
 def _drawn(run: ReportedRun, cut: InPart, text: Catalogue) -> Markup:

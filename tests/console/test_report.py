@@ -18,7 +18,7 @@ import pytest
 
 from console.__main__ import main
 from console.report.page import report_page
-from console.report.quantities import against_limit
+from console.report.quantities import against_limit, exact
 from console.report.reported_run import ReportedRun, reported_run
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
@@ -314,6 +314,21 @@ def test_the_run_chart_has_the_parts_up_to_this_one(tmp_path: Path) -> None:
         in said
     )
     assert "Run chart" not in words(page_of(tmp_path, runs[0]))
+
+
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (0.931476016162, "0.9315 µm"),
+        (55.0, "55 µm"),
+        (0.125, "0.125 µm"),
+        (51.80012, "51.80012 µm"),
+        (1234.56789012345, "1234.5679 µm"),
+        (0.0000123456789, "1.235e-05 µm"),
+    ],
+)
+def test_a_value_is_shown_as_typed_and_rounded_if_nobody_types_so_many_digits(value: float, shown: str) -> None:
+    assert exact(value, "µm") == shown
 
 
 def test_the_command_writes_the_newest_run_once_and_says_which(
