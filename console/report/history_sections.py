@@ -75,7 +75,10 @@ def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.pass_air", part=place, errors=" → ".join(number(um_pp, 2) for um_pp in air))
         trim = taught.get("trim")
         if isinstance(trim, list) and trim and isinstance(trim[0], Mapping):
-            yield text("report.pass_trim", part=place, value=um(trim[0].get("amplitude_um")))
+            amplitude_um = number_or_none(trim[0].get("amplitude_um"))
+            yield text(
+                "report.pass_trim", part=place, value=um(None if amplitude_um is None else 2.0 * amplitude_um)
+            )
         waves = taught.get("learned_waves")
         if isinstance(waves, list) and waves:
             yield text("report.pass_learned", part=place, orders=", ".join(map(str, waves)))

@@ -171,9 +171,9 @@ def test_figures_are_those_of_the_part(tmp_path: Path) -> None:
     run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(10.0, 3.0)})
     page = page_of(tmp_path, run, zone=timezone(timedelta(hours=9)))
     said = words(page)
-    amplitude, before = f"{10.0 * PASSED_3:.3f}", f"{27.0 * PASSED_3:.3f}"
+    um_pp, before = f"{20.0 * PASSED_3:.3f}", f"{54.0 * PASSED_3:.3f}"
     assert f"RONt LSC {2.0 * 27.0 * PASSED_3:.3f} {2.0 * 10.0 * PASSED_3:.3f}" in said
-    assert f"3 ◂ {before} {amplitude} 0.00" in said  # the first maximum is at jaw 1
+    assert f"3 ◂ {before} {um_pp} 0.00" in said  # the first maximum is at jaw 1
     assert "Mean diameter 51.8060 mm (least squares circle), nominal 51.8000 mm, difference +6.0 µm" in said
     assert "UTC+09:00" in said and run in said and "kim" in said
     assert "chucking force, total 1314 N (assumed)" in said and "roundness tolerance 5 µm RONt" in said

@@ -178,7 +178,7 @@ def _own(result: LearnResult, text: Catalogue) -> list[str]:
         heights = {"left": each.on_part_um, "tool": each.tool_off_um, "rest": each.left_um}
         words = {name: f"{2.0 * (um or 0.0):.2f}" for name, um in heights.items()}
         key = "learn.varies" if each.standing is Standing.VARIES else "learn.of_blank"
-        limit = text("learn.trim_limit", most=f"{TRIM_LIMIT_UM:g}") if each.order in short else ""
+        limit = text("learn.trim_limit", most=f"{2.0 * TRIM_LIMIT_UM:g}") if each.order in short else ""
         lines.append(text(key, n=each.order, part=number, **words) + limit)
     return lines
 
@@ -226,7 +226,7 @@ def _parts(result: RunResult, text: Catalogue) -> list[str]:
         return []
     jaws, first = result.plan.job.jaws, next(iter(measured.values()))
     circle = f"RONt ({first.reference_circle}, {first.filter_upr:g} UPR, {text(f'state.{first.state}')})"
-    lobes = [f"{part.amplitude_um(jaws):.2f}" for part in measured.values()]
+    lobes = [f"{2.0 * part.amplitude_um(jaws):.2f}" for part in measured.values()]
     rows = [
         ("", *(text(f"part.{name}") for name in measured), ""),
         (circle, *(f"{part.ront_um:.2f}" for part in measured.values()), "um"),
@@ -246,7 +246,7 @@ def _series(result: LearnResult, text: Catalogue) -> list[str]:
                 f"{text('part.part')} {number}",
                 *_figures(part.roundness, lobes),
                 " ".join(f"{error_um:.2f}" for error_um in part.air_um),
-                f"{abs(part.trim_um):.2f}",
+                f"{2.0 * abs(part.trim_um):.2f}",
                 "um",
                 " ".join(f"{each.order}/rev" for each in part.grown),
             )
@@ -258,7 +258,7 @@ def _series(result: LearnResult, text: Catalogue) -> list[str]:
 
 
 def _figures(roundness: RoundnessResult, lobes: int) -> tuple[str, str]:
-    return f"{roundness.ront_um:.2f}", f"{roundness.amplitude_um(lobes):.2f}"
+    return f"{roundness.ront_um:.2f}", f"{2.0 * roundness.amplitude_um(lobes):.2f}"
 
 
 def cut_requested(
