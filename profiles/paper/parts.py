@@ -133,8 +133,22 @@ def _path(paper: Experiments) -> tuple[Record, ...]:
         _put_in("eq7.amplitude", first.lobe_amplitude_um, "um", expected=27.5, at="1"),
         _put_in("eq7.amplitude", second.lobe_amplitude_um, "um", expected=16.5, at="2"),
         _put_in("eq11.deepest", float(deepest.max()), "um", expected=127.5),
-        _put_in("prog1.counts", first.lobe_error_um_pp / paper.machine.tool.count_um, "cts", expected=275.0),
+        *_counts_of_prog_1(paper),
     )
+
+
+def _counts_of_prog_1(paper: Experiments) -> tuple[Record, ...]:
+    """Return the numbers of Prog. 1 and its comments in counts, from Tables 3 and 6 and the errors of Fig 14."""
+    machine, first = paper.machine, paper.jobs[0]
+    count_um = machine.tool.count_um
+    of = partial(_put_in, unit="cts")
+    printed = zip(paper.jobs, paper.errors_um_pp, (500.0, 300.0), (275.0, 165.0), strict=True)
+    rows = []
+    for number, (job, error_um, depth, stroke) in enumerate(printed, start=1):
+        rows.append(of("prog1.depth", 1000 * job.depth_of_cut_mm / count_um, at=f"{number}", expected=depth))
+        rows.append(of("prog1.counts", error_um / count_um, at=f"{number}", expected=stroke))
+    sixth = machine.spindle.counts_per_rev / (2 * first.jaws)
+    return (*rows, of("prog1.sixth", sixth, expected=10_000 / 6))
 
 
 def _prog_1(paper: Experiments) -> tuple[Record, ...]:
