@@ -45,6 +45,11 @@ def problem_words(problem: Problem, text: Catalogue, alarms: Iterable[Problem] =
     return printable(text.problem(problem), LONGEST)
 
 
+def alarm_words(code: str, text: Catalogue) -> str:
+    """Return what was the case in an alarm of which the code alone is known, without what to do."""
+    return problem_words(Problem(code=code), text).partition(";")[0]
+
+
 def reason_words(ending: Ending, text: Catalogue, alarms: Iterable[Problem] = ()) -> str:
     """Return why a run ended: the problems of an early end, the name of a stop, or a sentence as it is."""
     if ending.problems:
