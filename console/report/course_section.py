@@ -16,14 +16,14 @@ from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import ending_words
 from console.session.data.run_reader import AlarmStory, RunEvent, Telemetry
-from console.session.data.run_rows import CODES, PROBLEMS, REASONS, recorded_problems
+from console.session.data.run_rows import PROBLEMS, REASONS, recorded_problems
 from console.session.data.run_story import ACKNOWLEDGED, ENDED, POLLED, RAISED, TELEMETRY_END
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import order_words, problem_words
 from profiles.arrays import Floats
 
 NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
-NOT_PLAIN = frozenset({"command", REASONS, CODES, PROBLEMS})
+NOT_PLAIN = frozenset({"command", REASONS, PROBLEMS})
 MOST_DETAIL = 160
 LEAST_ROWS = 2
 FIGURES = ("tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um")
@@ -190,8 +190,7 @@ def _detail(event: RunEvent, text: Catalogue) -> str:
         return ""
     said = ", ".join(_plain(data))
     shown = said if len(said) <= MOST_DETAIL else f"{said[:MOST_DETAIL]} …"
-    told = recorded_problems(data, REASONS) or recorded_problems(data, CODES)
-    return "; ".join(filter(None, (*(problem_words(each, text) for each in told), shown)))
+    return "; ".join(filter(None, (*(problem_words(each, text) for each in recorded_problems(data)), shown)))
 
 
 def _plain(data: Mapping[str, object]) -> Iterable[str]:

@@ -9,7 +9,7 @@ from console.report.drawing import figure
 from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
-from console.session.data.run_rows import REASONS, recorded_problems
+from console.session.data.run_rows import recorded_problems
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
@@ -50,7 +50,7 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             facts = {"lobe": um(step.get("expected_lobe_um_pp")), "ront": ront}
             gain, version = number(step.get("gain"), 3), str(step["version"])
             yield text("report.proposed", version=version, orders=orders, gain=gain, **facts)
-        if reasons := recorded_problems(step, REASONS):
+        if reasons := recorded_problems(step):
             yield text("report.not_proposed", reasons="; ".join(problem_words(each, text) for each in reasons))
 
 

@@ -63,6 +63,12 @@ def is_plain(strategy: str) -> bool:
     return strategy in [each.value for each in Strategy if not each.traits.follows_lobe]
 
 
+def plain_cut_words(strategy: str, stage: str, text: Catalogue, family: str = "stage") -> str:
+    """Return how a plain cut was made; empty of any other."""
+    said = strategy_words(strategy, text), stage_words(strategy, stage, text, family)
+    return ", ".join(filter(None, said)) if is_plain(strategy) else ""
+
+
 def strategy_words(strategy: str, text: Catalogue) -> str:
     """Return the strategy of a cut, which a plain one does not have."""
     return text("strategy.none.how") if is_plain(strategy) else printable(strategy, 30)

@@ -6,7 +6,6 @@ import cmath
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any
 
 import numpy as np
 
@@ -23,8 +22,6 @@ from profiles.paper.causes_left import models
 from profiles.paper.experiments import Experiments
 from profiles.paper.record import Basis, Record, Section
 from profiles.paper.residual import left_um_pp
-from profiles.paper.servo_figures import left_as_read_um_pp
-from profiles.paper.table_5 import Reading
 
 # What a path leaves of 55 um when its spindle angle is off by so many degrees.
 MISALIGNED_UM = {1.0: 2.88, 0.347: 1.0, 20.0: 55.0, 60.0: 110.0}
@@ -62,22 +59,14 @@ def _through_servos(paper: Experiments) -> tuple[Record, ...]:
         (5, "linear_measured", (31.4, 18.8), 0.3),
     )
     of, causes = partial(Record, unit="um"), models(paper)
-    amplitude_um, pp_um = (left_as_read_um_pp(Reading[f"LOSS_{of}"]) for of in ("OF_AMPLITUDE", "PEAK_TO_PEAK"))
-    read: dict[str, Any] = {"basis": Basis.READING, "why": "as_read"}
-    read["facts"] = {"amplitude_um": amplitude_um, "pp_um": pp_um}
-    return tuple(
-        of(
-            f"cause.{model}",
-            ours,
-            at=f"{experiment}",
-            expected=expected,
-            tolerance=tolerance,
-            number=number,
-            **(read if "measured" in model else {}),
-        )
+    found = tuple(
+        of(f"cause.{model}", ours, at=f"{experiment}", expected=expected, tolerance=tolerance, number=number)
         for number, model, left, tolerance in target
         for experiment, (error, expected) in enumerate(zip(paper.errors_um_pp, left, strict=True), start=1)
         for ours in (left_um_pp(error, *causes[model]),)
+    )
+    return tuple(
+        replace(each, basis=Basis.READING, why="as_read") if "measured" in each.name else each for each in found
     )
 
 
@@ -112,7 +101,7 @@ def _clamping(paper: Experiments) -> tuple[Record, ...]:
     around = np.arange(-60.0, 60.0)
     sprung = spring_back_um(tube, 3, _RING_JAW_N, angle_from_jaw_deg=around, z_mm=[0.0])[0]
     of = partial(Record, "accept.clamping", number=12)
-    always = partial(of, basis=Basis.CONSTRUCTION, why="linear")
+    always = partial(of, basis=Basis.CONSTRUCTION)
     return (
         of(three, "um", at="three", expected=55.0, tolerance=0.05, basis=Basis.FITTED, why="force_fitted"),
         always(float(around[sprung.argmax()]), "deg", at="crest", expected=0.0, tolerance=0.5),

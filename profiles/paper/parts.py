@@ -128,27 +128,18 @@ def section(paper: Experiments) -> Section:
 def _path(paper: Experiments) -> tuple[Record, ...]:
     first, second = paper.jobs
     deepest = compensated_depth_um(_TURN_DEG, a0_um=100.0, a1_um=27.5)
+    per_mm, of = paper.machine.tool.counts_per_mm, partial(_put_in, unit="cts")
     return (
         _put_in("eq4.speed", spindle_speed_rpm(50.0, 3), "rpm", expected=1000.0),
         _put_in("eq7.amplitude", first.lobe_amplitude_um, "um", expected=27.5, at="1"),
         _put_in("eq7.amplitude", second.lobe_amplitude_um, "um", expected=16.5, at="2"),
         _put_in("eq11.deepest", float(deepest.max()), "um", expected=127.5),
-        *_counts_of_prog_1(paper),
+        of("prog1.depth", first.depth_of_cut_mm * per_mm, at="1", expected=500.0),
+        of("prog1.depth", second.depth_of_cut_mm * per_mm, at="2", expected=300.0),
+        of("prog1.counts", paper.errors_um_pp[0] / 1000 * per_mm, at="1", expected=275.0),
+        of("prog1.counts", paper.errors_um_pp[1] / 1000 * per_mm, at="2", expected=165.0),
+        of("prog1.sixth", paper.machine.spindle.counts_per_rev / (2 * first.jaws), expected=10_000 / 6),
     )
-
-
-def _counts_of_prog_1(paper: Experiments) -> tuple[Record, ...]:
-    """Return the numbers of Prog. 1 and its comments in counts, from Tables 3 and 6 and the errors of Fig 14."""
-    machine, first = paper.machine, paper.jobs[0]
-    count_um = machine.tool.count_um
-    of = partial(_put_in, unit="cts")
-    printed = zip(paper.jobs, paper.errors_um_pp, (500.0, 300.0), (275.0, 165.0), strict=True)
-    rows = []
-    for number, (job, error_um, depth, stroke) in enumerate(printed, start=1):
-        rows.append(of("prog1.depth", 1000 * job.depth_of_cut_mm / count_um, at=f"{number}", expected=depth))
-        rows.append(of("prog1.counts", error_um / count_um, at=f"{number}", expected=stroke))
-    sixth = machine.spindle.counts_per_rev / (2 * first.jaws)
-    return (*rows, of("prog1.sixth", sixth, expected=10_000 / 6))
 
 
 def _prog_1(paper: Experiments) -> tuple[Record, ...]:

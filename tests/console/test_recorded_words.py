@@ -14,7 +14,7 @@ from console.report.page import report_page
 from console.report.reported_run import reported_run
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunStory
-from console.session.data.run_rows import REASONS, problem_events
+from console.session.data.run_rows import problem_events
 from console.session.learning.learning_record import learning_event
 from console.session.learning.part_learning import PartLearning
 from console.session.learning.run_debrief import run_debrief
@@ -83,7 +83,7 @@ def test_every_command_has_its_word_in_one_place(language: str, tmp_path: Path, 
 
 
 def test_an_early_end_keeps_its_figures(tmp_path: Path, console: Console) -> None:
-    found = recorded(tmp_path, None, tell=ended_early(problem_events([BRIEF], REASONS)))
+    found = recorded(tmp_path, None, tell=ended_early(problem_events([BRIEF])))
     listed = console("records", "list", "--data", str(tmp_path)).out
     for told in (page_words(tmp_path, found, load("en")), report_words(tmp_path, found, load("en")), listed):
         assert "was briefly 12.5 um off its path" in " ".join(told.split())

@@ -26,7 +26,7 @@ from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
-from console.session.data.run_rows import REASONS, problem_events
+from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.run_alarms import RunAlarms
@@ -48,7 +48,7 @@ from console.text.columns import table
 from console.text.cut_verdict import verdict_words
 from console.text.fingerprint import clamped_fields, fingerprint_line
 from console.text.force import force_words
-from console.text.recorded_words import is_plain, stage_words, strategy_words
+from console.text.recorded_words import plain_cut_words
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
 from drivers.simulator.plant.which_lathe import LATHE
@@ -364,9 +364,8 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
         return
     plan = request.plan
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
-    made = [strategy_words(plan.cut.strategy, text), stage_words(plan.cut.strategy, plan.stage, text)]
-    cut = ", ".join(filter(None, made))
-    lines = [cut if is_plain(plan.cut.strategy) else text(which, version=plan.compensation, made=cut)]
+    made = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
+    lines = [plain_cut_words(plan.cut.strategy, plan.stage, text) or made]
     if not request.address:
         lines.append(force_line(request.job.job, request.machine.machine, text))
     if request.lathe_parts is not None and request.lathe_parts.parts:
@@ -470,7 +469,7 @@ def add_end(record: RunRecord, error: BaseException) -> None:
     problems = list(error.problems) if isinstance(error, ProblemError) else []
     cause = error.__cause__
     if isinstance(cause, NotAsPlannedError):
-        why = problem_events(cause.problems, REASONS)
+        why = problem_events(cause.problems)
         record.add("ended_early", {"turns": cause.turns, **why, "cut_verdict": cause.judgement})
     said: dict[str, object] = {"reason": str(error) or type(error).__name__}
     if isinstance(error, KeyboardInterrupt):

@@ -84,7 +84,7 @@ class RunRow:
         return self.passed is False or self.ended.how in FAILED_HOW
 
 
-REASONS, CODES, PROBLEMS = "reasons", "codes", "problems"  # keys of events
+REASONS, PROBLEMS = "reasons", "problems"  # keys of events: codes, and all that is known
 
 FAILED_HOW = frozenset({How.HELD, How.EARLY, How.STOPPED, How.FAILED, How.KILLED})
 
@@ -232,7 +232,7 @@ def _ending(ends: list[Event]) -> Ending:
         if kind == "held":
             return Ending(how=How.HELD, turn=turn)
         if kind == "ended_early":
-            told = recorded_problems(event, REASONS)
+            told = recorded_problems(event)
             codes = ", ".join(each.code for each in told)
             return Ending(how=How.EARLY, turn=turn, reason=codes, problems=told)
         by = str(event.get("by") or "")
@@ -245,21 +245,22 @@ def _ending(ends: list[Event]) -> Ending:
     return Ending(how=How.NOT_STARTED if not_started else How.OPEN)
 
 
-def problem_events(problems: Iterable[Problem], codes: str) -> dict[str, object]:
-    """Return problems as an event keeps them: their codes, and everything that they tell."""
+def problem_events(problems: Iterable[Problem]) -> dict[str, object]:
+    """Return problems as an event keeps them."""
     told = tuple(problems)
-    return {codes: [each.code for each in told], PROBLEMS: [asdict(each) for each in told]}
+    return {REASONS: [each.code for each in told], PROBLEMS: [asdict(each) for each in told]}
 
 
-def recorded_problems(event: Mapping[str, Any], codes: str) -> tuple[Problem, ...]:
+def recorded_problems(event: Mapping[str, Any]) -> tuple[Problem, ...]:
     """Return the problems of an event; those of an older console have nothing but their codes."""
-    told = event.get(PROBLEMS)
-    if not isinstance(told, list):
-        listed = event.get(codes)
-        return tuple(Problem(code=str(each)) for each in listed) if isinstance(listed, list) else ()
-    names = [each.name for each in fields(Problem)]
-    known = (each for each in told if isinstance(each, dict))
-    return tuple(Problem(**{name: str(each.get(name, "")) for name in names}) for each in known)
+    told = event.get(PROBLEMS, event.get(REASONS))
+    listed = told if isinstance(told, list) else []
+    return tuple(problem_of(each if isinstance(each, dict) else {"code": each}) for each in listed)
+
+
+def problem_of(facts: Mapping[str, Any]) -> Problem:
+    """Return a problem from its recorded facts; one that is missing is empty."""
+    return Problem(**{each.name: str(facts.get(each.name, "")) for each in fields(Problem)})
 
 
 def table_of(data: str) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
-from console.session.data.run_rows import RunRow, date_of, table_of
+from console.session.data.run_rows import RunRow, date_of, problem_of, table_of
 from profiles.problem import Problem
 from profiles.traces import CAP_BYTES
 
@@ -184,8 +184,7 @@ def alarm_stories(events: Iterable[RunEvent]) -> tuple[AlarmStory, ...]:
     for event in events:
         if event.kind not in (RAISED, ACKNOWLEDGED, ENDED):
             continue
-        facts = {key: str(event.data.get(key, "")) for key in ("code", "where", "key", "value", "limit")}
-        problem = Problem(**facts)
+        problem = problem_of(event.data)
         if event.kind == RAISED:
             priority = str(event.data.get("priority", ""))
             found.append(AlarmStory(problem=problem, priority=priority, raised=event.at))

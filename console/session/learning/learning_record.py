@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from console.session.data.records import add_to_run
-from console.session.data.run_rows import REASONS, problem_events
+from console.session.data.run_rows import problem_events
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
 from console.session.learning.part_learning import PartLearning
@@ -47,7 +47,7 @@ def record_kept(data: Path, run_id: str, kind: str, event: Mapping[str, object])
 def learning_event(learning: PartLearning) -> dict[str, object]:
     """Return a proposed learning step, or why there is none, as the run record keeps it."""
     taught = learning.taught
-    reasons = problem_events(learning.reasons, REASONS)
+    reasons = problem_events(learning.reasons)
     return reasons if taught is None else {**step_event(taught.step), **reasons}
 
 

@@ -16,7 +16,7 @@ from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
 from console.text.certificate import certificate_lines
 from console.text.force import force_words
-from console.text.recorded_words import is_plain, stage_words, strategy_words
+from console.text.recorded_words import plain_cut_words
 from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
@@ -35,10 +35,8 @@ def learn_title(learning: PartLearning, text: Catalogue) -> str:
 
 def part_words(text: Catalogue, made: MadeWith) -> str:
     """Return how a part was cut: strategy, compensation and stage; a plain cut has no compensation."""
-    if is_plain(made.strategy):
-        stage = stage_words(made.strategy, made.stage, text, "made")
-        return ", ".join(filter(None, (strategy_words(made.strategy, text), stage)))
-    return f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
+    words = f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
+    return plain_cut_words(made.strategy, made.stage, text, "made") or words
 
 
 def learn_lines(

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow, RunStory
-from console.session.data.run_rows import REASONS, recorded_problems
+from console.session.data.run_rows import recorded_problems
 from console.text.catalogue import Catalogue
 from console.text.cut_verdict import verdict_words
 from console.text.recorded_words import (
@@ -231,7 +231,7 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
             expected = NOTHING if left is None else text.units.figure(forecast_um(left), "um", 2)
             version = printable(str(proposed["version"]), 10)
             lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
-        for problem in recorded_problems(proposed, REASONS):
+        for problem in recorded_problems(proposed):
             lines += hanging(("· ", Token.TEXT), problem_words(problem, text), width)
     for event in run.story.accepted:
         facts = {"version": printable(str(event.data.get("version", NOTHING)), 10), "at": local(event.at)}
