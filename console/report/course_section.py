@@ -16,17 +16,16 @@ from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import ending_words
 from console.session.data.run_reader import AlarmStory, RunEvent, Telemetry
+from console.session.data.run_rows import PROBLEMS, REASONS, recorded_problems
 from console.session.data.run_story import ACKNOWLEDGED, ENDED, POLLED, RAISED, TELEMETRY_END
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import order_words, problem_words
 from profiles.arrays import Floats
 
 NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
+NOT_PLAIN = frozenset({"command", REASONS, PROBLEMS})
 MOST_DETAIL = 160
 LEAST_ROWS = 2
-LEAST_S = 1e-3
-LEAST_FEED = 0.8
-"""Fraction of the usual feed below which the carriage is coming to rest, and the tool is on its way out."""
-
 FIGURES = ("tool_error_um", "tool_error_rms_um", "following_error_um", "following_error_rms_um")
 
 
@@ -42,13 +41,12 @@ class InPart:
 
 def course(run: ReportedRun, text: Catalogue) -> Markup:
     """Return the section."""
-    row = run.story.row
     cuts = [found for each in run.story.telemetry if (found := _in_part(each, run)) is not None]
     last = cuts[-1] if cuts else None
     return section(
         "course",
         text("report.course"),
-        paragraph(element("strong", text("report.ended")), " ", ending_words(row.ended, text)),
+        paragraph(element("strong", text("report.ended")), " ", ending_words(run.story, text)),
         _recorded_figures(run, text),
         paragraph(text("report.no_telemetry")) if last is None else _drawn(run, last, text),
         _gathered(run, text),
@@ -61,21 +59,13 @@ def _in_part(telemetry: Telemetry, run: ReportedRun) -> InPart | None:
     """Return the samples while the tool was fed along the part: before and after it is far from its path."""
     if telemetry.kind != POLLED:
         return None
-    rows = telemetry.rows.astype(np.float64)
-    value = {name: rows[:, place] for place, name in enumerate(telemetry.columns)}
-    end_mm = np.inf if run.job is None else run.job.cut_length_mm
-    over = (value["z_mm"] >= 0.0) & (value["z_mm"] <= end_mm)
+    value = {name: telemetry.column(name).astype(np.float64) for name in ("turn", "tool_error_um", "speed_rpm")}
+    over = telemetry.fed_along(np.inf if run.job is None else run.job.cut_length_mm)
+    for each in value.values():
+        over &= np.isfinite(each)
     if over.sum() < LEAST_ROWS:
         return None
-    taken_s = np.maximum(np.diff(value["time_s"]), LEAST_S)
-    feed_mm_per_s = np.append(np.diff(value["z_mm"]) / taken_s, 0.0)
-    over &= feed_mm_per_s > LEAST_FEED * np.median(feed_mm_per_s[over])
-    for name in ("turn", "tool_error_um", "speed_rpm"):
-        over &= np.isfinite(value[name])
-    if over.sum() < LEAST_ROWS:
-        return None
-    kept = {name: value[name][over] for name in ("turn", "tool_error_um", "speed_rpm")}
-    return InPart(part=telemetry.part, **kept)
+    return InPart(part=telemetry.part, **{name: each[over] for name, each in value.items()})
 
 
 def _drawn(run: ReportedRun, cut: InPart, text: Catalogue) -> Markup:
@@ -182,7 +172,7 @@ def _name(event: RunEvent, text: Catalogue) -> str:
         part, step = part_words(str(data.get("part", "")), text), str(data.get("step", ""))
         return f"{part}: {_known('step', step, text)}"
     if event.kind == "command":
-        return _known("report.command", str(data.get("command", "")), text)
+        return order_words(str(data.get("command", "")), text)
     return _known("report.event", event.kind, text)
 
 
@@ -199,12 +189,13 @@ def _detail(event: RunEvent, text: Catalogue) -> str:
     if event.kind == "result":
         return ""
     said = ", ".join(_plain(data))
-    return said if len(said) <= MOST_DETAIL else f"{said[:MOST_DETAIL]} …"
+    shown = said if len(said) <= MOST_DETAIL else f"{said[:MOST_DETAIL]} …"
+    return "; ".join(filter(None, (*(problem_words(each, text) for each in recorded_problems(data)), shown)))
 
 
 def _plain(data: Mapping[str, object]) -> Iterable[str]:
     for key, value in data.items():
-        known = key == "command" or key.endswith("_sha256")  # these stand elsewhere in the report
+        known = key in NOT_PLAIN or key.endswith("_sha256")  # these stand elsewhere in the report
         if known or value in (None, "", [], {}) or isinstance(value, Mapping):
             continue
         values = value if isinstance(value, list | tuple) else (value,)

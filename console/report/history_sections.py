@@ -9,8 +9,9 @@ from console.report.drawing import figure
 from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
-from console.report.verdict import code_words
+from console.session.data.run_rows import recorded_problems
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
 from profiles.forecast import forecast_um
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
@@ -49,9 +50,8 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             facts = {"lobe": um(step.get("expected_lobe_um_pp")), "ront": ront}
             gain, version = number(step.get("gain"), 3), str(step["version"])
             yield text("report.proposed", version=version, orders=orders, gain=gain, **facts)
-        reasons = step.get("reasons")
-        if isinstance(reasons, list) and reasons:
-            yield text("report.not_proposed", reasons="; ".join(code_words(str(each), text) for each in reasons))
+        if reasons := recorded_problems(step):
+            yield text("report.not_proposed", reasons="; ".join(problem_words(each, text) for each in reasons))
 
 
 def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:
@@ -75,7 +75,10 @@ def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.pass_air", part=place, errors=" → ".join(number(um_pp, 2) for um_pp in air))
         trim = taught.get("trim")
         if isinstance(trim, list) and trim and isinstance(trim[0], Mapping):
-            yield text("report.pass_trim", part=place, value=um(trim[0].get("amplitude_um")))
+            amplitude_um = number_or_none(trim[0].get("amplitude_um"))
+            yield text(
+                "report.pass_trim", part=place, value=um(None if amplitude_um is None else 2.0 * amplitude_um)
+            )
         waves = taught.get("learned_waves")
         if isinstance(waves, list) and waves:
             yield text("report.pass_learned", part=place, orders=", ".join(map(str, waves)))

@@ -31,7 +31,7 @@ from console.report.quantities import NOTHING, exact, mm, number, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import SIGNS, Judgement
 from console.text.catalogue import Catalogue
-from drivers.cutting.strategy import Strategy
+from console.text.recorded_words import is_plain
 from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
@@ -219,14 +219,9 @@ def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
         return Profile(angle_deg=found.angle_deg + by_deg, deviation_um=found.profile_um, bold=False), True
     if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
         return None, False
-    if not _follows_lobe(run.story.row.strategy):
+    if is_plain(run.story.row.strategy):
         return None, False
     return _stated(run.job, jaw_1_deg), False
-
-
-def _follows_lobe(strategy: str) -> bool:
-    """Whether a strategy compensates; one that this console does not know is taken to."""
-    return strategy not in [each.value for each in Strategy if not each.traits.follows_lobe]
 
 
 def _stated(job: Job, jaw_1_deg: float) -> Profile:
@@ -298,7 +293,7 @@ def harmonics_figure(
     parts: Sequence[tuple[RoundnessResult, bool]],
 ) -> Markup:
     """Return the bars of some orders; `parts` are results, each with whether it is the product."""
-    largest = max((each.amplitude_um(n) for each, _ in parts for n in orders), default=0.0)
+    largest = max((2.0 * each.amplitude_um(n) for each, _ in parts for n in orders), default=0.0)
     decades = max(2, math.ceil(math.log10(max(largest, LEAST_UM) / LEAST_UM)))
     axes = Axes(x_range=(orders[0] - 0.7, orders[-1] + 0.7), y_range=(0.0, float(decades)))
     drawn = frame(axes, names, [float(n) for n in orders], ())
@@ -306,7 +301,7 @@ def harmonics_figure(
     wide = axes.width / (len(orders) + 0.4) * 0.8 / max(len(parts), 1)
     for place, (result, product) in enumerate(parts):
         for n in orders:
-            height = math.log10(max(result.amplitude_um(n), LEAST_UM) / LEAST_UM)
+            height = math.log10(max(2.0 * result.amplitude_um(n), LEAST_UM) / LEAST_UM)
             (x, y), (_, foot) = axes.at(float(n), height), axes.at(float(n), 0.0)
             left = x + wide * (place - 0.5 * len(parts))
             drawn.append(_bar(left, y, wide - 1.0, foot - y, product=product))
@@ -337,18 +332,18 @@ def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
     parts = [(found.result, part.recorded.product) for _, part, found in pair]
     jaws = 0 if run.job is None else run.job.jaws
     caption = text("report.harmonics_caption")
-    names = (text("report.harmonics_axis"), text("report.amplitude_axis"))
+    names = (text("report.harmonics_axis"), text("report.pp_axis"))
     drawing = harmonics_figure("harmonics", text("report.harmonics"), caption, names, orders, parts)
     last = pair[-1][2]
     head = [
         text("report.order"),
-        *(text("report.amplitude_of", part=text(f"report.{word}")) for word, _, _ in pair),
+        *(text("report.pp_of", part=text(f"report.{word}")) for word, _, _ in pair),
         text("report.past_jaw" if last.jaw_1_deg is not None else "report.phase"),
     ]
     rows = [
         [
             f"{n} ◂" if jaws and n % jaws == 0 else str(n),
-            *(number(found.result.amplitude_um(n), 3) for _, _, found in pair),
+            *(number(2.0 * found.result.amplitude_um(n), 3) for _, _, found in pair),
             _phase(last, n),
         ]
         for n in orders

@@ -9,6 +9,7 @@ UM_DIGITS, MM_DIGITS, DEG_DIGITS = 3, 4, 2
 """Digits behind the point: of roundness in um, of diameters in mm, of angles in deg."""
 
 MOST_DIGITS = 12
+MOST_TYPED = 9  # signs of a number that somebody types
 NOTHING = "–"
 
 
@@ -42,8 +43,11 @@ def deg(value: object) -> str:
 
 
 def exact(value: float, unit: str = "") -> str:
-    """Return a number as it was typed, with its unit."""
-    return f"{value:.12g}{'' if unit in ('', '°') else ' '}{unit}"
+    """Return a number as it was typed, with its unit; one that was computed has more digits, and is rounded."""
+    shown = f"{value:.12g}"
+    if len(shown) > MOST_TYPED:
+        shown = f"{value:.4g}" if abs(value) < 1.0 else f"{value:.4f}"
+    return f"{shown}{'' if unit in ('', '°') else ' '}{unit}"
 
 
 def against_limit(value: float, limit: float) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from console.report.markup import Markup, facts_table, joined, listed, paragraph
 from console.report.quantities import deg, exact, mm, with_unit
 from console.report.reported_run import ReportedRun
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import stage_words
 from profiles.job import JOB_FIELDS, NO_LOBE, Job
 
 PART = ("material", "diameter_mm", "wall_thickness_mm", "overhang_mm", "jaws")
@@ -119,7 +120,7 @@ def sent(run: ReportedRun, text: Catalogue) -> Markup:
     """Return how the program was made, and what it is known by."""
     story, row = run.story, run.story.row
     version = row.compensation
-    stage = text("report.not_recorded") if row.stage is None else text(f"stage.{row.stage}")
+    stage = text("report.not_recorded") if row.stage is None else stage_words(row.strategy, row.stage, text)
     if version is None:
         learned = text("report.not_recorded")
     elif version == "none":
@@ -142,7 +143,7 @@ def sent(run: ReportedRun, text: Catalogue) -> Markup:
     return section(
         "sent",
         text("report.sent"),
-        facts_table(text("report.sent_table"), rows),
+        facts_table(text("report.sent_table"), [row for row in rows if row[1]]),
         paragraph(text("report.first_program")) if several else None,
     )
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
@@ -11,11 +10,11 @@ from typing import Any
 from console.report.quantities import against_limit, mm, um
 from console.report.reported_run import ReportedRun
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.data.run_reader import Ending, How
+from console.session.data.run_reader import How, RunStory
 from console.session.data.run_rows import FAILED_HOW
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
-from profiles.problem import Problem
+from console.text.recorded_words import reason_words
 
 
 class Judgement(StrEnum):
@@ -28,10 +27,6 @@ class Judgement(StrEnum):
 
 
 FIGURES = ("roundness", "size")
-LEFT_OPEN = "…"
-CODE = re.compile(r"[a-z]+\.[a-z0-9_]+")
-"""Code of a problem."""
-
 SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", Judgement.OPEN: "–"}
 
 
@@ -51,9 +46,9 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     if row.damaged or run.story.damaged or contradiction:
         return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
     if row.ended.how in FAILED_HOW:
-        return Verdict(judgement=Judgement.BAD, reasons=(ending_words(row.ended, text), *judged))
+        return Verdict(judgement=Judgement.BAD, reasons=(ending_words(run.story, text), *judged))
     if row.ended.how in (How.OPEN, How.NOT_STARTED):
-        return Verdict(judgement=Judgement.OPEN, reasons=(ending_words(row.ended, text), *judged))
+        return Verdict(judgement=Judgement.OPEN, reasons=(ending_words(run.story, text), *judged))
     if product is None:
         why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
@@ -94,27 +89,16 @@ def _tool(found: Mapping[str, Any], text: Catalogue) -> Iterator[str]:
                 yield text(f"report.why.tool_{name}", value=um(off_um), limit=um(limit_um))
 
 
-def ending_words(ending: Ending, text: Catalogue) -> str:
+def ending_words(story: RunStory, text: Catalogue) -> str:
     """Return how a run ended: after how many turns, for which reason, by whom."""
+    ending = story.row.ended
     words = [text(f"report.ended.{ending.how}")]
     if ending.turn is not None:
         words.append(text("report.ended_after", turns=f"{ending.turn:.1f}"))
     if ending.by:
         words.append(text("report.ended_by", name=ending.by))
     if ending.reason:
-        words.append(text("report.ended_for", reason=_reason(ending.reason, text)))
+        words.append(
+            text("report.ended_for", reason=reason_words(ending, text, [each.problem for each in story.alarms]))
+        )
     return "; ".join(words) + "."
-
-
-def _reason(reason: str, text: Catalogue) -> str:
-    """Return a reason in words: the name of a stop, codes of problems with commas, or a sentence as it is."""
-    words = reason.split(", ")
-    if all(CODE.fullmatch(word) for word in words):
-        return "; ".join(code_words(word, text) for word in words)
-    return text.reason(reason)
-
-
-def code_words(code: str, text: Catalogue) -> str:
-    """Return the sentence of a problem of which only the code was recorded: its facts are left open."""
-    said = text.problem(Problem(code=code, key=LEFT_OPEN, value=LEFT_OPEN, limit=LEFT_OPEN))
-    return code if said.startswith(code) else f"{said} ({code})"

@@ -71,10 +71,10 @@ def fingerprint_fields(found: Fingerprint, lobes: int) -> dict[str, object]:
 
 def deflection_lines(shown: Deflection, text: Catalogue) -> list[str]:
     """Return the table of a deflection: each order with its 95 % limit, and the noise."""
-    head = tuple(text(f"fingerprint.{each}") for each in ("order", "amplitude", "limit", "phase"))
+    head = tuple(text(f"fingerprint.{each}") for each in ("order", "pp", "limit", "phase"))
     rows = [
-        (str(wave.lobes), f"{wave.amplitude_um:.2f} um", f"± {limit_um:.2f}", f"{wave.phase_deg:.1f} deg")
-        for wave, limit_um in _waves(shown)
+        (str(wave.lobes), f"{2.0 * wave.amplitude_um:.2f} um", f"± {2.0 * um:.2f}", f"{wave.phase_deg:.1f} deg")
+        for wave, um in _waves(shown)
     ]
     noise = f"{text('fingerprint.reading')}: {shown.reading_sd_um:.2f} um"
     return [text("fingerprint.head"), *table([head, *rows], numeric=(0, 1, 2, 3)), noise]

@@ -6,6 +6,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import alarm_words
 
 if TYPE_CHECKING:
     from console.session.practice.practice import Practice
@@ -45,7 +46,9 @@ def event_words(practice: Practice, text: Catalogue) -> str:
         return text("replay.reason.stop", value=text.reason(key))
     if event.reason in ("killed", "crash"):
         return text(f"replay.reason.{event.reason}")
-    return text("replay.reason.alarm" if "." in event.reason else "replay.reason.signal", value=event.reason)
+    if "." in event.reason:
+        return text("replay.reason.alarm", value=alarm_words(event.reason, text))
+    return text("replay.reason.signal", value=event.reason)
 
 
 def where_words(practice: Practice, text: Catalogue) -> str:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
+from console.text.recorded_words import order_words
 from profiles.files import printable
 
 if TYPE_CHECKING:
@@ -42,7 +43,8 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
         allowed = text.units.short(limit, "um")
         key = "debrief.run.not_round" if debrief.fails_round else "debrief.run.round"
         over = text.units.figure(part.ront_um - limit, "um", 2)
-        rows.append(text(key, value=value, limit=allowed, over=over))
+        likely = text("cause.title") if debrief.causes else ""
+        rows.append(f"{text(key, value=value, limit=allowed, over=over)} {likely}".rstrip())
     rows += [cause_words(cause, text) for cause in debrief.causes]
     if debrief.off_um is not None and part.diameter_tolerance_um is not None:
         off, most = (
@@ -71,7 +73,7 @@ def _event_words(event: RunEvent, text: Catalogue) -> str:
     data = event.data
     match event.kind:
         case "command":
-            return text(f"report.command.{data.get('command', '')}")
+            return order_words(str(data.get("command", "")), text)
         case "stopped":
             words = text("debrief.what.stop", words=text.reason(str(data.get("reason", ""))))
         case "collision":

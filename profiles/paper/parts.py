@@ -128,12 +128,17 @@ def section(paper: Experiments) -> Section:
 def _path(paper: Experiments) -> tuple[Record, ...]:
     first, second = paper.jobs
     deepest = compensated_depth_um(_TURN_DEG, a0_um=100.0, a1_um=27.5)
+    per_mm, of = paper.machine.tool.counts_per_mm, partial(_put_in, unit="cts")
     return (
         _put_in("eq4.speed", spindle_speed_rpm(50.0, 3), "rpm", expected=1000.0),
         _put_in("eq7.amplitude", first.lobe_amplitude_um, "um", expected=27.5, at="1"),
         _put_in("eq7.amplitude", second.lobe_amplitude_um, "um", expected=16.5, at="2"),
         _put_in("eq11.deepest", float(deepest.max()), "um", expected=127.5),
-        _put_in("prog1.counts", first.lobe_error_um_pp / paper.machine.tool.count_um, "cts", expected=275.0),
+        of("prog1.depth", first.depth_of_cut_mm * per_mm, at="1", expected=500.0),
+        of("prog1.depth", second.depth_of_cut_mm * per_mm, at="2", expected=300.0),
+        of("prog1.counts", paper.errors_um_pp[0] / 1000 * per_mm, at="1", expected=275.0),
+        of("prog1.counts", paper.errors_um_pp[1] / 1000 * per_mm, at="2", expected=165.0),
+        of("prog1.sixth", paper.machine.spindle.counts_per_rev / (2 * first.jaws), expected=10_000 / 6),
     )
 
 

@@ -22,16 +22,18 @@ class Relation(StrEnum):
 class Basis(StrEnum):
     """The significance of a comparison.
 
-    One that holds by `CONSTRUCTION` follows from the model itself, whatever its assumptions: a formula of the
-    paper put in and taken out, or a trend that the model has for any value. One that is `FITTED` uses the
-    numbers that the model was fitted to. One of a `RIVAL` explanation stands beside others of the same result, of
-    which one at most is true: that it holds is no success of the model. None of these is evidence about the
-    paper, and each kind is counted separately.
+    One that is `COMPUTED` has other inputs than the number itself, and may miss it. One that holds by
+    `CONSTRUCTION` follows from the model itself, whatever its assumptions: a number of the paper put in and taken
+    out, or a trend that the model has for any value. One that is `FITTED` uses the numbers that the model was
+    fitted to. One of a `READING` rests on what an ambiguous figure of the paper is taken to mean. One of a `RIVAL`
+    explanation stands beside others of the same result, of which one at most is true: that it holds is no success
+    of the model. Only the first kind is evidence about the paper; the others are counted separately.
     """
 
     COMPUTED = "computed"
     CONSTRUCTION = "by construction"
     FITTED = "fitted"
+    READING = "reading"
     RIVAL = "rival"
 
 

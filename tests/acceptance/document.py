@@ -21,7 +21,7 @@ DOCUMENT = Path(__file__).parents[2] / "docs" / "paper.md"
 BLOCK = re.compile(r"^<!-- (?P<name>[\w. ]+) -->\n(?P<body>.*?)<!-- end -->$", re.DOTALL | re.MULTILINE)
 NUMBER = re.compile(r"[+-]?\d+(?:\.\d+)?(?:e[+-]\d+)?")
 TEXT = load("en")
-SHARE, FLOOR = 0.05, 0.02
+SHARE, FLOOR = 0.05, 0.005
 
 
 def blocks() -> dict[str, str]:

@@ -10,7 +10,7 @@ from functools import cache
 
 import pytest
 
-from console.cli.measured.comparison import ACCEPTANCE, head, title
+from console.cli.measured.comparison import ACCEPTANCE, counted, head, title
 from console.tui.plot.paper_figures import figure_lines
 from profiles.paper.experiments import lee_2001
 from profiles.paper.record import Section
@@ -39,12 +39,13 @@ def computed() -> dict[str, Section]:
 
 def test_the_tables_and_the_figures_are_what_comes_out_and_no_block_is_left_that_nobody_computes() -> None:
     known = {f"table {name}" for name in SECTIONS} | {f"number {number}" for number in range(1, 13)}
-    known |= {f"figure {name}" for name in FIGURES}
+    known |= {f"figure {name}" for name in FIGURES} | {"counted"}
     assert set(blocks()) == known
     assert {figure.name for section in computed().values() for figure in section.figures} == set(FIGURES)
     assert set(computed()) == {*SECTIONS, ACCEPTANCE}
     failed = []
-    for name, lines in (*tables(), *figures()):
+    counts = ("counted", [counted([*computed().values()], TEXT) + "."])
+    for name, lines in (counts, *tables(), *figures()):
         try:
             compare_block(name, lines)
         except (AssertionError, pytest.fail.Exception) as difference:

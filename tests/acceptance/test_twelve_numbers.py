@@ -8,7 +8,6 @@ paper's; it stands in the records with its tolerance. Those of the lathe are rea
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from functools import cache
 
 import pytest
@@ -19,7 +18,6 @@ from profiles.paper import acceptance
 from profiles.paper.experiments import Experiments, lee_2001
 from profiles.paper.record import Record, Relation, Section
 from tests.acceptance.document import TEXT, compare_block, table_lines
-from tests.compact import close_together
 
 pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 
@@ -77,21 +75,12 @@ def paper() -> Experiments:
 
 
 @cache
-def close_by() -> Experiments:
-    """The same on a lathe with everything close together."""
-    return replace(paper(), machine=close_together(paper().machine))
-
-
-@cache
 def by_formula() -> Section:
     return acceptance.section(paper())
 
 
 BY_BOTH = 5
 """The number that has formulas beside its cuts."""
-
-OF_THE_PATH = {6, 7, 8}
-"""Those that do not mind how the tool came to the part; what the way needed stays in the slow integrator."""
 
 
 def test_the_numbers_of_formulas_come_out() -> None:
@@ -104,7 +93,7 @@ def test_the_numbers_of_formulas_come_out() -> None:
 @pytest.mark.parametrize("number", NUMBERS)
 def test_the_number_comes_out(number: int) -> None:
     formulas = by_formula().records if number == BY_BOTH else ()
-    cut = NUMBERS[number](close_by() if number in OF_THE_PATH else paper())
+    cut = NUMBERS[number](paper())  # on the lathe of the command: how the tool came stays in its slow integrator
     comes_out(number, [*(each for each in formulas if each.number == number), *cut])
 
 

@@ -210,3 +210,15 @@ def test_every_sentence_that_the_console_says_is_there() -> None:
                 if key not in entries or (not open_ended and not asked <= given | METRIC.names.keys()):
                     faults.append(f"{path.relative_to(ROOT)}: {key} with {sorted(given)} in {language}")
     assert faults == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_height_of_a_harmonic_of_a_part_is_peak_to_peak(language: str) -> None:
+    """Everywhere alike: an amplitude in one place and its double in another are taken for two findings."""
+    half = {"en": "amplitude", "ko": "진폭"}[language]
+    families = tuple("run. roundness. records report. inspect_page. learn calibrate. fingerprint. cause.".split())
+    families += tuple("debrief. certificate. predict.pp v_block. study.".split())
+    said = {key: str(each) for key, each in catalogue(language).items() if key.startswith(families)}
+    assert [key for key, each in said.items() if half in each.lower()] == []
+    for key in ("run.harmonic", "roundness.pp", "report.pp_axis", "calibrate.column.pp", "fingerprint.pp"):
+        assert "p-p" in said[key], key

@@ -1,6 +1,8 @@
 """The lock file pins everything by hash and names no server."""
 
+import ast
 import re
+import sys
 import tomllib
 from pathlib import Path
 
@@ -48,3 +50,35 @@ def test_every_direct_dependency_is_locked() -> None:
     extras = [item for items in project["optional-dependencies"].values() for item in items]
     target = {normal(item) for item in (*project["dependencies"], *extras)}
     assert sorted(target - set(requirements())) == []
+
+
+def test_the_compiled_build_brings_the_packages_whose_types_it_reads() -> None:
+    """mypyc checks the types of each module that a compiled one imports, in an environment of its own."""
+    tool = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]
+    hook = tool["hatch"]["build"]["targets"]["wheel"]["hooks"]["custom"]
+    untyped = {name.split(".")[0] for each in tool["mypy"]["overrides"] for name in each["module"]}
+    found: set[str] = set()
+    seen, asked = set(), [ROOT / each for each in hook["modules"]]
+    while asked:
+        path = asked.pop()
+        if path in seen:
+            continue
+        seen.add(path)
+        for name in imported(path):
+            place = ROOT.joinpath(*name.split("."))
+            asked += [each for each in (place.with_suffix(".py"), place / "__init__.py") if each.is_file()]
+            found.add(name.split(".")[0])
+    foreign = found - sys.stdlib_module_names - {"console", "drivers", "profiles"} - untyped
+    assert foreign, "the trajectories are computed with numpy"
+    assert sorted(foreign - {normal(each) for each in hook["dependencies"]}) == []
+
+
+def imported(path: Path) -> set[str]:
+    """Each module that a file imports, and each name of it, which may be a module."""
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            names |= {each.name for each in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            names |= {node.module, *(f"{node.module}.{each.name}" for each in node.names)}
+    return names

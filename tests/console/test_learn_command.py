@@ -14,9 +14,14 @@ import pytest
 from console.cli.commands import build
 from console.cli.machine.run_cut import learn_hint, tell_cut_with
 from console.cli.machine.run_request import requested
+from console.session.data.learned_store import asked_for, store
 from console.session.data.made_parts import MadeWith, made_with
 from console.session.errors import SessionError
+from console.session.stages import nominal_path
 from console.text.catalogue import load
+from drivers.cutting.strategy import Strategy
+from profiles.compensations.learned import model_again
+from profiles.store import load_job, load_machine
 from tests.signed_profile import signed_copy
 from tests.system.lathe_sites import compact_text
 
@@ -270,3 +275,24 @@ def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_re
     assert abs(second["push_um"]) < 0.3 * first["push_um"]
     before, after = (abs(each["tool"]["mean_um"]) for each in (first, second))
     assert before > 8.0 and after < 0.3 * before, "3 N or less on 10.9 um/N"
+
+
+@pytest.mark.parametrize(
+    ("simulated", "there", "said"), [(True, (), "add --sim"), (False, ("--sim",), "leave out --sim")]
+)
+def test_versions_for_the_other_kind_of_lathe_are_told(
+    console: Console, data_folder: Path, simulated: bool, there: tuple[str, ...], said: str
+) -> None:
+    name = "lee-2001-experiment-1"
+    job, machine = load_job(name), load_machine("lee-2001-lathe")
+    asked = asked_for(job, machine, "cam", simulated=simulated)
+    path = nominal_path(job.job, machine.machine, Strategy.CAM)
+    for number in (1, 2):
+        store(data_folder / "trilobe", model_again(asked, path, number, "2026-01-02T03:04:05.000Z"))
+    listed = console("learn", "--job", name, "--list", *there)
+    assert listed.code == 0 and "nothing learned yet" in listed.out
+    assert said in listed.out and ": 2" in listed.out
+    back = console("learn", "--job", name, "--revert", "1", *there)
+    assert back.code != 0 and said in back.err
+    same = console("learn", "--job", name, "--list", *(() if there else ("--sim",)))
+    assert "nothing learned yet" not in same.out and said not in same.out

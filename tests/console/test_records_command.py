@@ -55,8 +55,8 @@ def kept(tmp_path: Path) -> Path:
 
 def test_each_run_is_listed_with_its_result_and_what_is_simulated_says_so(console: Console, kept: Path) -> None:
     said_of = {
-        "en": ("NOT within 5", "stopped (turn 12.3) space kim"),
-        "ko": ("초과", "정지 (12.3 회전) space kim"),
+        "en": ("NOT within 5", "stopped (turn 12.3): Space, kim"),
+        "ko": ("초과", "정지 (12.3 회전): 스페이스, kim"),
     }
     for lang, words in said_of.items():
         said = console("records", "list", "--data", str(kept), "--lang", lang)

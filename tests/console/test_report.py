@@ -18,12 +18,11 @@ import pytest
 
 from console.__main__ import main
 from console.report.page import report_page
-from console.report.quantities import against_limit
+from console.report.quantities import against_limit, exact
 from console.report.reported_run import ReportedRun, reported_run
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
 from console.session.stages import Stage
-from console.session.station.commands import Command
 from console.text.catalogue import LANGUAGES, load
 from profiles.trace_files.header import header_of
 from tests.console.reported_runs import (
@@ -172,9 +171,9 @@ def test_figures_are_those_of_the_part(tmp_path: Path) -> None:
     run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(10.0, 3.0)})
     page = page_of(tmp_path, run, zone=timezone(timedelta(hours=9)))
     said = words(page)
-    amplitude, before = f"{10.0 * PASSED_3:.3f}", f"{27.0 * PASSED_3:.3f}"
+    um_pp, before = f"{20.0 * PASSED_3:.3f}", f"{54.0 * PASSED_3:.3f}"
     assert f"RONt LSC {2.0 * 27.0 * PASSED_3:.3f} {2.0 * 10.0 * PASSED_3:.3f}" in said
-    assert f"3 ◂ {before} {amplitude} 0.00" in said  # the first maximum is at jaw 1
+    assert f"3 ◂ {before} {um_pp} 0.00" in said  # the first maximum is at jaw 1
     assert "Mean diameter 51.8060 mm (least squares circle), nominal 51.8000 mm, difference +6.0 µm" in said
     assert "UTC+09:00" in said and run in said and "kim" in said
     assert "chucking force, total 1314 N (assumed)" in said and "roundness tolerance 5 µm RONt" in said
@@ -317,13 +316,19 @@ def test_the_run_chart_has_the_parts_up_to_this_one(tmp_path: Path) -> None:
     assert "Run chart" not in words(page_of(tmp_path, runs[0]))
 
 
-def test_every_action_of_an_operator_has_words_in_both_languages() -> None:
-    actions = [each.__name__ for each in Command.__subclasses__()]
-    assert len(actions) > 15
-    for language in LANGUAGES:
-        text = load(language)
-        missing = [name for name in actions if text(f"report.command.{name}").startswith("report.")]
-        assert missing == []
+@pytest.mark.parametrize(
+    ("value", "shown"),
+    [
+        (0.931476016162, "0.9315 µm"),
+        (55.0, "55 µm"),
+        (0.125, "0.125 µm"),
+        (51.80012, "51.80012 µm"),
+        (1234.56789012345, "1234.5679 µm"),
+        (0.0000123456789, "1.235e-05 µm"),
+    ],
+)
+def test_a_value_is_shown_as_typed_and_rounded_if_nobody_types_so_many_digits(value: float, shown: str) -> None:
+    assert exact(value, "µm") == shown
 
 
 def test_the_command_writes_the_newest_run_once_and_says_which(

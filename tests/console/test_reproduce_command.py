@@ -65,9 +65,11 @@ def test_what_tells_nothing_of_the_paper_is_marked_and_counted_apart(console_wit
     assert rows["Table 5: amplitude error, 50 Hz, fitted loop"] == "(✓)"
     assert rows["Table 5: phase error, 10 Hz, fitted loop"] == "(✗)"
     counted = next(line for line in said.splitlines() if "Counted separately" in line)
-    # The rows of docs/paper.md, counted: 7 ✓ of 38 that could have come out otherwise, 21 ≡, and in brackets 8 of
-    # Table 5 and, for two parts, ten explanations of Fig 16.
-    assert [int(word) for word in counted.replace(".", " ").split() if word.isdigit()] == [7, 38, 21, 8, 20]
+    assert rows["Fig 11: bandwidth, as the controller samples it"] == "(✓)"
+    assert rows["Table 5: amplitude error, 50 Hz, Eq 9"] == "(✗)"
+    # The rows of docs/paper.md, counted: 2 ✓ of 32 that could have come out otherwise, 29 ≡, and in brackets 8 of
+    # Table 5, 4 by a reading of it, two explanations of Fig 11 and, for two parts, ten explanations of Fig 16.
+    assert [int(word) for word in counted.replace(".", " ").split() if word.isdigit()] == [2, 32, 29, 8, 4, 22]
     found = console_without_numerics("reproduce", "--quick", "--json").json
     by_name = {record["name"]: record for section in found["sections"] for record in section["records"]}
     assert by_name["eq4.speed"]["basis"] == "by construction"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -55,7 +55,13 @@ def turned(late_deg: float = LATE_DEG) -> Trace:
 
 
 def recorded(
-    data: Path, trace: Trace | None, *, tell: Callable[[RunRecord], None] = lambda _: None, **changes: Any
+    data: Path,
+    trace: Trace | None,
+    *,
+    tell: Callable[[RunRecord], None] = lambda _: None,
+    made: MadeWith = MADE,
+    more: Mapping[str, object] | None = None,
+    **changes: Any,
 ) -> RunStory:
     """A run of that job, as the console records one."""
     run = RunRecord(data, described(JOB, **changes))
@@ -66,9 +72,9 @@ def recorded(
     run.log.end_cut()
     tell(run)
     if trace is not None:
-        run.add("cut", {"turn": 160.0, **MADE.event(), **tool_event(0j, 0.0)})
-        more = {"jaw_1_deg": JOB.jaw_1_deg, "phase_known": True}
-        part = part_record(JOB, roundness_of(trace), trace, Stage(changes.get("stage", "full")), more=more)
+        run.add("cut", {"turn": 160.0, **made.event(), **tool_event(0j, 0.0)})
+        told = {"jaw_1_deg": JOB.jaw_1_deg, "phase_known": True, **(more or {})}
+        part = part_record(JOB, roundness_of(trace), trace, Stage(changes.get("stage", "full")), more=told)
         run.add("measured", {"ront_um": part.ront_um}, part)
     run.close()
     return story(data, run.run_id)

@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from rich.cells import cell_len
 
@@ -24,8 +25,9 @@ from console.tui.gate import FieldKind
 from console.tui.records import beside, listing, reading
 from console.tui.records.job_chart import Figure, JobChart, JobParts, job_chart
 from profiles.store import load_job
+from tests.tui import records_stage
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, play_on
-from tests.tui.records_stage import RecordsScene, run
+from tests.tui.records_stage import RecordsScene, run, telemetry
 from tests.tui.stage import LANGUAGES, experiment
 
 RING = "고리-60"
@@ -135,6 +137,30 @@ def test_a_run_is_shown_as_it_was(shop: Path) -> None:
         assert len(rows_of(page)) == 4
 
     played(scene, shop)
+
+
+def test_the_tool_error_is_drawn_on_the_scale_of_the_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On its way to the part and back the tool is 2 mm from its path: as seen beside that, a cut is a line."""
+    in_part = telemetry()
+
+    def whole_way(_: object = None) -> Any:
+        far = in_part[:3].copy()
+        far[:, 2], far[:, 3], far[:, 4] = -0.5, 0.0, -2000.0
+        back = in_part[-3:].copy()
+        back[:, 2], back[:, 4] = in_part[-1, 2], -2000.0
+        rows = np.vstack([far, in_part, back])
+        rows[:, 0] = np.arange(len(rows)) / 10.0
+        return rows
+
+    monkeypatch.setattr(records_stage, "telemetry", whole_way)
+    run(tmp_path, 1.3)
+
+    async def scene(page: RecordsScene) -> None:
+        await page.act(*keys("open", "cut"))
+        scales = re.findall(r"-?[0-9.]+(?=┤| um)", page.text)
+        assert scales[:3] == ["1", "0", "-1"], scales
+
+    played(scene, tmp_path)
 
 
 def test_a_job_whose_file_has_changed_since_is_told(shop: Path, tmp_path: Path) -> None:

@@ -12,6 +12,7 @@ from console.session.flight.notes import Kind
 from console.session.flight.playback import Event, Happened, events_of
 from console.session.flight.recording import Header, Recording, read_header
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import alarm_words
 from profiles.problem import Problem, ProblemError
 
 LONGEST_REPLY = 90  # characters of the lines of one reply that are put into one
@@ -157,5 +158,6 @@ def _reason(reason: str, text: Catalogue) -> str:
         return text("replay.reason.stop", value=text.reason(key))
     if reason in ("killed", "crash"):
         return text(f"replay.reason.{reason}")
-    word = "alarm" if "." in reason else "signal"
-    return text(f"replay.reason.{word}", value=reason)
+    if "." in reason:
+        return text("replay.reason.alarm", value=alarm_words(reason, text))
+    return text("replay.reason.signal", value=reason)

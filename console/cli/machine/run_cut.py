@@ -26,6 +26,7 @@ from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
+from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.run_alarms import RunAlarms
@@ -47,6 +48,7 @@ from console.text.columns import table
 from console.text.cut_verdict import verdict_words
 from console.text.fingerprint import clamped_fields, fingerprint_line
 from console.text.force import force_words
+from console.text.recorded_words import plain_cut_words
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
 from drivers.simulator.plant.which_lathe import LATHE
@@ -176,7 +178,7 @@ def _own(result: LearnResult, text: Catalogue) -> list[str]:
         heights = {"left": each.on_part_um, "tool": each.tool_off_um, "rest": each.left_um}
         words = {name: f"{2.0 * (um or 0.0):.2f}" for name, um in heights.items()}
         key = "learn.varies" if each.standing is Standing.VARIES else "learn.of_blank"
-        limit = text("learn.trim_limit", most=f"{TRIM_LIMIT_UM:g}") if each.order in short else ""
+        limit = text("learn.trim_limit", most=f"{2.0 * TRIM_LIMIT_UM:g}") if each.order in short else ""
         lines.append(text(key, n=each.order, part=number, **words) + limit)
     return lines
 
@@ -224,7 +226,7 @@ def _parts(result: RunResult, text: Catalogue) -> list[str]:
         return []
     jaws, first = result.plan.job.jaws, next(iter(measured.values()))
     circle = f"RONt ({first.reference_circle}, {first.filter_upr:g} UPR, {text(f'state.{first.state}')})"
-    lobes = [f"{part.amplitude_um(jaws):.2f}" for part in measured.values()]
+    lobes = [f"{2.0 * part.amplitude_um(jaws):.2f}" for part in measured.values()]
     rows = [
         ("", *(text(f"part.{name}") for name in measured), ""),
         (circle, *(f"{part.ront_um:.2f}" for part in measured.values()), "um"),
@@ -244,7 +246,7 @@ def _series(result: LearnResult, text: Catalogue) -> list[str]:
                 f"{text('part.part')} {number}",
                 *_figures(part.roundness, lobes),
                 " ".join(f"{error_um:.2f}" for error_um in part.air_um),
-                f"{abs(part.trim_um):.2f}",
+                f"{2.0 * abs(part.trim_um):.2f}",
                 "um",
                 " ".join(f"{each.order}/rev" for each in part.grown),
             )
@@ -256,7 +258,7 @@ def _series(result: LearnResult, text: Catalogue) -> list[str]:
 
 
 def _figures(roundness: RoundnessResult, lobes: int) -> tuple[str, str]:
-    return f"{roundness.ront_um:.2f}", f"{roundness.amplitude_um(lobes):.2f}"
+    return f"{roundness.ront_um:.2f}", f"{2.0 * roundness.amplitude_um(lobes):.2f}"
 
 
 def cut_requested(
@@ -362,7 +364,8 @@ def tell_cut_with(options: Namespace, request: RunRequest, text: Catalogue) -> N
         return
     plan = request.plan
     which = "run.cut_with_none" if plan.compensation is None else "run.cut_with"
-    lines = [text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)]
+    made = text(which, version=plan.compensation, stage=text(f"stage.{plan.stage}"), strategy=plan.cut.strategy)
+    lines = [plain_cut_words(plan.cut.strategy, plan.stage, text) or made]
     if not request.address:
         lines.append(force_line(request.job.job, request.machine.machine, text))
     if request.lathe_parts is not None and request.lathe_parts.parts:
@@ -466,8 +469,8 @@ def add_end(record: RunRecord, error: BaseException) -> None:
     problems = list(error.problems) if isinstance(error, ProblemError) else []
     cause = error.__cause__
     if isinstance(cause, NotAsPlannedError):
-        reasons = [problem.code for problem in cause.problems]
-        record.add("ended_early", {"turns": cause.turns, "reasons": reasons, "cut_verdict": cause.judgement})
+        why = problem_events(cause.problems)
+        record.add("ended_early", {"turns": cause.turns, **why, "cut_verdict": cause.judgement})
     said: dict[str, object] = {"reason": str(error) or type(error).__name__}
     if isinstance(error, KeyboardInterrupt):
         said |= {"stopped": True, "by": operator_name()}

@@ -57,13 +57,13 @@ def _end(written: LoadedJob | None, kept: Path | None, asked: bool, text: Catalo
 
 def _lines(found: FoundLobe, text: Catalogue) -> list[str]:
     fit = found.fit
-    columns = ("n", "amplitude", "confidence", "phase", "confidence", "significant")
+    columns = ("n", "pp", "confidence", "phase", "confidence", "significant")
     harmonics = [tuple(text(f"calibrate.column.{name}") for name in columns)]
     harmonics += [
         (
             str(each.n),
-            f"{each.amplitude_um:.3f} um",
-            f"{each.ci_um:.3f}",
+            f"{2.0 * each.amplitude_um:.3f} um",
+            f"{2.0 * each.ci_um:.3f}",
             f"{each.phase_deg:.2f} deg",
             f"{each.ci_deg:.2f}",
             text("calibrate.yes" if each.significant else "calibrate.no"),

@@ -104,7 +104,7 @@ def _lines(found: Sequence[Section], held: dict[int, bool], text: Catalogue, dra
             for figure in section.figures:
                 lines += ["", title(figure, text), *draw(figure)]
     missing = [str(number) for number in range(1, 13) if number not in held]
-    lines += ["", _counted(found, text), text("reproduce.marks")]
+    lines += ["", counted(found, text), text("reproduce.marks")]
     lines += [text("reproduce.held", held=sum(held.values()), all=len(held))]
     return [*lines, text("reproduce.left_out", numbers=", ".join(missing))] if missing else lines
 
@@ -162,16 +162,16 @@ def _reason(record: Record, text: Catalogue) -> str:
 
 
 def _mark(record: Record) -> str:
-    """Return the mark of a comparison's verdict; one that is fitted, or one of rivals, is in brackets."""
+    """Return the mark of a verdict; in brackets if it is fitted, rests on a reading, or is one of rivals."""
     if record.holds is None:
         return ""
     mark = YES if record.holds else NO
-    if record.basis in (Basis.FITTED, Basis.RIVAL):
+    if record.basis in (Basis.FITTED, Basis.READING, Basis.RIVAL):
         return f"({mark})"
     return BY_CONSTRUCTION if record.holds and record.basis is Basis.CONSTRUCTION else mark
 
 
-def _counted(sections: Sequence[Section], text: Catalogue) -> str:
+def counted(sections: Sequence[Section], text: Catalogue) -> str:
     """Return how many comparisons with the paper agree; inconclusive ones are counted apart."""
     judged = [r for s in sections if s.name != ACCEPTANCE for r in s.records if r.holds is not None]
     own = [record.holds for record in judged if record.basis is Basis.COMPUTED]
@@ -181,6 +181,7 @@ def _counted(sections: Sequence[Section], text: Catalogue) -> str:
         all=len(own),
         construction=sum(record.basis is Basis.CONSTRUCTION for record in judged),
         fitted=sum(record.basis is Basis.FITTED for record in judged),
+        reading=sum(record.basis is Basis.READING for record in judged),
         rival=sum(record.basis is Basis.RIVAL for record in judged),
     )
 

@@ -15,7 +15,7 @@ from console.cli.library import data_of, named, naming
 from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
-from console.session.data.learned_store import asked_for, store, versions
+from console.session.data.learned_store import asked_for, elsewhere_problems, store, versions
 from console.session.data.made_parts import KEYS
 from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
@@ -103,14 +103,20 @@ def list_or_revert(options: Namespace, job: LoadedJob, machine: CalibratedMachin
     """
     _refuse_unused(options)
     data, asked = data_of(options), asked_for(job, machine, "", simulated=options.sim)
+    known = versions(data, asked)
+    other = () if known else elsewhere_problems(data, asked)
     if options.list:
-        known = versions(data, asked)
         show(
             options,
-            lambda: {"versions": [_version_fields(each, asked) for each in known]},
-            lambda: _version_lines(known, asked, text),
+            lambda: {
+                "versions": [_version_fields(each, asked) for each in known],
+                "elsewhere": [each.code for each in other],
+            },
+            lambda: [*_version_lines(known, asked, text), *map(text.problem, other)],
         )
         return
+    if other:
+        raise SessionError(*other)
     back = reverted(options.revert, job, machine, data, simulated=options.sim, date=utc_now())
     kept = store(data, back) if options.keep else None
     head = text("learned.reverts", version=back.version, older=back.reverts, strategy=back.holds_for.strategy)

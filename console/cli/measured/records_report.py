@@ -24,12 +24,11 @@ from console.session.data.run_reader import (
     story,
 )
 from console.session.data.run_story import POLLED
-from console.session.stages import Stage
-from console.session.station.commands import Command
 from console.session.versioning.cut_from import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from console.text.cut_verdict import verdict_words
+from console.text.recorded_words import command_words, reason_words, stage_words, strategy_words
 from profiles.axis.response import Source
 from profiles.files import printable
 
@@ -80,8 +79,9 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
     """
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], _local(row.started), *sim, row.job])
-    facts = [_result(row, text), _ended(row, text), row.machine, row.strategy]
-    facts += [each for each in (_stage(row, text), _compensation(row, text), row.operator or "") if each]
+    facts = [_result(row, text), _ended(row, text), row.machine, strategy_words(row.strategy, text)]
+    stage = stage_words(row.strategy, row.stage, text)
+    facts += [each for each in (stage, _compensation(row, text), row.operator or "") if each]
     if lathe:
         facts.insert(2, text("records.of_lathe", name=lathe))
     if row.damaged:
@@ -106,12 +106,8 @@ def _ended(row: RunRow, text: Catalogue) -> str:
     said = text(f"records.how.{ended.how}")
     if ended.turn is not None and ended.how is not How.DONE:
         said = f"{said} ({text('records.turn', turn=f'{ended.turn:.1f}')})"
-    return " ".join(filter(None, (said, ended.reason, ended.by)))
-
-
-def _stage(row: RunRow, text: Catalogue) -> str:
-    known = row.stage in [each.value for each in Stage]
-    return text(f"stage.{row.stage}") if known else ""
+    why = reason_words(ended, text) if ended.reason else ""
+    return ": ".join(filter(None, (said, ", ".join(filter(None, (why, ended.by))))))
 
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
@@ -282,12 +278,8 @@ def _part_line(part: RecordedPart, text: Catalogue) -> str:
     return " · ".join(filter(None, (*facts, part.trace_name, _local(part.at))))
 
 
-COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__())
-
-
 def _command_line(event: RunEvent, text: Catalogue) -> str:
-    name = str(event.data.get("command", ""))
-    said = text(f"records.command.{name}") if name in COMMANDS else name
+    said = command_words(str(event.data.get("command", "")), text)
     plain = {key: value for key, value in event.data.items() if key not in ("command", "by") and value != []}
     values = ", ".join(f"{key} {value}" for key, value in plain.items() if not isinstance(value, list | dict))
     return "  ".join(filter(None, (_clock(event.at), said, values, str(event.data.get("by", "")))))

@@ -148,9 +148,9 @@ def state_line(result: RoundnessResult, text: Catalogue) -> str:
 
 
 def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
-    rows = [(text("roundness.n"), text("roundness.amplitude"), text("roundness.phase"))]
+    rows = [(text("roundness.n"), text("roundness.pp"), text("roundness.phase"))]
     shown = [h for h in measured.result.harmonics if h.n in SHOWN_HARMONICS]
-    rows += [(str(h.n), f"{h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
+    rows += [(str(h.n), f"{2.0 * h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
     past = [deg for h in shown if (deg := measured.past_jaw_1_deg(h)) is not None]
     if not past:
         return [*table(rows, numeric=(0, 1, 2)), _from_index(measured, text)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.kept_files import ahead_problems, file_error, folder_name, keep, kept
@@ -55,6 +56,13 @@ def versions(data: Path, asked: HoldsFor) -> tuple[LearnedCompensation, ...]:
     except OSError as error:
         raise file_error("file.unreadable", folder, error) from error
     return tuple(_load(file) for file in files)
+
+
+def elsewhere_problems(data: Path, asked: HoldsFor) -> tuple[Problem, ...]:
+    """Return `learned.elsewhere_*` if a real or simulated lathe, not asked for, has versions; errors as `kept`."""
+    other = versions(data, replace(asked, simulated=not asked.simulated))
+    code = "learned.elsewhere_real" if asked.simulated else "learned.elsewhere_simulated"
+    return (Problem(code=code, key=asked.job, value=str(len(other))),) if other else ()
 
 
 def accepted(job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool) -> LearnedCompensation | None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
 from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
 from profiles.own_values import from_json, number_or_none
+from profiles.problem import Problem
 
 MODEL = "none"
 """Name of the compensation where nothing learned was used."""
@@ -35,12 +36,14 @@ class Ending:
     """How a run ended, after how many turns of the cut, and the reason: a code, or the name of a stop.
 
     `by` is who stopped it: the name of the operator, "console", or a signal; empty where that is not recorded.
+    `problems` are those of an early end, whose codes are its reason.
     """
 
     how: How
     turn: float | None = None
     reason: str = ""
     by: str = ""
+    problems: tuple[Problem, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,6 +83,8 @@ class RunRow:
         """Whether the part is out of tolerance, or the cut is not the planned one."""
         return self.passed is False or self.ended.how in FAILED_HOW
 
+
+REASONS, PROBLEMS = "reasons", "problems"  # keys of events: codes, and all that is known
 
 FAILED_HOW = frozenset({How.HELD, How.EARLY, How.STOPPED, How.FAILED, How.KILLED})
 
@@ -227,7 +232,9 @@ def _ending(ends: list[Event]) -> Ending:
         if kind == "held":
             return Ending(how=How.HELD, turn=turn)
         if kind == "ended_early":
-            return Ending(how=How.EARLY, turn=turn, reason=", ".join(map(str, event.get("reasons", ()))))
+            told = recorded_problems(event)
+            codes = ", ".join(each.code for each in told)
+            return Ending(how=How.EARLY, turn=turn, reason=codes, problems=told)
         by = str(event.get("by") or "")
         if kind == "stopped" and "started" in kinds:
             return Ending(how=How.STOPPED, turn=turn, reason=reason, by=by)
@@ -236,6 +243,24 @@ def _ending(ends: list[Event]) -> Ending:
             return Ending(how=how, turn=turn, reason="" if how is How.KILLED else reason, by=by)
     not_started = "armed" in kinds and "started" not in kinds
     return Ending(how=How.NOT_STARTED if not_started else How.OPEN)
+
+
+def problem_events(problems: Iterable[Problem]) -> dict[str, object]:
+    """Return problems as an event keeps them."""
+    told = tuple(problems)
+    return {REASONS: [each.code for each in told], PROBLEMS: [asdict(each) for each in told]}
+
+
+def recorded_problems(event: Mapping[str, Any]) -> tuple[Problem, ...]:
+    """Return the problems of an event; those of an older console have nothing but their codes."""
+    told = event.get(PROBLEMS, event.get(REASONS))
+    listed = told if isinstance(told, list) else []
+    return tuple(problem_of(each if isinstance(each, dict) else {"code": each}) for each in listed)
+
+
+def problem_of(facts: Mapping[str, Any]) -> Problem:
+    """Return a problem from its recorded facts; one that is missing is empty."""
+    return Problem(**{each.name: str(facts.get(each.name, "")) for each in fields(Problem)})
 
 
 def table_of(data: str) -> dict[str, Any]:

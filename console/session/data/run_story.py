@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
-from console.session.data.run_rows import RunRow, date_of, table_of
+from console.session.data.run_rows import RunRow, date_of, problem_of, table_of
 from profiles.problem import Problem
 from profiles.traces import CAP_BYTES
 
@@ -26,6 +26,10 @@ TELEMETRY_END, ACCEPTED = "telemetry", "learned"
 """Kinds of events: how much telemetry was kept of a cut, and an accepted learning step."""
 
 COLUMNS: Mapping[str, tuple[str, ...]] = {POLLED: TELEMETRY_COLUMNS, GATHERED: GATHERED_COLUMNS}
+
+LEAST_S = 1e-3
+LEAST_FEED = 0.8
+"""Fraction of the usual feed below which the carriage is coming to rest, and the tool is on its way out."""
 
 MOST_TRACE_BYTES = 5 * CAP_BYTES
 """Of all traces of a run together: a small file may say that it unpacks to any size."""
@@ -97,6 +101,15 @@ class Telemetry:
     def column(self, name: str) -> NDArray[np.float32]:
         """Return a column by its name, shape (M,)."""
         return self.rows[:, self.columns.index(name)]
+
+    def fed_along(self, length_mm: float) -> NDArray[np.bool_]:
+        """Return which polls, shape (M,), are of the tool fed along the part; before and after it is far away."""
+        z_mm, time_s = (self.column(name).astype(np.float64) for name in ("z_mm", "time_s"))
+        over = (z_mm >= 0.0) & (z_mm <= length_mm)
+        if not over.any():
+            return over
+        feed_mm_per_s = np.append(np.diff(z_mm) / np.maximum(np.diff(time_s), LEAST_S), 0.0)
+        return np.asarray(over & (feed_mm_per_s > LEAST_FEED * np.median(feed_mm_per_s[over])))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -171,8 +184,7 @@ def alarm_stories(events: Iterable[RunEvent]) -> tuple[AlarmStory, ...]:
     for event in events:
         if event.kind not in (RAISED, ACKNOWLEDGED, ENDED):
             continue
-        facts = {key: str(event.data.get(key, "")) for key in ("code", "where", "key", "value", "limit")}
-        problem = Problem(**facts)
+        problem = problem_of(event.data)
         if event.kind == RAISED:
             priority = str(event.data.get("priority", ""))
             found.append(AlarmStory(problem=problem, priority=priority, raised=event.at))

@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from console.session.data.records import add_to_run
+from console.session.data.run_rows import problem_events
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
 from console.session.learning.part_learning import PartLearning
@@ -46,8 +47,8 @@ def record_kept(data: Path, run_id: str, kind: str, event: Mapping[str, object])
 def learning_event(learning: PartLearning) -> dict[str, object]:
     """Return a proposed learning step, or why there is none, as the run record keeps it."""
     taught = learning.taught
-    reasons = [problem.code for problem in learning.reasons]
-    return {"reasons": reasons} if taught is None else {**step_event(taught.step), "reasons": reasons}
+    reasons = problem_events(learning.reasons)
+    return reasons if taught is None else {**step_event(taught.step), **reasons}
 
 
 def step_event(step: LearningStep) -> dict[str, object]:

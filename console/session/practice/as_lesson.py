@@ -10,7 +10,8 @@ from console.session.practice.moment_before import SET_UP
 from console.session.practice.practice import Practice
 from console.session.training.event import Event
 from console.session.training.item import Item
-from console.session.training.lesson import EVENTS, LANGUAGES, Lesson, Words
+from console.session.training.lesson import EVENTS, Lesson, Words
+from profiles.words.sentences import LANGUAGES
 
 MINUTES = 10.0
 PLACE = 900

@@ -28,7 +28,7 @@ from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.paper.causes_left import WITHIN_UM
 from profiles.paper.experiments import COMPENSATED_UM, Experiments
-from profiles.paper.record import Record, Relation
+from profiles.paper.record import Basis, Record, Relation
 from profiles.paper.table_5 import with_measured_servo
 from profiles.roundness import RoundnessResult, evaluate
 
@@ -212,7 +212,7 @@ def uncompensated(paper: Experiments) -> tuple[Record, ...]:
             _near(1, "lathe.plain", f"{number}", part.roundness.ront_um, error, 0.1, "um"),
             _near(1, "lathe.plain_lobe", f"{number}", lobe_um, error / 2, 0.02, "um"),
         ]
-    return tuple(records)
+    return tuple(replace(each, basis=Basis.CONSTRUCTION, why="put_in") for each in records)
 
 
 def printed_program(paper: Experiments) -> tuple[Record, ...]:
@@ -223,14 +223,15 @@ def printed_program(paper: Experiments) -> tuple[Record, ...]:
     for name, ts_ms, left in curves:
         for number, (job, expected) in enumerate(zip(paper.jobs, left, strict=True), start=1):
             part = part_of(job, measured, Strategy.PAPER, ts_ms)
-            records.append(_near(5, f"lathe.{name}", f"{number}", part.roundness.ront_um, expected, 0.3, "um"))
+            record = _near(5, f"lathe.{name}", f"{number}", part.roundness.ront_um, expected, 0.3, "um")
+            records.append(replace(record, basis=Basis.READING))
     for number, (job, expected) in enumerate(zip(paper.jobs, COMPENSATED_UM, strict=True), start=1):
         part = part_of(job, paper.machine, Strategy.PAPER)
         speed_rpm = part.spindle_speed_rpm
         lobe_hz = job.jaws * speed_rpm / 60.0
         facts = {"segment_ms": part.plan.segment_ms, "speed_rpm": speed_rpm, "lobe_hz": lobe_hz}
         record = _near(5, "lathe.literal", f"{number}", part.roundness.ront_um, expected, WITHIN_UM, "um")
-        records.append(replace(record, why="literal", facts=facts))
+        records.append(replace(record, why="literal", facts=facts, basis=Basis.RIVAL))
     return tuple(records)
 
 

@@ -14,6 +14,7 @@ from console.session.cut.engine import CutContext, Workshop
 from console.session.cut.recording import LogRecorder, Unrecorded
 from console.session.cut.telemetry import NO_LAG, Lag
 from console.session.data.records import RunRecord
+from console.session.data.run_rows import problem_events
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
 from console.session.instructing.knowledge import Knowledge
@@ -239,7 +240,7 @@ class StationContext:
         """Add why the last command was refused, as `log_command`."""
         record = self.record
         if record is not None:
-            record.log.event("refused", {"codes": [problem.code for problem in problems]})
+            record.log.event("refused", problem_events(problems))
 
     def check_record(self) -> None:
         """Raise an alarm once telemetry, commands or alarms are missing from the record; the cut continues."""

@@ -22,6 +22,7 @@ from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
 from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_part, tool_event
 from console.session.data.records import RunFacts, begin_record
+from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
@@ -384,8 +385,8 @@ def start(context: StationContext, _: Start) -> None:
         end = cut(context.cut_context, armed.job, armed.plan, watched.step, watched.see, touched_mm=touched_mm)
         force = watched.force.result() if watched.force else None
     except NotAsPlannedError as early:
-        reasons = [problem.code for problem in early.problems]
-        context.note("ended_early", turns=early.turns, reasons=reasons, cut_verdict=early.judgement)
+        why = problem_events(early.problems)
+        context.note("ended_early", turns=early.turns, **why, cut_verdict=early.judgement)
         raise
     finally:
         context.seen = None

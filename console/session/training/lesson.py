@@ -1,4 +1,4 @@
-"""A lesson: a simulated lathe, a job, what to reach on it, and the words of both languages. A TOML file each.
+"""A lesson: a simulated lathe, a job, what to reach on it, and its words in each language. A TOML file each.
 
 Bundled lessons are in `lessons/` beside this module; a file of the same form in the folder `lessons` of the data
 folder is one of the user's own, and goes before a bundled one of its name.
@@ -25,9 +25,10 @@ from drivers.simulator.plant.presets import PLANTS, SEEDS
 from profiles.fields import Field, Kind, read_fields, schema_problem
 from profiles.files import printable, read_toml
 from profiles.problem import Problem, ProfileError
+from profiles.words.sentences import LANGUAGES
 
 FOLDER = Path(__file__).parent / "lessons"
-LANGUAGES = ("en", "ko")
+ENGLISH = "en"  # in place of a language in which a lesson has no words
 EVENTS = "event"  # tables of them
 WORDS_CAP = 400
 
@@ -117,15 +118,15 @@ def lesson_of(table: Mapping[str, Any], name: str, where: str, folder: Path = FO
         raise ProfileError(*problems)
     del values["schema"]
     values["blind"] = values["blind"] == "yes"
-    spoken = {language: Words(**said) for language, said in words.items()}
+    spoken = {language: Words(**words.get(language, words[ENGLISH])) for language in LANGUAGES}
     return Lesson(name=name, words=spoken, events=events, **values)
 
 
 def _words(table: Mapping[str, Any], where: str) -> tuple[dict[str, dict[str, Any]], list[Problem]]:
-    """Return the words of both languages, and everything that is wrong with them."""
+    """Return the words of each language that the lesson has, and everything that is wrong with them."""
     words: dict[str, dict[str, Any]] = {}
     problems: list[Problem] = []
-    for language in LANGUAGES:
+    for language in (each for each in LANGUAGES if each in table or each == ENGLISH):
         given = table.get(language, {})
         if not isinstance(given, dict):
             given = {"title": given}

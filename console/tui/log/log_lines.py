@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from console.session.station.history.session_log import LogEntry, LogKind, SessionLog
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import command_words
 from console.tui.alarms.alarm_lines import clock
 from console.tui.lines import Line, dim, fitted, hanging, wrapped
 from console.tui.pages.fields import named
@@ -69,7 +70,7 @@ def entry_words(entry: LogEntry, text: Catalogue) -> str:
             return text("alarms_page.log_rest", seconds=entry.word)
         case LogKind.INSTRUCTOR:
             return entry.word
-    words = text(f"records.command.{entry.word}")
+    words = command_words(entry.word, text)
     if not entry.axis:
         return words
     axis = text(f"align_page.axis.{entry.axis}")

@@ -7,6 +7,7 @@ import math
 from console.session.data.run_reader import MODEL, PartPoint
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import plain_cut_words
 from console.tui.inspecting.comparison import Comparison, Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.learn_lines import identified_words
@@ -85,7 +86,8 @@ def made_of_point(point: PartPoint, text: Catalogue) -> str:
     else:
         compensation = text("made.model") if model else text("made.learned", version=point.compensation or "")
     stage = "" if point.stage in (None, "full") else f", {text(f'made.{point.stage}')}"
-    return f"{point.strategy}, {compensation}{stage}"
+    plain = plain_cut_words(point.strategy, point.stage or "full", text, "made")
+    return plain or f"{point.strategy}, {compensation}{stage}"
 
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:

@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from datetime import UTC, datetime
 
-from console.session.data.made_parts import MODEL
+from console.session.data.made_parts import MODEL, MadeWith
 from console.session.force_record import ForceCheck
 from console.session.learning.learning_steps import Taught
 from console.session.learning.part_learning import PartLearning
@@ -16,6 +16,7 @@ from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
 from console.text.certificate import certificate_lines
 from console.text.force import force_words
+from console.text.recorded_words import plain_cut_words
 from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
@@ -29,9 +30,13 @@ _CAUSE = ("✗ ", Token.WARNING)
 
 def learn_title(learning: PartLearning, text: Catalogue) -> str:
     """Return the title: how the part was cut."""
-    made = learning.made
-    words = made_words(text, made.version, made.stage, made.inverted)
-    return text("inspect_page.learn", made=f"{made.strategy}, {words}")
+    return text("inspect_page.learn", made=part_words(text, learning.made))
+
+
+def part_words(text: Catalogue, made: MadeWith) -> str:
+    """Return how a part was cut: strategy, compensation and stage; a plain cut has no compensation."""
+    words = f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
+    return plain_cut_words(made.strategy, made.stage, text, "made") or words
 
 
 def learn_lines(

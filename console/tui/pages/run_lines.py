@@ -27,6 +27,7 @@ from console.text.catalogue import Catalogue
 from console.text.cut_verdict import tool_words
 from console.text.force import force_words
 from console.text.forces import short_span_words
+from console.text.recorded_words import plain_cut_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -210,6 +211,7 @@ def summary_lines(text: Catalogue, state: StationState, work: Work, now_s: float
     if armed is not None:
         how = armed.made
         made = made_words(text, how.version, how.stage, how.inverted)
+    made = plain_cut_words(strategy, work.stage if armed is None else armed.made.stage, text, "made") or made
     pairs = [
         ("job", name_in(printable(job.name), max(width - LABEL_WIDTH, 0))),
         ("revision", _revision(text, work, armed)),

@@ -12,7 +12,7 @@ from console.session.data.made_parts import CutPart
 from console.session.learning.imported import QUESTIONS, ImportedTrace
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, hanging, line, name_in, ranged, wrapped
-from console.tui.pages.learn_lines import made_words
+from console.tui.pages.learn_lines import part_words
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.problem import Problem
@@ -118,8 +118,7 @@ def _part_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     if choice.part is None:
         return wrapped(text("trace_import.part.none"), width, Token.WARNING)
     at, made = _local(choice.part.at_utc), choice.part.made
-    how = f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
-    rows = wrapped(text("trace_import.part.recorded", at=at, made=how), width)
+    rows = wrapped(text("trace_import.part.recorded", at=at, made=part_words(text, made)), width)
     if choice.part.cut_since:
         rows += hanging(("! ", Token.WARNING), text("trace_import.part.cut_since"), width, Token.WARNING)
     return rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -419,8 +420,10 @@ class RecordsPanels:
             self._say([line(dim(text("records_page.no_telemetry")))], _when(run))
             return 0
         time_s = telemetry.column("time_s")
+        fed = telemetry.fed_along(math.inf if run.job is None else run.job.cut_length_mm)
         for view, name, unit in ((self._error, "tool_error_um", "um"), (self._speed, "speed_rpm", "rpm")):
             values = telemetry.column(name) / text.units.size(unit)
+            values = np.where(fed, values, np.nan) if fed.any() else values  # approach and retract hide the cut
             known = values[np.isfinite(values)]
             limits = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
             entitle(view, text(f"records_page.{name}", part=telemetry.part or run.story.row.strategy))

@@ -6,10 +6,18 @@ from collections.abc import Callable, Mapping
 from datetime import datetime
 from typing import Any
 
-from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow
-from console.session.station.commands import Command
+from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow, RunStory
+from console.session.data.run_rows import recorded_problems
 from console.text.catalogue import Catalogue
 from console.text.cut_verdict import verdict_words
+from console.text.recorded_words import (
+    command_words,
+    is_plain,
+    problem_words,
+    reason_words,
+    stage_words,
+    strategy_words,
+)
 from console.text.run_debrief import debrief_sections
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES
@@ -21,12 +29,9 @@ from console.tui.theme import Token
 from profiles.files import printable
 from profiles.forecast import forecast_um
 from profiles.own_values import number_or_none
-from profiles.problem import Problem
 
 _LABEL = 15
 _WIDEST = 60
-STAGES = ("air", "partial", "full")
-COMMANDS = frozenset(each.__name__ for each in Command.__subclasses__())
 
 
 def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
@@ -54,7 +59,8 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
     part, row = run.product, run.story.row
     lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
-    lines += wrapped(ending_words(row, text), width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
+    told = ending_words(run.story, text)
+    lines += wrapped(told, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
         lines += wrapped(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)
     if row.simulated:
@@ -87,14 +93,14 @@ def _judged(what: str, facts: Mapping[str, str], *, passes: bool, text: Catalogu
     return line((mark + text(f"inspect_page.{what}{word}", **facts), token))
 
 
-def ending_words(row: RunRow, text: Catalogue) -> str:
+def ending_words(story: RunStory, text: Catalogue) -> str:
     """Return how a run ended: after which turn, why, and by whom."""
-    ended = row.ended
+    ended = story.row.ended
     said = [text(f"records_page.ending.{ended.how}")]
     if ended.turn is not None:
         said.append(text("records_page.turn", turn=f"{ended.turn:.1f}"))
     if ended.reason:
-        said.append(_reason(ended.reason, text))
+        said.append(reason_words(ended, text, [each.problem for each in story.alarms]))
     if ended.by:
         said.append(printable(ended.by, 40))
     return " · ".join(said)
@@ -102,29 +108,16 @@ def ending_words(row: RunRow, text: Catalogue) -> str:
 
 def made_of(row: RunRow, text: Catalogue) -> str:
     """Return how a part was cut: strategy, compensation, stage."""
-    said = [row.strategy]
-    if row.compensation is not None:
+    said = [strategy_words(row.strategy, text)]
+    if row.compensation is not None and not is_plain(row.strategy):
         model = row.compensation == MODEL
         if model:
             inverted = row.inverted
             said.append(text("made.model") if inverted is None else identified_words(text, inverted))
         else:
             said.append(text("made.learned", version=row.compensation))
-    if row.stage is not None:
-        said.append(text(f"made.{row.stage}") if row.stage in STAGES else row.stage)
-    return ", ".join(printable(each, 30) for each in said)
-
-
-def _reason(reason: str, text: Catalogue) -> str:
-    """Return a reason in words: that of a stop, or of problems, whose values are with the alarms."""
-    codes = reason.split(", ")
-    said = [_sentence(code, text) if "." in code else text.reason(code) for code in codes]
-    return printable(", ".join(said), 300)
-
-
-def _sentence(code: str, text: Catalogue) -> str:
-    """Return the sentence of a recorded code, whose values were not recorded with it."""
-    return text.problem(Problem(code=code, key=NOTHING, value=NOTHING, limit=NOTHING))
+    said.append(stage_words(row.strategy, row.stage, text, "made"))
+    return ", ".join(printable(each, 30) for each in said if each)
 
 
 def _damage_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
@@ -238,9 +231,8 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
             expected = NOTHING if left is None else text.units.figure(forecast_um(left), "um", 2)
             version = printable(str(proposed["version"]), 10)
             lines += wrapped(text("records_page.proposed", version=version, expected=expected), width)
-        reasons = proposed.get("reasons")
-        for code in reasons if isinstance(reasons, list) else []:
-            lines += hanging(("· ", Token.TEXT), printable(_sentence(str(code), text), 300), width)
+        for problem in recorded_problems(proposed):
+            lines += hanging(("· ", Token.TEXT), problem_words(problem, text), width)
     for event in run.story.accepted:
         facts = {"version": printable(str(event.data.get("version", NOTHING)), 10), "at": local(event.at)}
         by = printable(str(event.data.get("by") or ""), 30)
@@ -261,8 +253,7 @@ def _alarm_lines(alarms: tuple[AlarmStory, ...], text: Catalogue, width: int) ->
 def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     for event in commands:
-        name = printable(str(event.data.get("command", "")), 40)
-        said = text(f"records.command.{name}") if name in COMMANDS else name
+        said = command_words(str(event.data.get("command", "")), text)
         by = printable(str(event.data.get("by") or ""), 30)
         lines += hanging(dim(f"{_clock(event.at)} "), f"{said}  {by}".rstrip(), width)
     return lines

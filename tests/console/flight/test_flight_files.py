@@ -184,7 +184,7 @@ def test_the_commands_list_print_and_refuse(sound: Path, tmp_path: Path) -> None
     listed = completed(["replay", "--data", data], 30.0)
     assert (listed.returncode, sound.name in listed.stdout) == (0, True)
     printed = completed(["replay", sound.name, "--data", data, "--text"], 30.0)
-    assert "ALARM" in printed.stdout and "frozen for: alarm cut.spindle_stands" in printed.stdout
+    assert "ALARM" in printed.stdout and "frozen for: alarm: the spindle has stopped" in printed.stdout
     as_json = json.loads(
         completed(["replay", sound.name.removesuffix(".flight"), "--data", data, "--json"], 30.0).stdout
     )

@@ -1,6 +1,6 @@
 """The log of a session: every command of the operator and every message, with its time; in memory, and bounded.
 
-What was typed into a field of free text is in none of its entries.
+What was typed into a field of free text is in none of its entries, unless it is the name of a file by now.
 """
 
 from __future__ import annotations
@@ -22,6 +22,9 @@ LOG_MOST = 500
 
 TYPED = "…"
 """In the place of a fact that may repeat what was typed."""
+
+STORED = frozenset(f"screen.{what}" for what in ("job_renamed", "job_imported", "job_exported", "calibrate_kept"))
+"""Answers to what was typed that name what is stored by now, in files that say so themselves."""
 
 
 class LogKind(StrEnum):
@@ -144,4 +147,6 @@ def _with_stop(log: SessionLog, stop: StopState | None, now: Instant) -> Session
 
 
 def _hidden(problem: Problem) -> Problem:
+    if problem.code in STORED:
+        return problem
     return replace(problem, value=problem.value and TYPED, limit=problem.limit and TYPED, where="")
