@@ -45,10 +45,10 @@ MADE = f"""WITH made AS (
         to_char(moment, 'YYYY-MM-DD"T"HH24:MI:SS"Z"') AS at_utc,
         to_char(moment, 'YYYY-MM-DD"T"HH24:00:00"Z"') AS chuck
     FROM generate_series(%s, %s) AS place CROSS JOIN generate_series(1, {LATHES}) AS lathe,
-        LATERAL (SELECT timestamp '2026-07-01' + place * interval '315 s') AS at_the_lathe (moment)
+        LATERAL (SELECT now() - ({RUNS_OF_A_LATHE} - place) * interval '315 s') AS at_the_lathe (moment)
 ) """
 OF_LATHES = f"""INSERT INTO shop.contacts SELECT md5('lathe ' || lathe), 'lathe-' || lathe, 'trilobe', at, at
-FROM generate_series(1, {LATHES}) AS lathe, generate_series(timestamptz '2026-07-01', '2026-11-01', '1 h') AS at;
+FROM generate_series(1, {LATHES}) AS lathe, generate_series(now() - interval '4 months', now(), '1 h') AS at;
 INSERT INTO shop.progress SELECT md5('lathe ' || lathe), 'first', 'runs', {RUNS_OF_A_LATHE}
 FROM generate_series(1, {LATHES}) AS lathe"""
 

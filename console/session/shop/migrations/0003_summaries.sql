@@ -33,7 +33,8 @@ CREATE TABLE shop.alarm_summaries AS SELECT * FROM shop.alarms_of_records;
 ALTER TABLE shop.part_summaries ADD PRIMARY KEY (lathe_id, run_id, part);
 ALTER TABLE shop.alarm_summaries ADD PRIMARY KEY (lathe_id, run_id, number);
 CREATE INDEX part_summaries_in_order ON shop.part_summaries (lathe_id, machine, job, arrival, number);
-CREATE INDEX part_summaries_by_job ON shop.part_summaries (job, machine, lathe_id, arrival, number);
+CREATE INDEX part_summaries_by_job ON shop.part_summaries (job, machine, lathe_id, arrival, number)
+    INCLUDE (run_id, measured_at, ront_um, tolerance_um);  -- all that a run chart needs, in its order
 CREATE INDEX alarm_summaries_in_order ON shop.alarm_summaries (lathe_id, source_row);
 CREATE INDEX alarm_summaries_by_moment ON shop.alarm_summaries (raised_at);
 CREATE INDEX runs_of_lathe ON shop.runs (lathe_id, arrival);
