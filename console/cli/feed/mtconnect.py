@@ -12,6 +12,7 @@ from console.cli.feed.followed_machine import add_rate, changes_of, followed, ma
 from console.cli.library import data_of
 from console.cli.output import print_json
 from console.cli.parser import Parser
+from console.session.data.kept_files import make_folder
 from console.text.catalogue import Catalogue
 
 if TYPE_CHECKING:
@@ -60,8 +61,11 @@ def _serve(adapter: Adapter, machine: str, options: Namespace, text: Catalogue) 
 
 def _show_devices(options: Namespace) -> int:
     from console.session.exchange.device import devices_xml
+    from console.session.shop.identity import lathe_identity
 
-    document = devices_xml(machine_name(options), options.sim)
+    data, machine = data_of(options), machine_name(options)
+    make_folder(data)
+    document = devices_xml(machine, options.sim, lathe_identity(data).lathe_id)
     if options.json:
         print_json({"devices": document})
     else:
