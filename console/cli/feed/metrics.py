@@ -10,7 +10,6 @@ from collections.abc import Callable, Collection, Sequence
 from http import HTTPStatus
 from http.client import HTTPException, parse_headers
 from io import BytesIO
-from ipaddress import ip_address
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
@@ -85,7 +84,8 @@ def response(head: bytes, hosts: Collection[str], states: Sequence[FeedState], t
         host = urlsplit("//" + ",".join(parse_headers(BytesIO(fields)).get_all("Host", []))).hostname or ""
     except (HTTPException, ValueError):
         host = ""
-    if not (is_loopback(host) or host in hosts or (NUMBERS in hosts and _is_number(host))):
+    in_numbers = ":" in host or host.replace(".", "").isdigit()
+    if not (is_loopback(host) or host in hosts or (NUMBERS in hosts and in_numbers)):
         told = text("metrics.host", host=printable(host, 60) or "-", hosts=", ".join(sorted(hosts)))
         status, body = HTTPStatus.MISDIRECTED_REQUEST, f"{told}\n"
     elif (method, target.partition("?")[0]) != ("GET", PATH):
@@ -95,13 +95,6 @@ def response(head: bytes, hosts: Collection[str], states: Sequence[FeedState], t
     content = body.encode("utf-8", "replace")
     facts = f"Content-Type: {CONTENT_TYPE}\r\nContent-Length: {len(content)}\r\nConnection: close"
     return f"HTTP/1.1 {status.value} {status.phrase}\r\n{facts}\r\n\r\n".encode("ascii") + content
-
-
-def _is_number(host: str) -> bool:
-    try:
-        return bool(ip_address(host))
-    except ValueError:
-        return False
 
 
 def _server(address: TcpAddress, answer: Callable[[bytes], bytes]) -> BoundedServer:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
@@ -18,45 +17,27 @@ Labels = Mapping[str, str]
 Sample = tuple[Labels, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Family:
-    """Metrics of one name."""
-
-    name: str
-    kind: str
-    about: str
-    samples: Sequence[Sample]
-
-
 def exposition(states: Sequence[FeedState]) -> str:
     """Return the metrics of these consoles; what is not known is left out.
 
     Of several consoles on one machine it is that which controls it: the series of a machine outlast its consoles.
     """
     apart = {(state.machine, state.simulated): state for state in sorted(states, key=rank)}
-    families = (_family("consoles", "Running consoles of the data folder.", [({}, float(len(states)))]),)
-    return "".join(line for family in (*families, *_families([*apart.values()])) for line in _lines(family))
+    count = _lines("consoles", "Running consoles of the data folder.", [({}, float(len(states)))])
+    return "".join((*count, *_of_machines([*apart.values()])))
 
 
-def _family(name: str, about: str, samples: Sequence[Sample], kind: str = "gauge") -> Family:
-    return Family(name=f"{PREFIX}_{name}", kind=kind, about=about, samples=samples)
-
-
-def _families(states: Sequence[FeedState]) -> Iterable[Family]:
+def _of_machines(states: Sequence[FeedState]) -> Iterable[str]:
     jobs = [({**_who(state), "job": state.job}, 1.0) for state in states if state.job is not None]
-    yield _family("job_info", "The open job, as a label.", jobs)
+    yield from _lines("job_info", "The open job, as a label.", jobs)
     for name, about, words in _WORDS:
-        told = [
-            ({**_who(state), name: word}, float(getattr(state, name) == word))
-            for state in states
-            for word in words
-        ]
-        yield _family(name, about, told)
+        pairs = product(states, words)
+        told = [({**_who(at), name: each}, float(getattr(at, name) == each)) for at, each in pairs]
+        yield from _lines(name, about, told)
     for name, kind, about, keys in _VALUES:
         found = [(_who(state), float(value)) for state in states if (value := _at(state, keys)) is not None]
-        yield _family(name, about, found, kind)
-    alarms = [sample for state in states for sample in _alarms(state)]
-    yield _family("alarms", "Alarms by priority and state.", alarms)
+        yield from _lines(name, about, found, kind)
+    yield from _lines("alarms", "Alarms by priority and state.", [each for at in states for each in _alarms(at)])
 
 
 _WORDS: tuple[tuple[str, str, Sequence[str]], ...] = (
@@ -99,13 +80,13 @@ def _who(state: FeedState) -> dict[str, str]:
     return {"machine": state.machine, "simulated": str(int(state.simulated))}
 
 
-def _lines(family: Family) -> Iterable[str]:
-    if not family.samples:
+def _lines(name: str, about: str, samples: Sequence[Sample], kind: str = "gauge") -> Iterable[str]:
+    if not samples:
         return
-    yield f"# HELP {family.name} {family.about}\n# TYPE {family.name} {family.kind}\n"
-    for labels, value in family.samples:
-        named = ",".join(f'{name}="{_escaped(each)}"' for name, each in labels.items())
-        yield f"{family.name}{'{' if named else ''}{named}{'}' if named else ''} {value!r}\n"
+    yield f"# HELP {PREFIX}_{name} {about}\n# TYPE {PREFIX}_{name} {kind}\n"
+    for labels, value in samples:
+        named = ",".join(f'{key}="{_escaped(each)}"' for key, each in labels.items())
+        yield f"{PREFIX}_{name}{'{' if named else ''}{named}{'}' if named else ''} {value!r}\n"
 
 
 def _escaped(value: str) -> str:
