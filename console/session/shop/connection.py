@@ -33,7 +33,7 @@ DEFAULTS: Mapping[str, str] = {
 }
 """Of a server that no longer answers, the console learns within a minute."""
 
-ANSWER_S = 30.0
+ANSWER_S = 20.0
 """A server that is silent for so long in a statement is given up: one that is stopped keeps its connections."""
 
 LOCK_S = 10
