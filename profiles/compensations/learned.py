@@ -213,9 +213,13 @@ def changed_settings(holds: HoldsFor, asked: HoldsFor) -> str:
         return ""
     if not (holds.settings and asked.settings):
         return ""
-    # A value that the older console did not know had its default.
+    # A value that the older console did not know had its default; a tool or chuck without a name may be the same.
     then, now = {**_DEFAULTS, **holds.settings}, {**_DEFAULTS, **asked.settings}
-    keys = [each for each in {**then, **now} if then.get(each) != now.get(each) and not LIMITS.fullmatch(each)]
+    keys = [
+        each
+        for each in {**then, **now}
+        if then.get(each) not in ("", now.get(each)) and not LIMITS.fullmatch(each)
+    ]
     keys.sort(
         key=lambda each: "." in each
     )  # what the controller or the job has, before what the profile says of it

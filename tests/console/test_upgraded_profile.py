@@ -84,6 +84,7 @@ def test_what_shapes_the_path_still_ends_it(tmp_path: Path, change: dict[str, st
 def test_a_value_that_the_older_console_did_not_know_had_its_default(tmp_path: Path) -> None:
     settings = dict(asked_for(JOB, THEN, "cam", simulated=True).settings)
     del settings["tool.passive_force_fraction"]
+    settings["tool.name"] = settings["chuck.name"] = ""  # they had no names
     learned(tmp_path, settings=settings)
     assert chosen_now(tmp_path, upgraded(tmp_path, BOUNDS))
     pushed = {r"^wiper_land_mm = .*$": "wiper_land_mm = 0.4\npassive_force_fraction = 0.4"}
