@@ -18,6 +18,7 @@ from console.session.shop import connection
 from console.session.shop.following import follow
 from console.session.shop.shipping import Sent, ship
 from profiles.problem import Problem
+from tests.preloaded import completed
 from tests.shop_server import SHIPPER, ShopServer, needs_postgresql, shop_server
 from tests.system.lathe_records import assert_all_there, record_runs
 
@@ -134,6 +135,14 @@ def test_a_port_that_takes_everything_and_says_nothing_is_given_up(shop: ShopSer
     with socket.create_server(("127.0.0.1", 0)) as silent:
         port = silent.getsockname()[1]
         assert "timeout" in refused(lathe, f"host=127.0.0.1 port={port} dbname=shop user=x connect_timeout=2")
+
+
+def test_once_says_within_seconds_that_it_waits_and_then_why_it_does_not(shop: ShopServer, lathe: Path) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        dsn = f"host=127.0.0.1 port={silent.getsockname()[1]} dbname=shop user=x connect_timeout=4"
+        done = completed(["ship", "--once", "--shop", dsn, "--data", str(lathe)], 30.0)
+    first, second = done.stderr.splitlines()
+    assert done.returncode == 1 and "no answer from the database for 2 s" in first and "timeout" in second
 
 
 def test_a_lock_that_somebody_holds_is_named_and_nobody_waits_behind_it(shop: ShopServer, lathe: Path) -> None:
