@@ -38,6 +38,7 @@ NAMES = (
     "notch",
     "notch_trial",
     "ship",
+    "shop_views",
     "records_page",
     "jobs_page",
     "command_start",

@@ -77,10 +77,15 @@ def load_job(reference: str, user_folder: Path | None = None) -> LoadedJob:
 
 
 def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachine:
-    """Return the machine that `reference` names, or raise `ProfileError` with every problem of it."""
+    """Return the machine that `reference` names, or raise `ProfileError` with every problem of it.
+
+    A name is that of the file and of the machine in it, by which its records are found: `machine.name_differs`.
+    """
     path = _find(reference, list_machines(user_folder), "machine.unknown")
     content, table = read_toml(path)
     machine = machine_from_table(table, where=printable(str(path)))
+    if not _is_path(reference) and machine.name != reference:
+        raise refused("machine.name_differs", where=printable(str(path)), value=reference, limit=machine.name)
     return LoadedMachine(machine=machine, path=path, sha256=_sha256(content), text=_text(content))
 
 
@@ -176,8 +181,12 @@ def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEnt
     return tuple(entries[name] for name in sorted(entries))
 
 
+def _is_path(reference: str) -> bool:
+    return os.sep in reference or reference.endswith(".toml")
+
+
 def _find(reference: str, entries: tuple[LibraryEntry, ...], code: str) -> Path:
-    if os.sep in reference or reference.endswith(".toml"):
+    if _is_path(reference):
         return Path(reference)
     for entry in entries:
         if entry.name == reference:

@@ -36,7 +36,7 @@ def save_compact(data: Path) -> tuple[str, str]:
     for usual, near in CLOSE_TOGETHER.items():
         assert usual in text
         text = text.replace(usual, near)
-    own = data / "machines" / "close.toml"
+    own = data / "machines" / "lee-2001-lathe.toml"  # its name is that of the machine in it
     own.parent.mkdir(parents=True, exist_ok=True)
     own.write_text(text, encoding="utf-8")
-    return "--machine", "close"
+    return "--machine", own.stem

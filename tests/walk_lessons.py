@@ -66,7 +66,7 @@ def prepared(data: Path, walk: Walk) -> tuple[Lesson, list[str]]:
     machine = save_compact(data)
     lesson = load_lesson(walk.lesson, own)
     if lesson.job == "thin-ring-3-jaws":
-        file = data / "machines" / "close.toml"
+        file = data / "machines" / "lee-2001-lathe.toml"
         near = file.read_text(encoding="utf-8")
         file.write_text(near.replace("home_radius_mm = 29.0", f"home_radius_mm = {WIDE_MM}"), encoding="utf-8")
     (data / "jobs").mkdir()

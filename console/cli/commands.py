@@ -43,6 +43,7 @@ COMMANDS = {
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
     "ship": "console.cli.site.ship",
+    "deploy": "console.cli.site.deploy",
     "completion": "console.cli.site.completion",
     "identify": "console.cli.machine.identify",
     "health": "console.cli.machine.health",

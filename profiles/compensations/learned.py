@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from typing import Any
 
 from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.job import Job
-from profiles.machine import MachineProfile
+from profiles.machine import Chuck, MachineProfile, Spindle, ToolAxis
 from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
 
@@ -23,6 +24,14 @@ NOT_SHAPING = (
     *("assumed", "source", "copied_from", "note", "tags", "schema"),
 )
 """Keys of a job on which no path depends."""
+
+LIMITS = re.compile(
+    r"I5|I([1-9]|[12]\d|3[0-2])(1[1-59]|2[0-58])"  # following error, travel, jogs, homing, flags
+    r"|controller\.background_ms|spindle\.(max_speed_rpm|inertia_kg_m2|peak_torque_n_m)"
+    r"|tool\.(peak|continuous|encoder_max|coil|back_emf|bus|travel)_\w+|carriage\.(travel_\w+|jaw_clearance_mm)"
+    r"|chuck\.(jaw_\w+|max_force_n|safety_factor|force_sd_percent|work_mode_hz|force_line_variance|uncalibrated_\w+)"
+)
+"""Values of a machine profile that bound or predict a cut, and shape no path."""
 
 OTHER_SETTINGS = ("learned.settings_changed", "learned.job_changed", "learned.machine_changed")
 MOST_SHOWN = 4  # changed values in a sentence
@@ -54,7 +63,19 @@ def path_settings(job: Job, machine: MachineProfile) -> dict[str, str]:
         section = getattr(machine, name)
         found |= {f"{name}.{each.name}": getattr(section, each.name) for each in fields(section)}
     found |= found.pop("controller.variables")
-    return {key: f"{each:.10g}" if type(each) is float else str(each) for key, each in found.items()}
+    return {key: _as_text(each) for key, each in found.items()}
+
+
+def _as_text(value: object) -> str:
+    return f"{value:.10g}" if type(value) is float else str(value)
+
+
+_DEFAULTS = {
+    f"{section}{each.name}": _as_text(each.default)
+    for section, kind in {"": Job, "tool.": ToolAxis, "spindle.": Spindle, "chuck.": Chuck}.items()
+    for each in fields(kind)
+    if each.default is not MISSING and each.name not in NOT_SHAPING
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,8 +213,13 @@ def changed_settings(holds: HoldsFor, asked: HoldsFor) -> str:
         return ""
     if not (holds.settings and asked.settings):
         return ""
-    then, now = holds.settings, asked.settings
-    keys = [each for each in {**then, **now} if then.get(each) != now.get(each)]
+    # A value that the older console did not know had its default; a tool or chuck without a name may be the same.
+    then, now = {**_DEFAULTS, **holds.settings}, {**_DEFAULTS, **asked.settings}
+    keys = [
+        each
+        for each in {**then, **now}
+        if then.get(each) not in ("", now.get(each)) and not LIMITS.fullmatch(each)
+    ]
     keys.sort(
         key=lambda each: "." in each
     )  # what the controller or the job has, before what the profile says of it

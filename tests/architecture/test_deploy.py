@@ -6,11 +6,14 @@ import re
 import shlex
 import shutil
 import subprocess
+import sys
 import tomllib
+import zipfile
 from pathlib import Path
 
 import pytest
 
+from console.__main__ import main
 from console.cli.whole_parser import whole_parser
 from console.text.catalogue import load
 
@@ -45,6 +48,43 @@ def test_systemd_finds_nothing_wrong_with_a_unit(unit: Path, tmp_path: Path) -> 
     assert [line for line in done.stderr.splitlines() if unit.name.split("@")[0] in line] == []
 
 
+@pytest.mark.skipif(shutil.which("systemd-analyze") is None, reason="systemd-analyze is not installed")
+@pytest.mark.parametrize("unit", UNITS, ids=lambda unit: unit.name)
+def test_a_service_can_do_little_beside_its_own(unit: Path) -> None:
+    words = ["systemd-analyze", "security", "--offline=true", "--threshold=20", str(unit)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout.splitlines()[-1]
+
+
+def test_all_files_are_written_into_a_folder_and_nothing_is_overwritten(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    files = {path.relative_to(DEPLOY): path.read_bytes() for path in DEPLOY.rglob("*") if path.is_file()}
+    folder = tmp_path / "new" / "deploy"
+    assert main(["deploy", str(folder)]) == 0
+    assert {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()} == files
+    (folder / "Containerfile").write_text("mine\n")
+    (folder / "trilobe-ship.service").unlink()
+    assert main(["deploy", str(folder)]) == 1
+    assert (folder / "Containerfile").read_text() == "mine\n" and not (folder / "trilobe-ship.service").exists()
+    assert capsys.readouterr().err.count("\n") == 1
+    assert main(["deploy", "/proc/nowhere"]) == 1
+
+
+@pytest.mark.long
+def test_a_wheel_brings_the_files(tmp_path: Path) -> None:
+    made = subprocess.run(
+        [sys.executable, "-m", "build", "--wheel", "--outdir", str(tmp_path), str(ROOT)],
+        capture_output=True,
+        check=False,
+    )
+    if made.returncode != 0:
+        pytest.skip("the build has no network")
+    with zipfile.ZipFile(next(tmp_path.glob("*.whl"))) as wheel:
+        found = {name.removeprefix("console/deploy/") for name in wheel.namelist() if "/deploy/" in name}
+    assert found == {str(path.relative_to(DEPLOY)) for path in DEPLOY.rglob("*") if path.is_file()}
+
+
 def test_the_rule_of_udev_has_the_operators_that_udev_knows() -> None:
     for line in (DEPLOY / "60-trilobe-serial.rules").read_text(encoding="utf-8").splitlines():
         if line and not line.startswith("#"):
@@ -62,6 +102,7 @@ def test_a_container_is_built_from_all_that_the_wheel_needs() -> None:
     needed = [
         *wheel["wheel"]["packages"],
         *wheel["wheel"]["shared-data"],
+        *wheel["wheel"]["force-include"],
         "pyproject.toml",
         "README.md",
         "LICENSE",

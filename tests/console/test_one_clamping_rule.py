@@ -145,7 +145,7 @@ def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
     sd_n = math.hypot(1314 * sd_share, line_sd_n)
     most_n, words = 1970.2 * 0.05 / sd_share, f"6.57 N m ±{sd_n:.0f} N"
     data = data_folder / "trilobe"
-    machine = calibrated(load_machine("close", machines_folder(data)), data)
+    machine = calibrated(load_machine("lee-2001-lathe", machines_folder(data)), data)
     shown = form(LOADED.job, machine.machine)
     assert f"621 … {most_n:.0f} N" in shown and words in shown
     work = opened(LOADED, machine)

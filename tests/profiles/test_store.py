@@ -199,3 +199,16 @@ def test_what_is_saved_is_loaded(tmp_path_factory: pytest.TempPathFactory, job: 
     assert load_job(str(path)).job == job
     save_job(other, path, overwrite=True)
     assert load_job(str(path)).job == other
+
+
+def test_a_plain_copy_of_a_machine_is_refused_under_its_file_name(tmp_path: Path) -> None:
+    """It would be listed as lathe-3, and its runs would be those of the machine that it was copied from."""
+    copy = tmp_path / "lathe-3.toml"
+    copy.write_text(load_machine("lee-2001-lathe").text)
+    with pytest.raises(ProfileError) as refused:
+        load_machine("lathe-3", tmp_path)
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.value, problem.limit) == ("machine.name_differs", "lathe-3", "lee-2001-lathe")
+    assert load_machine(str(copy)).machine.name == "lee-2001-lathe"
+    copy.write_text(copy.read_text().replace('name = "lee-2001-lathe"', 'name = "lathe-3"'))
+    assert load_machine("lathe-3", tmp_path).machine.name == "lathe-3"

@@ -182,3 +182,23 @@ def test_a_line_with_the_name_of_another_machine_takes_nobody_away(tmp_path: Pat
         assert [heard.state.activity for heard in wanted.heard()] == ["homing"]
         wanted.close()
     assert codes == ["feed.not_one"]
+
+
+@pytest.mark.parametrize("command", ["metrics", "mtconnect"])
+def test_an_address_that_other_computers_reach_is_warned_about(command: str, tmp_path: Path) -> None:
+    words = [sys.executable, "-m", "console", command, "--listen", "0.0.0.0:0", "--data", str(tmp_path)]
+    with Preloaded(words, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True) as process:
+        assert process.stderr is not None
+        assert "0.0.0.0" in (line := process.stderr.readline()) and "open to other computers" in line
+        process.kill()
+
+
+def test_who_scrapes_names_this_computer(monkeypatch: pytest.MonkeyPatch) -> None:
+    def status(host: str, *hosts: str) -> bytes:
+        head = f"GET /metrics HTTP/1.1\r\nHost: {host}\r\n\r\n".encode()
+        return metrics.response(head, hosts, [], load("en")).split(b" ", 2)[1]
+
+    numbers = [status(each, metrics.NUMBERS) for each in ("192.168.7.3:9301", "[fe80::1]:9301", "localhost")]
+    assert numbers == [b"200"] * 3
+    assert status("lathe-3:9301", metrics.NUMBERS) == b"421"
+    assert (status("lathe-3:9301"), status("lathe-3:9301", "lathe-3")) == (b"421", b"200")

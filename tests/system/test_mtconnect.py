@@ -299,3 +299,13 @@ def test_a_killed_console_at_a_terminal_becomes_unavailable_and_comes_back(tmp_p
             trainee.press("ctrl+q")
             assert terminal.wait_exit(20.0) == 0
         agent.close()
+
+
+def test_two_lathes_with_one_profile_are_two_devices_that_stay_what_they_are(tmp_path: Path) -> None:
+    def uuid(folder: str) -> str:
+        done = completed(["mtconnect", "--devices", "--data", str(tmp_path / folder)], 30.0)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.partition('uuid="')[2].partition('"')[0]
+
+    first = uuid("one")
+    assert first.endswith(".lee-2001-lathe") and uuid("one") == first != uuid("two")

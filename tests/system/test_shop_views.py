@@ -163,3 +163,89 @@ def test_the_dashboard_names_the_part_beyond_the_limits(shop: ShopServer, chosen
     (looked,) = [each for each in DASHBOARD["panels"] if each["title"].startswith("Parts to look at")]
     (row,) = asked(shop, looked["targets"][0]["rawSql"], chosen)
     assert (row["place"], row["ront_um"], row["beyond"], row["out_of_tolerance"]) == (13, 5.6, True, True)
+
+
+FORCED = ("parallel_setup_cost = 0", "parallel_tuple_cost = 0", "min_parallel_table_scan_size = 0")
+
+
+def test_every_view_and_query_can_be_asked_by_a_plan_with_parallel_workers(
+    shop: ShopServer, chosen: dict[str, str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ((version,),) = shop.sql("SHOW server_version_num")
+    forced = "debug_parallel_query" if int(str(version)) >= 160000 else "force_parallel_mode"
+    settings = " ".join(f"-c {each.replace(' ', '')}" for each in (*FORCED, f"{forced} = on"))
+    monkeypatch.setenv("PGOPTIONS", settings)
+    plan = shop.sql("EXPLAIN SELECT * FROM shop.roundness_capability", READER)
+    assert any("Gather" in str(line) for (line,) in plan), "nothing is forced"
+    queries = documented_sql("docs/shop.md", "## Queries")
+    queries += [panel["targets"][0]["rawSql"] for panel in DASHBOARD["panels"]]
+    views = shop.sql("SELECT table_name FROM information_schema.views WHERE table_schema = 'shop'")
+    for query in (*queries, *(f"SELECT * FROM shop.{name}" for (name,) in views)):
+        assert asked(shop, query, chosen), query
+
+
+def shown_by_views(shop: ShopServer, database: str) -> dict[str, list[tuple[object, ...]]]:
+    """What every view shows, whatever the order; the last digits of a sum depend on it, too."""
+    names = ("parts", "run_chart", "roundness_capability", "diameter_capability", "alarms", "lobe_drift", "lathes")
+    found = {name: shop.sql(f"SELECT * FROM shop.{name}", database=database) for name in names}
+    return {
+        name: sorted(
+            (tuple(round(each, 9) if isinstance(each, float) else each for each in row) for row in rows), key=repr
+        )
+        for name, rows in found.items()
+    }
+
+
+def test_a_shop_that_is_brought_to_the_newest_schema_shows_what_it_showed_before(shop: ShopServer) -> None:
+    from console.session.shop.schema import migrations
+
+    shop.sql("DROP DATABASE IF EXISTS older", database="postgres")
+    shop.sql("CREATE DATABASE older ENCODING 'UTF8' TEMPLATE template0", database="postgres")
+    first, second, *later = migrations()
+    for step in (first, second):
+        shop.sql(step.sql, database="older")
+    for table in ("contacts", "progress", "texts", "runs", "events", "measurements"):
+        copy_rows(shop, table)
+    before = shown_by_views(shop, "older")
+    for step in later:
+        shop.sql(step.sql, database="older")
+    assert shown_by_views(shop, "older") == before == shown_by_views(shop, "shop")
+
+
+def copy_rows(shop: ShopServer, table: str) -> None:
+    """Copy the rows of a table into the older shop, as a dump does."""
+    import psycopg
+
+    line = f"COPY (SELECT * FROM shop.{table}) TO STDOUT"
+    with psycopg.connect(shop.dsn()) as here, psycopg.connect(shop.dsn(database="older")) as there:
+        with (
+            here.cursor().copy(line.encode()) as out,
+            there.cursor().copy(f"COPY shop.{table} FROM STDIN".encode()) as into,
+        ):
+            for piece in out:
+                into.write(piece)
+
+
+def test_what_is_measured_again_or_removed_is_at_once_what_the_views_show(shop: ShopServer) -> None:
+    import psycopg
+
+    newest = "SELECT ront_um FROM shop.parts ORDER BY place DESC LIMIT 1"
+    with psycopg.connect(shop.dsn()) as link:
+
+        def shown() -> list[tuple[float]]:
+            return link.execute(newest.encode()).fetchall()
+
+        ((was,),) = shown()
+        link.execute(
+            b"CREATE TEMP TABLE again AS SELECT m.* FROM shop.measurements AS m JOIN shop.parts AS p"
+            b" USING (lathe_id, run_id, part) ORDER BY p.place DESC, m.number DESC LIMIT 1"
+        )
+        link.execute(b"UPDATE again SET number = number + 100, ront_um = 4.25")
+        link.execute(b"INSERT INTO shop.measurements SELECT * FROM again")
+        assert shown() == [(4.25,)]
+        link.execute(b"DELETE FROM shop.measurements WHERE number > 100")
+        assert shown() == [(was,)]
+        (alarms,) = link.execute(b"SELECT count(*) FROM shop.alarms").fetchall()
+        link.execute(b"DELETE FROM shop.events WHERE kind = 'alarm_raised' AND data LIKE '%drive.fault%'")
+        assert link.execute(b"SELECT count(*) + 1 FROM shop.alarms").fetchall() == [alarms]
+        link.rollback()

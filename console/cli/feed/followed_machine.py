@@ -16,6 +16,7 @@ from console.cli.output import tell
 from console.cli.parser import Parser
 from console.session.feed.request import LEAST_HZ, MOST_HZ
 from console.text.catalogue import Catalogue
+from drivers.simulator.hosts.control_address import is_loopback
 
 if TYPE_CHECKING:
     from console.session.exchange.data_items import Published
@@ -36,6 +37,12 @@ def add_rate(parser: Parser, text: Catalogue) -> None:
 def machine_name(options: Namespace) -> str:
     """Return the name of the machine whose state is published: that in its profile, by which consoles call it."""
     return profile_of(options).machine.name
+
+
+def warn_open(host: str, bound: str, text: Catalogue) -> None:
+    """Warn of an address that other computers reach: neither SHDR nor the metrics know a password."""
+    if not is_loopback(host):
+        print(f"console: {text('warning')}: {text('exchange.open', address=bound)}", file=sys.stderr)
 
 
 @contextmanager

@@ -1,8 +1,9 @@
-"""`console metrics`: the state of running consoles for Prometheus, on a port of this computer alone."""
+"""`console metrics`: the state of running consoles for Prometheus."""
 
 from __future__ import annotations
 
 import asyncio
+import socket
 import time
 from argparse import Namespace
 from collections.abc import Callable, Collection, Sequence
@@ -12,15 +13,15 @@ from io import BytesIO
 from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from console.cli.arguments import problems_as_usage
-from console.cli.feed.followed_machine import WAIT_S
+from console.cli.arguments import host_port
+from console.cli.feed.followed_machine import WAIT_S, warn_open
 from console.cli.library import data_of
 from console.cli.output import tell
 from console.cli.parser import Parser
 from console.session.bounded_server import BoundedServer, send
 from console.session.feed.request import LEAST_HZ
 from console.text.catalogue import Catalogue
-from drivers.simulator.hosts.control_address import is_loopback, parse_control_address
+from drivers.simulator.hosts.control_address import is_loopback
 from profiles.files import printable
 
 if TYPE_CHECKING:
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from drivers.link.address import TcpAddress
 
 PATH = "/metrics"
+NUMBERS = "*.*.*.*"  # any address in numbers, to which no page can lead a name
 CLIENT_S = 5.0  # timeout for a client from its first byte to the last one that it reads
 MOST_CLIENTS, LONGEST_HEAD = 16, 16_384
 ENDS = (b"", b"\n", b"\r\n")  # of a head; b"": the client says no more
@@ -36,7 +38,7 @@ ENDS = (b"", b"\n", b"\r\n")  # of a head; b"": the client says no more
 def add(parser: Parser, text: Catalogue) -> None:
     """Add the address, and further names of this computer."""
     where = text("help.metrics_listen")
-    parser.add_argument("--listen", metavar="HOST:PORT", type=_address, required=True, help=where)
+    parser.add_argument("--listen", metavar="HOST:PORT", type=host_port, required=True, help=where)
     parser.add_argument("--host", metavar="NAME", action="append", default=[], help=text("help.metrics_host"))
 
 
@@ -46,6 +48,8 @@ def main(options: Namespace, text: Catalogue) -> int:
 
     heard: list[Heard] = []
     hosts = {name.lower() for name in (options.listen.host, *options.host)}
+    if not is_loopback(options.listen.host):
+        hosts |= {socket.gethostname().lower(), socket.getfqdn().lower(), NUMBERS}
 
     def answer(head: bytes) -> bytes:
         return response(head, hosts, [each.aged(time.monotonic()) for each in heard], text)
@@ -55,6 +59,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     try:
         heard = follower.settle()
         bound = server.start(options.listen).partition(":tcp:")[2]
+        warn_open(options.listen.host, bound, text)
         print(text("metrics.listening", address=f"http://{bound}{PATH}"), flush=True)
         while True:
             follower.wait(WAIT_S)
@@ -79,7 +84,8 @@ def response(head: bytes, hosts: Collection[str], states: Sequence[FeedState], t
         host = urlsplit("//" + ",".join(parse_headers(BytesIO(fields)).get_all("Host", []))).hostname or ""
     except (HTTPException, ValueError):
         host = ""
-    if not (is_loopback(host) or host in hosts):
+    in_numbers = ":" in host or host.replace(".", "").isdigit()
+    if not (is_loopback(host) or host in hosts or (NUMBERS in hosts and in_numbers)):
         told = text("metrics.host", host=printable(host, 60) or "-", hosts=", ".join(sorted(hosts)))
         status, body = HTTPStatus.MISDIRECTED_REQUEST, f"{told}\n"
     elif (method, target.partition("?")[0]) != ("GET", PATH):
@@ -112,12 +118,3 @@ def _server(address: TcpAddress, answer: Callable[[bytes], bytes]) -> BoundedSer
         longest_line=LONGEST_HEAD,
         unread_bytes=0,
     )
-
-
-def _address(word: str) -> TcpAddress:
-    from drivers.link.address import TcpAddress
-
-    with problems_as_usage():
-        address = parse_control_address(f"tcp:{word}")
-    assert isinstance(address, TcpAddress)
-    return address

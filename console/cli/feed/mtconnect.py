@@ -8,12 +8,12 @@ from argparse import Namespace
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import add_shared, host_port
-from console.cli.feed.followed_machine import add_rate, changes_of, followed, machine_name
+from console.cli.feed.followed_machine import add_rate, changes_of, followed, machine_name, warn_open
 from console.cli.library import data_of
 from console.cli.output import print_json
 from console.cli.parser import Parser
+from console.session.data.kept_files import make_folder
 from console.text.catalogue import Catalogue
-from drivers.simulator.hosts.control_address import is_loopback
 
 if TYPE_CHECKING:
     from console.session.exchange.adapter import Adapter
@@ -42,8 +42,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     address = options.listen or host_port(LISTEN)
     adapter = Adapter(address.host, address.port)
     bound = adapter.start()
-    if not is_loopback(address.host):
-        print(f"console: {text('warning')}: {text('mtconnect.open', address=bound)}", file=sys.stderr)
+    warn_open(address.host, bound, text)
     try:
         _tell_address(bound, machine, options, text)
         _serve(adapter, machine, options, text)
@@ -62,8 +61,11 @@ def _serve(adapter: Adapter, machine: str, options: Namespace, text: Catalogue) 
 
 def _show_devices(options: Namespace) -> int:
     from console.session.exchange.device import devices_xml
+    from console.session.shop.identity import lathe_identity
 
-    document = devices_xml(machine_name(options), options.sim)
+    data, machine = data_of(options), machine_name(options)
+    make_folder(data)
+    document = devices_xml(machine, options.sim, lathe_identity(data).lathe_id)
     if options.json:
         print_json({"devices": document})
     else:

@@ -8,6 +8,7 @@ import time
 from argparse import Namespace
 from collections.abc import Callable
 from datetime import datetime
+from threading import Timer
 
 from console.cli.library import data_of
 from console.cli.output import show
@@ -20,6 +21,7 @@ from profiles.files import printable
 from profiles.problem import Problem
 
 SAID_EACH_S = 2.0  # of a backlog that takes long
+SLOW_S = 2.0  # without an answer of the database
 
 
 def migrate_shop(options: Namespace, text: Catalogue) -> None:
@@ -34,7 +36,11 @@ def migrate_shop(options: Namespace, text: Catalogue) -> None:
 
 def ship_once(options: Namespace, text: Catalogue) -> None:
     """Send what is waiting, and print what that was."""
-    sent = ship(data_of(options), options.shop, again=options.again, told=_progress(text))
+    slow = _slow(text)
+    try:
+        sent = ship(data_of(options), options.shop, again=options.again, told=_progress(text, slow))
+    finally:
+        slow.cancel()
     show(options, lambda: sent_fields(sent), lambda: [_sent_line(sent, text)])
 
 
@@ -44,7 +50,10 @@ def follow_on(options: Namespace, text: Catalogue) -> None:
     try:
         if not options.json:
             print(text("ship.following", seconds=f"{options.every:g}"))
-        for found in follow(data_of(options), options.shop, period_s=options.every, told=_progress(text)):
+        slow = _slow(text)
+        told = _progress(text, slow)
+        for found in follow(data_of(options), options.shop, period_s=options.every, told=told):
+            slow.cancel()
             if isinstance(found, Problem):
                 print(f"console: {text('warning')}: {_clock()}  {text.problem(found)}", file=sys.stderr)
             elif found.total and options.json:
@@ -55,12 +64,21 @@ def follow_on(options: Namespace, text: Catalogue) -> None:
         return
 
 
-def _progress(text: Catalogue) -> Callable[[Sent], None]:
+def _slow(text: Catalogue) -> Timer:
+    """Begin to wait for the first sign of the database; without one it is said on stderr that it is waited for."""
+    slow = Timer(SLOW_S, lambda: print(text("ship.waiting", seconds=f"{SLOW_S:g}"), file=sys.stderr, flush=True))
+    slow.daemon = True
+    slow.start()
+    return slow
+
+
+def _progress(text: Catalogue, slow: Timer) -> Callable[[Sent], None]:
     """Return what says on stderr, now and then, how much of a backlog is left."""
     said_s = time.monotonic()
 
     def tell(sent: Sent) -> None:
         nonlocal said_s
+        slow.cancel()
         if sent.left and time.monotonic() - said_s >= SAID_EACH_S:
             said_s = time.monotonic()
             print(text("ship.progress", count=sent.total, left=sent.left), file=sys.stderr)

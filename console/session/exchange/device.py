@@ -28,12 +28,15 @@ def device_name(machine: str, simulated: bool) -> str:
     return f"{machine}{_SIM if simulated else ''}"
 
 
-def devices_xml(machine: str, simulated: bool) -> str:
-    """Return the document for an agent. Its ids have the device in them: an agent may serve several."""
+def devices_xml(machine: str, simulated: bool, lathe_id: str) -> str:
+    """Return the document for an agent. Its ids have the device in them: an agent may serve several.
+
+    Profiles of many lathes have one name: the uuid has the identity of the lathe in it, and stays with it.
+    """
     name = device_name(machine, simulated)
     root = Xml.Element("MTConnectDevices", {"xmlns": NAMESPACE})
     Xml.SubElement(root, "Header", _HEADER)
-    facts = {"id": _id(name, DEVICE), "name": name, "uuid": f"trilobe.{name}"}
+    facts = {"id": _id(name, DEVICE), "name": name, "uuid": f"trilobe.{lathe_id}.{name}"}
     device = Xml.SubElement(Xml.SubElement(root, "Devices"), "Device", facts)
     about = Xml.SubElement(device, "Description", {"manufacturer": "trilobe"})
     about.text = "SIMULATED lathe, nothing is machined" if simulated else "Lathe with a fast tool axis"

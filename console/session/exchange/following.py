@@ -14,7 +14,7 @@ from pathlib import Path
 
 from console.session.exchange.data_items import Published, published
 from console.session.feed.client import Stream, Warn, closed, not_one
-from console.session.feed.feed_state import FeedState
+from console.session.feed.feed_state import FeedState, rank
 from console.session.feed.place import connected, feeds
 from profiles.problem import Problem
 
@@ -90,7 +90,7 @@ class Follower:
         return self._chosen()
 
     def _chosen(self) -> Heard | None:
-        return max(self.heard(), key=lambda each: _rank(each.state), default=None)
+        return max(self.heard(), key=lambda each: rank(each.state), default=None)
 
     def heard(self) -> list[Heard]:
         """Return the newest state of each console that is not silent."""
@@ -150,7 +150,3 @@ class Follower:
         self.newest.pop(path, None)
         with suppress(OSError):
             self._streams.pop(path).close()
-
-
-def _rank(state: FeedState) -> tuple[bool, bool, bool, str]:
-    return state.controls, state.execution != "unavailable", not state.stale, state.at_utc

@@ -28,6 +28,9 @@ KEEP_ALIVE_S = 20  # the broker sends the will after one and a half of it
 LEAST_DELAY_S, MOST_DELAY_S = 1, 60  # between two tries to connect; doubled after each
 MOST_QUEUED = 200  # messages that wait for a broker that does not take them
 LEAVE_S = 2.0
+ANSWER_S = 10.0  # a broker that has not answered by then is told; its connection is given up after KEEP_ALIVE_S
+MOST_BYTES = 1024  # of a packet of a broker, which has nothing to send to who subscribes to nothing
+NO_ANSWER = "no answer"  # what `Tell` is told where a port takes the connection and never answers as a broker
 AT_LEAST_ONCE = 1
 
 Tell = Callable[[bool, str], None]
@@ -44,13 +47,15 @@ class Publisher:
         self._told: dict[str, bytes] = {}
         self._newest: tuple[Published, FeedState | None] | None = None
         self._state: FeedState | None = None
-        self._connected, self._left = False, threading.Event()
+        self._connected, self._closing, self._left = False, False, threading.Event()
+        self._reason, self._answer = "", threading.Timer(0.0, self._no_answer)
         self._broker = broker
-        self._client = _client(broker)
+        self._client = _client(broker, self._refuse_packet)
         self._client.will_set(topic + AVAILABILITY, UNAVAILABLE, AT_LEAST_ONCE, retain=True)
         self._client.on_connect = self._on_connect
         self._client.on_disconnect = self._on_disconnect
         self._client.on_connect_fail = self._on_connect_fail
+        self._client.on_pre_connect = self._on_pre_connect
 
     def start(self) -> None:
         """Begin to connect; returns at once, whether there is a broker or not. Raises OSError."""
@@ -68,6 +73,8 @@ class Publisher:
         """Say that nothing is published any more, and leave."""
         with self._lock:
             was, self._connected = self._connected, False
+        self._closing = True
+        self._answer.cancel()
         if was:
             gone = self._client.publish(self._topic + AVAILABILITY, UNAVAILABLE, AT_LEAST_ONCE, retain=True)
             with suppress(ValueError, RuntimeError):  # the connection has gone meanwhile: the will says the same
@@ -95,9 +102,24 @@ class Publisher:
     def _is_news(self, state: FeedState | None) -> bool:
         return is_news(state, self._state)
 
+    def _on_pre_connect(self, client: Client, data: Any) -> None:
+        self._answer.cancel()
+        self._reason, self._answer = NO_ANSWER, threading.Timer(ANSWER_S, self._no_answer)
+        self._answer.daemon = True
+        self._answer.start()
+
+    def _no_answer(self) -> None:
+        self._tell(False, NO_ANSWER)
+
+    def _refuse_packet(self, size: int) -> None:
+        self._reason = f"a packet of {size} bytes, allowed <= {MOST_BYTES}"
+
     def _on_connect(self, client: Client, data: Any, flags: Any, reason: Any, properties: Any) -> None:
+        self._answer.cancel()
+        self._reason = ""
         if reason.is_failure:
-            self._tell(False, str(reason))
+            self._reason = str(reason)
+            self._tell(False, self._reason)
             return
         with self._lock:
             self._told, self._connected = {}, True
@@ -106,24 +128,36 @@ class Publisher:
 
     def _on_disconnect(self, client: Client, data: Any, flags: Any, reason: Any, properties: Any) -> None:
         with self._lock:
-            was, self._connected = self._connected, False
+            self._connected = False
+        self._answer.cancel()
+        if not self._closing:
+            self._tell(False, self._reason or str(reason))
         self._left.set()
-        if was:
-            self._tell(False, str(reason))
 
     def _on_connect_fail(self, client: Client, data: Any) -> None:
+        late = self._answer.finished.is_set()  # and told already
+        self._answer.cancel()
         error = sys.exception()  # paho calls this where it has caught it
         reason = getattr(error, "strerror", None) or str(error or "")
-        self._tell(False, printable(reason))
+        self._tell(False, NO_ANSWER if late else printable(reason))
 
 
-def _client(broker: Broker) -> Client:
+def _client(broker: Broker, refuse_packet: Callable[[int], object]) -> Client:
+    """Return a client that closes the connection where a packet is announced that is larger than allowed."""
     try:
         from paho.mqtt.client import Client, MQTTv311
         from paho.mqtt.enums import CallbackAPIVersion
     except ImportError as error:
         raise SessionError(Problem(code="mqtt.not_installed")) from error
-    client = Client(CallbackAPIVersion.VERSION2, protocol=MQTTv311)
+
+    class Bounded(Client):
+        def _sock_recv(self, bufsize: int) -> bytes:  # of a packet: as many bytes as are missing
+            if bufsize > MOST_BYTES:
+                refuse_packet(bufsize)
+                raise ConnectionError
+            return super()._sock_recv(bufsize)
+
+    client = Bounded(CallbackAPIVersion.VERSION2, protocol=MQTTv311)
     client.max_queued_messages_set(MOST_QUEUED)
     client.reconnect_delay_set(LEAST_DELAY_S, MOST_DELAY_S)
     if broker.tls:

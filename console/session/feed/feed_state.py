@@ -86,6 +86,11 @@ class FeedState:
     cut_verdict: str | None = None
 
 
+def rank(state: FeedState) -> tuple[bool, bool, bool, str]:
+    """Return by what the console to believe is chosen among those on one machine: the largest."""
+    return state.controls, state.execution != "unavailable", not state.stale, state.at_utc
+
+
 EXECUTIONS, MODES = ("unavailable", "ready", "active", "feed_hold", "stopped"), ("automatic", "manual")
 PRIORITIES, ALARM_STATES = ("high", "medium", "low"), ("new", "acknowledged", "returned")
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import product
 from typing import Any
 
-from console.session.feed.feed_state import ALARM_STATES, PRIORITIES, FeedState
+from console.session.feed.feed_state import ALARM_STATES, EXECUTIONS, MODES, PRIORITIES, FeedState, rank
+from console.session.station.state import Activity
 
 CONTENT_TYPE = "text/plain; version=0.0.4; charset=utf-8"
 PREFIX = "trilobe"
@@ -17,45 +17,37 @@ Labels = Mapping[str, str]
 Sample = tuple[Labels, float]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Family:
-    """Metrics of one name."""
-
-    name: str
-    kind: str
-    about: str
-    samples: Sequence[Sample]
-
-
 def exposition(states: Sequence[FeedState]) -> str:
-    """Return the metrics of these consoles; what is not known is left out. No series may come twice."""
-    apart = {(state.machine, state.process): state for state in states}
-    return "".join(line for family in _families([*apart.values()]) for line in _lines(family))
+    """Return the metrics of these consoles; what is not known is left out.
+
+    Of several consoles on one machine it is that which controls it: the series of a machine outlast its consoles.
+    """
+    apart = {(state.machine, state.simulated): state for state in sorted(states, key=rank)}
+    count = _lines("consoles", "Running consoles of the data folder.", [({}, float(len(states)))])
+    return "".join((*count, *_of_machines([*apart.values()])))
 
 
-def _families(states: Sequence[FeedState]) -> Iterable[Family]:
-    yield Family(
-        name=f"{PREFIX}_consoles",
-        kind="gauge",
-        about="Running consoles of the data folder.",
-        samples=[({}, float(len(states)))],
-    )
-    info = [
-        ({**_who(state), **_labels(state, "program", "job", "activity", "execution", "mode")}, 1.0)
-        for state in states
-    ]
-    yield Family(
-        name=f"{PREFIX}_state_info", kind="gauge", about="What each console does, as labels.", samples=info
-    )
+def _of_machines(states: Sequence[FeedState]) -> Iterable[str]:
+    jobs = [({**_who(state), "job": state.job}, 1.0) for state in states if state.job is not None]
+    yield from _lines("job_info", "The open job, as a label.", jobs)
+    for name, about, words in _WORDS:
+        pairs = product(states, words)
+        told = [({**_who(at), name: each}, float(getattr(at, name) == each)) for at, each in pairs]
+        yield from _lines(name, about, told)
     for name, kind, about, keys in _VALUES:
         found = [(_who(state), float(value)) for state in states if (value := _at(state, keys)) is not None]
-        yield Family(name=f"{PREFIX}_{name}", kind=kind, about=about, samples=found)
-    alarms = [sample for state in states for sample in _alarms(state)]
-    yield Family(name=f"{PREFIX}_alarms", kind="gauge", about="Alarms by priority and state.", samples=alarms)
+        yield from _lines(name, about, found, kind)
+    yield from _lines("alarms", "Alarms by priority and state.", [each for at in states for each in _alarms(at)])
 
+
+_WORDS: tuple[tuple[str, str, Sequence[str]], ...] = (
+    ("execution", "1 for what the machine does, in the words of MTConnect.", EXECUTIONS),
+    ("mode", "1 for the mode.", MODES),
+    ("activity", "1 for what the console does.", tuple(Activity)),
+)
+"""What has one of some words has a series for each: one that comes and goes cannot be alerted on."""
 
 _VALUES = (
-    ("simulated", "gauge", "1 for a simulated machine.", ("simulated",)),
     ("controls", "gauge", "1 where this console controls the machine.", ("controls",)),
     ("age_seconds", "gauge", "Age of speed and positions.", ("age_s",)),
     ("spindle_rpm", "gauge", "Spindle speed.", ("spindle_rpm",)),
@@ -85,20 +77,16 @@ def _alarms(state: FeedState) -> Iterable[Sample]:
 
 
 def _who(state: FeedState) -> dict[str, str]:
-    return _labels(state, "machine", "process")
+    return {"machine": state.machine, "simulated": str(int(state.simulated))}
 
 
-def _labels(state: FeedState, *names: str) -> dict[str, str]:
-    return {name: "" if (value := getattr(state, name)) is None else str(value) for name in names}
-
-
-def _lines(family: Family) -> Iterable[str]:
-    if not family.samples:
+def _lines(name: str, about: str, samples: Sequence[Sample], kind: str = "gauge") -> Iterable[str]:
+    if not samples:
         return
-    yield f"# HELP {family.name} {family.about}\n# TYPE {family.name} {family.kind}\n"
-    for labels, value in family.samples:
-        named = ",".join(f'{name}="{_escaped(each)}"' for name, each in labels.items())
-        yield f"{family.name}{'{' if named else ''}{named}{'}' if named else ''} {value!r}\n"
+    yield f"# HELP {PREFIX}_{name} {about}\n# TYPE {PREFIX}_{name} {kind}\n"
+    for labels, value in samples:
+        named = ",".join(f'{key}="{_escaped(each)}"' for key, each in labels.items())
+        yield f"{PREFIX}_{name}{'{' if named else ''}{named}{'}' if named else ''} {value!r}\n"
 
 
 def _escaped(value: str) -> str:

@@ -6,8 +6,10 @@ service, the variables PG*. The password is not part of it: a command line is se
 
 from __future__ import annotations
 
+import gc
 import os
-from collections.abc import Iterator, Mapping
+import time
+from collections.abc import Generator, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING, Any
 
@@ -30,6 +32,12 @@ DEFAULTS: Mapping[str, str] = {
     "application_name": "console ship",
 }
 """Of a server that no longer answers, the console learns within a minute."""
+
+ANSWER_S = 20.0
+"""A server that is silent for so long in a statement is given up: one that is stopped keeps its connections."""
+
+LOCK_S = 10
+"""So long a statement waits for a lock that another session has; less than `ANSWER_S`, as a lock has a name."""
 
 SECRETS = ("password", "sslpassword", "oauth_client_secret")
 SHOWN_CHARACTERS = 300
@@ -55,29 +63,75 @@ def judged_address(given: str) -> dict[str, str]:
 
 
 @contextmanager
-def connected(given: str) -> Iterator[psycopg.Connection[Values]]:
-    """Yield a connection; each transaction is begun by its user.
+def connected(given: str, answer_s: float | None = None) -> Iterator[psycopg.Connection[Values]]:
+    """Yield a connection; each transaction is begun by its user. `answer_s` is the longest silence, s.
 
     Raises SessionError: as `judged_address`; `ship.not_encrypted`, over a network; `ship.lost`, whatever the
-    database or the network refuses, also later.
+    database or the network refuses, also later, and a database that does not answer.
     """
     parts = judged_address(given)
+    gc.collect()  # a connection that was given up stays open in a circle of references of psycopg
     import psycopg
     from psycopg.conninfo import make_conninfo
 
-    link: psycopg.Connection[Values] | None = None
+    class Link(psycopg.Connection[Values]):
+        def wait(self, gen: Any, *more: Any, **how: Any) -> Any:
+            return super().wait(_answered(gen, self, answer_s or ANSWER_S), *more, **how)
+
+    link: Link | None = None
+    where = place_of(None, parts)
     try:
         whole = make_conninfo(**{**DEFAULTS, **parts, "client_encoding": "utf8"})
         # Not prepared: a pool of connections in between need not know statements.
-        link = psycopg.connect(whole, autocommit=True, prepare_threshold=None)
+        link = Link.connect(whole, autocommit=True, prepare_threshold=None)
+        where = place_of(link, parts)
         _refuse_plain(link, parts)
+        link.execute(f"SET lock_timeout = '{LOCK_S}s'".encode())
         yield link
     except psycopg.Error as error:
-        raise SessionError(lost(error, place_of(link, parts))) from None
+        raise SessionError(lost(error, where)) from None
     finally:
         if link is not None:
             with suppress(psycopg.Error):
                 link.close()
+
+
+def _answered(
+    steps: Generator[Any, Any, Any], link: psycopg.Connection[Values], answer_s: float
+) -> Generator[Any, Any, Any]:
+    """Run a generator of psycopg, woken ten times a second for nothing, until the silence has lasted too long."""
+    from psycopg import OperationalError
+
+    heard_s, ready = time.monotonic(), None
+    try:
+        while True:
+            ready = yield steps.send(ready)
+            if ready:
+                heard_s = time.monotonic()
+            elif time.monotonic() - heard_s > answer_s:
+                link.pgconn.finish()  # nothing else is asked of it, not even to roll back
+                raise OperationalError(f"no answer for {answer_s:g} s")
+    except StopIteration as done:
+        return done.value
+
+
+@contextmanager
+def committed(link: psycopg.Connection[Values]) -> Iterator[None]:
+    """Carry out what is done inside as a transaction. Raises psycopg.Error, also if it was not committed.
+
+    A transaction that the server has given up answers COMMIT with ROLLBACK, which is no error to psycopg.
+    """
+    from psycopg import Error, OperationalError
+
+    link.execute("BEGIN")
+    try:
+        yield
+    except BaseException:
+        with suppress(Error):
+            link.execute("ROLLBACK")
+        raise
+    if (said := link.execute("COMMIT").statusmessage) != "COMMIT":
+        raise OperationalError(f"COMMIT was answered by {said}")
 
 
 def lost(error: psycopg.Error, where: str) -> Problem:

@@ -15,6 +15,7 @@ from profiles.problem import Problem, ProblemError
 PERIOD_S = 5.0
 GREET_S = 3600.0
 LEAST_PAUSE_S, MOST_PAUSE_S = 1.0, 60.0
+SAID_AGAIN_S = 60.0
 
 PASSING = frozenset({"ship.lost", "ship.no_schema", "ship.older_schema", "record.not_readable"})
 """Refusals that may end by themselves, or by what somebody does at the database: tried again."""
@@ -29,13 +30,14 @@ def follow(
     period_s: float = PERIOD_S,
     told: Callable[[Sent], object] = lambda sent: None,
     waits: Waits = time.sleep,
+    clock: Callable[[], float] = time.monotonic,
 ) -> Generator[Sent | Problem, None, None]:
-    """Send for ever; yield what each pass has sent, and each refusal that is tried again, once while it lasts.
+    """Send for ever; yield what each pass has sent, and a refusal that is tried again, each minute while it lasts.
 
     `waits` waits some seconds. Between two tries the pause doubles, up to a minute. Raises SessionError: any
     refusal that is not in `PASSING`.
     """
-    pause_s, last = LEAST_PAUSE_S, None
+    pause_s, last, said_s = LEAST_PAUSE_S, None, 0.0
     while True:
         try:
             for sent in _over_one_link(data, given, period_s, told, waits):
@@ -45,8 +47,8 @@ def follow(
             problem = error.problems[0]
             if problem.code not in PASSING:
                 raise
-            if problem != last:
-                last = problem
+            if problem != last or clock() - said_s >= SAID_AGAIN_S:
+                last, said_s = problem, clock()
                 yield problem
         waits(pause_s)
         pause_s = min(2.0 * pause_s, MOST_PAUSE_S)

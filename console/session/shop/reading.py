@@ -39,6 +39,7 @@ FAILED = f"""(
 
 SHOWN_LATHES = 8
 PIECE = 1000  # rows
+READ_S = 600.0  # an export of a whole shop is sorted before its first row comes
 MOST_OF_ONE_ID = 20
 LISTED_KINDS = (*ENDS, *STARTS)
 
@@ -72,7 +73,7 @@ def shop_folder(given: str, query: ShopQuery) -> Iterator[ShopFolder]:
     Raises SessionError: as `connected` and `refuse_other_schema`; `ship.no_lathe`, `ship.ambiguous_lathe`.
     """
     with tempfile.TemporaryDirectory(prefix="trilobe-shop-") as made:
-        with connected(given) as link:
+        with connected(given, READ_S if query.whole and query.run is None else None) as link:
             refuse_other_schema(link)
             # One moment for all tables: no run without its events.
             with link.transaction():

@@ -20,6 +20,9 @@ _NAME = re.compile(r"(\d{4})_[a-z_]+\.sql")
 _LOCK = 7_411_902_655
 """Number of the lock that two owners who migrate at once wait for; any number that nobody else takes."""
 
+MIGRATION_S = 6 * 3600.0
+"""A step may work for long without a word: it goes over all records."""
+
 _TABLE = """CREATE SCHEMA IF NOT EXISTS shop;
 CREATE TABLE IF NOT EXISTS shop.migrations (
     number integer PRIMARY KEY, name text NOT NULL, sha256 text NOT NULL,
@@ -55,7 +58,7 @@ def migrate(given: str) -> tuple[Migration, ...]:
 
     Raises SessionError: as `connected`; `ship.newer_schema`, `ship.changed_schema`, `ship.not_utf8`.
     """
-    with connected(given) as link:
+    with connected(given, answer_s=MIGRATION_S) as link:
         if (encoding := link.info.parameter_status("server_encoding")) != "UTF8":
             raise SessionError(Problem(code="ship.not_utf8", where=place_of(link, {}), value=str(encoding)))
         link.execute("SELECT pg_advisory_lock(%s)", (_LOCK,))

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from console.session.data.record_file import FILE_NAME
 from console.session.errors import SessionError
-from console.session.shop.connection import Values, connected
+from console.session.shop.connection import Values, committed, connected
 from console.session.shop.identity import LatheIdentity, lathe_identity
 from console.session.shop.outbox import Outbox, Row, outbox
 from console.session.shop.schema import refuse_other_schema
@@ -146,7 +146,7 @@ def _send_transaction(
     from psycopg.errors import UniqueViolation
 
     try:
-        with link.transaction():
+        with committed(link):
             _send_some(link, box, keys, sent, data, most_rows)
     except UniqueViolation as error:
         where, value = printable(str(data / FILE_NAME)), printable(str(error.diag.table_name))
@@ -157,9 +157,13 @@ def _send_transaction(
 def _send_some(
     link: psycopg.Connection[Values], box: Outbox, keys: tuple[str, str], sent: Sent, data: Path, most_rows: int
 ) -> None:
-    """Send the next rows inside the caller's transaction, and keep how far they go."""
+    """Send the next rows inside the caller's transaction, and keep how far they go. Raises psycopg.Error."""
+    from psycopg import OperationalError
+
     found = link.execute(_LOCKED, keys).fetchall()
     places = {str(name): _Place(row, mark, again) for name, row, mark, again in found}
+    if hidden := {table.name for table in SENT} - set(places):
+        raise OperationalError(f"shop.progress has no row of this lathe for {', '.join(sorted(hidden))}")
     _refuse_diverged(box, places, data)
     rows_left, bytes_left = most_rows, MOST_BYTES
     sent.left = 0

@@ -186,12 +186,14 @@ def data_items(document: str) -> list[Xml.Element]:
 def test_the_description_has_every_key_that_is_sent() -> None:
     sent = {key for line in shdr_lines(shown(CUTTING), None) for key in tokens(line)[1:2]}
     sent |= {item.key for item in ITEMS}
-    assert {each.get("name") for each in data_items(devices_xml("lathe-3", False))} == sent | {"avail"} - {None}
+    assert {each.get("name") for each in data_items(devices_xml("lathe-3", False, "ab12"))} == sent | {"avail"} - {
+        None
+    }
 
 
 def test_the_description_keeps_the_rules_of_its_schema() -> None:
     """Those of MTConnectDevices 1.7: order of elements, required attributes, ids that are unique."""
-    root = Xml.fromstring(devices_xml("lathe 3 <&> 선반", False))
+    root = Xml.fromstring(devices_xml("lathe 3 <&> 선반", False, "ab12"))
     assert [child.tag for child in root] == [f"{NAME}Header", f"{NAME}Devices"]
     header = {"creationTime", "sender", "instanceId", "version", "bufferSize", "assetBufferSize", "assetCount"}
     assert set(root[0].attrib) == header
@@ -204,7 +206,7 @@ def test_the_description_keeps_the_rules_of_its_schema() -> None:
         kinds = [child.tag.removeprefix(NAME) for child in component]
         if "DataItems" in kinds or "Components" in kinds:
             assert kinds == sorted(kinds, key=order.index)
-    for item in data_items(devices_xml("lathe-3", False)):
+    for item in data_items(devices_xml("lathe-3", False, "ab12")):
         assert {"id", "category", "type"} <= set(item.attrib)
         assert (item.get("category") == "SAMPLE") == ("units" in item.attrib)
 
@@ -218,7 +220,7 @@ def test_the_words_of_the_description_are_those_of_the_model_of_the_standard() -
     }
     units = {each.value.replace("_PER_", "/") for each in model.UnitEnum}
     sub_types = {each.value for each in model.DataItemSubTypeEnum}
-    for item in data_items(devices_xml("lathe-3", False)):
+    for item in data_items(devices_xml("lathe-3", False, "ab12")):
         assert item.attrib["type"] in types[item.attrib["category"]]
         assert item.get("units", "COUNT") in units
         assert item.get("subType", "ACTUAL") in sub_types
@@ -237,5 +239,5 @@ def test_the_simulated_device_cannot_be_taken_for_the_real_one(capsys: pytest.Ca
 
 def test_every_data_item_is_documented() -> None:
     text = DOCUMENT.read_text(encoding="utf-8")
-    for item in data_items(devices_xml("lathe-3", False)):
+    for item in data_items(devices_xml("lathe-3", False, "ab12")):
         assert f"| `{item.get('name')}` | {item.get('type')}" in text

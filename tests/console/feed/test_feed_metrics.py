@@ -15,6 +15,7 @@ from console.session.feed.metrics import exposition
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
+from drivers.lathe.standing import Standing
 from profiles.store import load_machine
 from tests.tui import scenes
 
@@ -68,27 +69,38 @@ def state(of: StationState, process: int = 7, **more: Any) -> FeedState:
     return report(observed, process=process, operator="kim", at_utc="2026-01-01T00:00:00Z")
 
 
-def of_console(process: str, **more: str) -> frozenset[tuple[str, str]]:
-    return frozenset({"machine": MACHINE.name, "process": process, **more}.items())
+def of_machine(**more: str) -> frozenset[tuple[str, str]]:
+    return frozenset({"machine": MACHINE.name, "simulated": "1", **more}.items())
 
 
 def test_a_cut_and_its_alarms_are_counted() -> None:
     alarms, _ = scenes.alarmed()
-    found = parsed(
-        exposition([state(replace(CUTTING, alarms=alarms), parts=3), state(StationState(machine=MACHINE.name), 8)])
-    )
+    cutting = replace(CUTTING, alarms=alarms)
+    looking_on = StationState(machine=MACHINE.name, standing=Standing.OWNER)
+    found = parsed(exposition([state(cutting, parts=3), state(looking_on, 8)]))
     assert found["trilobe_consoles", frozenset()] == 2.0
-    assert found["trilobe_spindle_rpm", of_console("7")] == 1000.314
-    assert ("trilobe_spindle_rpm", of_console("8")) not in found  # not known: no series, and no zero
-    assert found["trilobe_cut_turn", of_console("7")] == 83.2
-    assert (found["trilobe_parts_total", of_console("7")], found["trilobe_parts_total", of_console("8")]) == (
-        3.0,
-        0.0,
-    )
+    assert found["trilobe_spindle_rpm", of_machine()] == 1000.314
+    assert found["trilobe_cut_turn", of_machine()] == 83.2
+    assert found["trilobe_parts_total", of_machine()] == 3.0
+    assert found["trilobe_activity", of_machine(activity="cutting")] == 1.0
+    assert sum(value for (name, _), value in found.items() if name == "trilobe_activity") == 1.0
     counted = {labels: value for (name, labels), value in found.items() if name == "trilobe_alarms"}
-    assert sum(value for labels, value in counted.items() if ("process", "7") in labels) == len(alarms)
-    assert sum(value for labels, value in counted.items() if ("process", "8") in labels) == 0.0
-    assert counted[of_console("7", priority="high", state="new")] >= 1.0
+    assert sum(counted.values()) == len(alarms)
+    assert counted[of_machine(priority="high", state="new")] >= 1.0
+    only = parsed(exposition([state(looking_on, 8)]))
+    assert ("trilobe_spindle_rpm", of_machine()) not in only  # not known: no series, and no zero
+    assert only["trilobe_parts_total", of_machine()] == 0.0
+
+
+def test_neither_a_part_nor_a_console_makes_a_series_of_its_own() -> None:
+    """Each series is kept for months: a hundred consoles, each for a part, have those of one."""
+    made = set[Series]()
+    for process in range(1, 101):
+        for of in (CUTTING, replace(scenes.machine(Activity.MEASURING), spindle_rpm=0.0)):
+            made |= parsed(
+                exposition([state(of, process, job="ring", parts=process, run_id=f"{process:032x}")])
+            ).keys()
+    assert len(made) == len(parsed(exposition([state(CUTTING, job="ring")])))
 
 
 def test_without_a_console_there_is_their_number() -> None:
@@ -98,8 +110,8 @@ def test_without_a_console_there_is_their_number() -> None:
 @given(st.text(alphabet=st.characters(exclude_categories=["Cs"]), max_size=20))
 def test_any_name_of_a_job_comes_through(job: str) -> None:
     found = parsed(exposition([state(CUTTING, job=job)]))
-    (labels,) = (dict(labels) for name, labels in found if name == "trilobe_state_info")
-    assert (labels["job"], labels["activity"]) == (job, "cutting")
+    (labels,) = (dict(labels) for name, labels in found if name == "trilobe_job_info")
+    assert labels["job"] == job
 
 
 @pytest.mark.parametrize("job", ['a"b', "a\\nb", "a\nb", "가공"])
