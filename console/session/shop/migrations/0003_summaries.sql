@@ -41,14 +41,16 @@ CREATE INDEX runs_of_lathe ON shop.runs (lathe_id, arrival);
 ANALYZE shop.part_summaries, shop.alarm_summaries;
 
 -- With the rights of the owner, as a lathe may add records and nothing else. They are made from all records of the runs
--- that rows were added to or deleted from: a part is measured again, a backup is gone over, old runs are removed.
+-- that rows were added to or deleted from: a part is measured again, a backup is gone over, old runs are removed. OFFSET 0 and
+-- no other joins: each run is looked up by its key, however many there are.
 CREATE FUNCTION shop.summarise_parts() RETURNS trigger LANGUAGE plpgsql SECURITY DEFINER
-    SET search_path = pg_catalog SET timezone = 'UTC' AS $$
+    SET search_path = pg_catalog SET timezone = 'UTC' SET enable_hashjoin = off SET enable_mergejoin = off AS $$
 BEGIN
     DELETE FROM shop.part_summaries AS s USING changed AS c WHERE (s.lathe_id, s.run_id) = (c.lathe_id, c.run_id);
     INSERT INTO shop.part_summaries
     SELECT found.* FROM (SELECT DISTINCT lathe_id, run_id FROM changed) AS c CROSS JOIN LATERAL
-        (SELECT * FROM shop.parts_of_records AS p WHERE (p.lathe_id, p.run_id) = (c.lathe_id, c.run_id)) AS found;
+        (SELECT * FROM shop.parts_of_records AS p WHERE (p.lathe_id, p.run_id) = (c.lathe_id, c.run_id) OFFSET 0)
+        AS found;
     RETURN NULL;
 END $$;
 CREATE TRIGGER parts_added AFTER INSERT ON shop.measurements REFERENCING NEW TABLE AS changed
@@ -57,13 +59,14 @@ CREATE TRIGGER parts_deleted AFTER DELETE ON shop.measurements REFERENCING OLD T
     FOR EACH STATEMENT EXECUTE FUNCTION shop.summarise_parts();
 
 CREATE FUNCTION shop.summarise_alarms() RETURNS trigger LANGUAGE plpgsql SECURITY DEFINER
-    SET search_path = pg_catalog SET timezone = 'UTC' AS $$
+    SET search_path = pg_catalog SET timezone = 'UTC' SET enable_hashjoin = off SET enable_mergejoin = off AS $$
 BEGIN
     DELETE FROM shop.alarm_summaries AS s USING changed AS c
     WHERE c.kind = 'alarm_raised' AND (s.lathe_id, s.run_id, s.number) = (c.lathe_id, c.run_id, c.number);
     INSERT INTO shop.alarm_summaries
     SELECT found.* FROM changed AS c CROSS JOIN LATERAL (
         SELECT * FROM shop.alarms_of_records AS a WHERE (a.lathe_id, a.run_id, a.number) = (c.lathe_id, c.run_id, c.number)
+        OFFSET 0
     ) AS found WHERE c.kind = 'alarm_raised';
     RETURN NULL;
 END $$;
