@@ -320,11 +320,11 @@ def test_what_other_writers_keep_out_is_written_when_they_let_it(
 
 def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = RunRecord(tmp_path, RUN)
-    assert os.fstat(run._reserve.fileno()).st_blocks * 512 >= RESERVE_BYTES, "room that nobody else can take"
+    assert os.fstat(run._reserve or 0).st_blocks * 512 >= RESERVE_BYTES, "room that nobody else can take"
     write = record_file.transaction
 
     def full(database: sqlite3.Connection, statements: Any) -> None:
-        if not run._reserve.closed:
+        if run._reserve is not None:
             error = sqlite3.OperationalError("database or disk is full")
             error.sqlite_errorcode = sqlite3.SQLITE_FULL
             raise error

@@ -121,5 +121,5 @@ def test_the_report_says_what_of_an_order_no_learning_removes(language: str) -> 
     none: Any = None
     result = LearnResult(plan=plan, before=none, floor=none, parts=(part,))
     oval, fifth = run_cut._own(result, load(language))
-    assert all(figure in oval for figure in ("10.96", "11.66", "0.74", " 8 um"))
-    assert all(figure in fifth for figure in ("2.68", "2.92")) and " 8 um" not in fifth
+    assert all(figure in oval for figure in ("10.96", "11.66", "0.74", " 16 um p-p"))
+    assert all(figure in fifth for figure in ("2.68", "2.92")) and " 16 um" not in fifth

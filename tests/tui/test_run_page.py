@@ -98,7 +98,7 @@ def test_the_verdict_on_a_cut_is_told_with_what_the_tool_took_of_round_and_diame
     rows = [
         row.split("│")[1].split() for row in page.splitlines() if "against plan" in row or "tool: round" in row
     ]
-    assert [" ".join(row) for row in rows] == ["cut against plan tool error", "tool: round, diam. 4.5, 28.0 um"]
+    assert [" ".join(row) for row in rows] == ["cut against plan tool error", "tool: round/diam. 4.5 / 28.0 um"]
     assert "not proven" in shown(state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True)).words
 
 

@@ -35,12 +35,12 @@ _FULL = frozenset((sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR))
 
 def is_busy(error: sqlite3.Error) -> bool:
     """Whether other writers have kept the file for as long as was waited for them."""
-    return isinstance(error, sqlite3.OperationalError) and error.sqlite_errorcode & 0xFF in _BUSY
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _BUSY
 
 
 def is_full(error: sqlite3.Error) -> bool:
     """Whether the disk may be full."""
-    return isinstance(error, sqlite3.OperationalError) and error.sqlite_errorcode & 0xFF in _FULL
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF in _FULL
 
 
 def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Connection:

@@ -19,7 +19,6 @@ from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import IO
 
 from console.session.data.kept_files import utc_now
 from console.session.data.part_record import PartRecord, Statement, measurement
@@ -161,7 +160,7 @@ class RunRecord:
         self._database = opened(folder, until_s, checked=checked)
         try:
             self._mark = RunMark(folder, self.run_id)
-            self._reserve = _reserved(folder)
+            self._reserve: int | None = _reserved(folder)
         except OSError as error:
             self._database.close()
             raise record_error("record.unwritable", self._path, error) from error
@@ -192,7 +191,7 @@ class RunRecord:
 
     def refuse_lost(self) -> None:
         """Refuse (`record.lost`) where the file or its folder was removed or replaced since."""
-        if self._reserve.closed:
+        if self._reserve is None:
             raise record_error("record.lost", self._path, os.strerror(errno.ENOSPC))
         # SQLite keeps writing to a file that was unlinked.
         if self._on_disk() != self._files:
@@ -203,16 +202,21 @@ class RunRecord:
         self.log.close()
         self._database.close()
         self._mark.close(stays=marked)
-        self._reserve.close()
+        self._free()
+
+    def _free(self) -> None:
+        if self._reserve is not None:
+            os.close(self._reserve)
+        self._reserve = None
 
     def _write(self, statements: Sequence[Statement], until_s: float) -> None:
         try:
             retrying(lambda: transaction(self._database, statements), until_s)
         except sqlite3.Error as error:
-            if not is_full(error) or self._reserve.closed:
+            if not is_full(error) or self._reserve is None:
                 raise
             # What ends the run, now that it has to, needs less than this.
-            self._reserve.close()
+            self._free()
             retrying(lambda: transaction(self._database, statements), until_s)
 
     def _on_disk(self) -> tuple[tuple[int, int] | None, ...]:
@@ -250,12 +254,12 @@ def add_to_run(
             raise record_error("record.unwritable", folder / FILE_NAME, error) from error
 
 
-def _reserved(folder: Path) -> IO[bytes]:
+def _reserved(folder: Path) -> int:
     """Return a file without a name, so that a kill leaves nothing, whose room is free once it is closed."""
-    reserve = tempfile.TemporaryFile(dir=folder)
-    with suppress(OSError):  # nearly full already, or a file system that cannot: then there is none
-        os.posix_fallocate(reserve.fileno(), 0, RESERVE_BYTES)
-    return reserve
+    with tempfile.TemporaryFile(dir=folder) as file:
+        with suppress(OSError):  # nearly full already, or a file system that cannot: then there is none
+            os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
+        return os.dup(file.fileno())
 
 
 TEXTS = ("job_text_sha256", "machine_text_sha256")

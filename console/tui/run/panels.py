@@ -141,7 +141,9 @@ class RunPanels:
     def _show_end(self, cut: CutProgress, view: View) -> None:
         text, machine = self._ui.text, self._ui.machine.machine
         figures = run_lines.figure_lines(text, cut, min(self._left.size.width, WIDEST_FACT))
-        self._left.show(clipped(figures, self._left.size.height, text("panel.more")), text("run_page.figures"))
+        room = self._left.size.height
+        figures = figures if len(figures) <= room else [row for row in figures if row != BLANK]
+        self._left.show(clipped(figures, room, text("panel.more")), text("run_page.figures"))
         after = run_lines.after_lines(text, view.state, view.work, machine, self._right.size.width)
         self._right.show(clipped(after, self._right.size.height, text("panel.more")), text("run_page.what_next"))
 
