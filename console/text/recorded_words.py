@@ -79,3 +79,10 @@ def stage_words(strategy: str, stage: str | None, text: Catalogue, family: str =
     if stage is None or (is_plain(strategy) and stage != Stage.AIR):
         return ""
     return text(f"{family}.{stage}") if stage in set(Stage) else printable(stage, 30)
+
+
+def part_words(name: str, text: Catalogue) -> str:
+    """Return a recorded part of a run, such as `after` or `part 2`, in words; "" for none."""
+    word, _, number = name.partition(" ")
+    said = text(f"part.{word}")
+    return " ".join((word if said == f"part.{word}" else said, number)).strip()

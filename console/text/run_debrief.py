@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
-from console.text.recorded_words import order_words
+from console.text.recorded_words import order_words, part_words
 from profiles.files import printable
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ def _event_words(event: RunEvent, text: Catalogue) -> str:
     match event.kind:
         case "command":
             return order_words(str(data.get("command", "")), text)
-        case "stopped":
+        case "stopped" | "ended":
             words = text("debrief.what.stop", words=text.reason(str(data.get("reason", ""))))
         case "collision":
             return text("debrief.what.met", words=_met(str(data.get("met", "")), text))
@@ -99,10 +99,7 @@ def _of_part(data: Mapping[str, Any], text: Catalogue, words: str) -> str:
     name = str(data.get("part") or "")
     if not name:
         return words
-    word, _, number = name.partition(" ")
-    said = text(f"part.{word}")
-    shown = " ".join((word if said == f"part.{word}" else said, number)).strip()
-    return f"{shown}: {words}"
+    return f"{part_words(name, text)}: {words}"
 
 
 def _met(kind: str, text: Catalogue) -> str:

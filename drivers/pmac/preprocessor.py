@@ -100,13 +100,13 @@ class _Reader:
     conditions: list[_Condition] = field(default_factory=list)
     count: int = 0
     opened: list[str] = field(default_factory=list)
-    commented: bool = False  # the line before has begun a comment of several lines
+    comment_from: int = 0  # the line of its file in which a comment of several lines has begun; 0 in none
 
     def lines(self, text: str, name: str, place: int, level: int) -> Iterator[SourceLine]:
         """Yield the lines of a file; `place` is that of its #include, 0 in the main text."""
         for number, raw in enumerate(text.splitlines(), start=1):
             at, source = (place, f"{name}:{number}") if place else (number, "")
-            line = self._uncommented(raw)
+            line = self._uncommented(raw, number)
             self.count += 1
             try:
                 if self.count > MOST_LINES:
@@ -121,16 +121,17 @@ class _Reader:
                 if self.count > MOST_LINES:
                     return
 
-        if self.commented:
-            self.commented = False
-            yield SourceLine("/*", at, source, _refusal("/* without */"))
+        if begun := self.comment_from:
+            self.comment_from = 0
+            at, source = (place, f"{name}:{begun}") if place else (begun, "")
+            yield SourceLine("/*", at, source, _refusal("/* without */: all behind it is a comment"))
 
-    def _uncommented(self, raw: str) -> str:
-        if self.commented:
-            raw = "/*" + raw
+    def _uncommented(self, raw: str, number: int) -> str:
+        raw = f"/*{raw}" if self.comment_from else raw
         pieces = _PIECE.findall(raw)
         last = pieces[-1] if pieces else ""
-        self.commented = last.startswith("/*") and (last == "/*/" or not last.endswith("*/"))
+        is_open = last.startswith("/*") and (last == "/*/" or not last.endswith("*/"))
+        self.comment_from = (self.comment_from or number) if is_open else 0
         kept = (" " if each.startswith("/*") else each for each in pieces if not each.startswith(("//", ";")))
         return "".join(kept).strip()
 

@@ -16,6 +16,7 @@ LARGEST_DEVIATION_UM = 1e6
 LARGEST_PLACE_UM = 1e7
 MOST_TURNS = 1000
 PLAIN_HEADER = ",".join(TABLES[0].names)
+HEADERS = f"{PLAIN_HEADER} | {','.join(TABLES[-1].names)}"
 # How far the point that closes the turn at 360 deg may be from the one at 0, to allow for rounding in a file.
 CLOSING_TOLERANCE_UM = 1e-9
 PROBLEM_CAP = 20
@@ -125,7 +126,7 @@ class TableReader:
         self.columns = columns_named(tuple(cells))
         if self.columns is None:
             code = "trace.no_header" if self._dialect.is_point(cells) else "trace.columns"
-            self._refuse(code, number, value=line, limit=PLAIN_HEADER)
+            self._refuse(code, number, value=line, limit=HEADERS)
             self.spoilt = True  # nothing is known of the following lines
             return
         stated = self.meta.get("units")

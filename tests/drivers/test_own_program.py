@@ -10,9 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
-from drivers.identification.excitation import PROGRAM
+from drivers.identification.excitation import PROGRAM, axis_word
+from drivers.identification.health import HealthMoves, health_text
 from drivers.identification.identify import identify
 from drivers.identification.pvt_path import PvtPath
+from drivers.pmac.client import LINE_LIMIT
 from drivers.pmac.programs.own_program import is_signed, signed
 from profiles.machine import MachineProfile
 from tests.drivers.families import ON_ONE
@@ -44,6 +46,13 @@ def test_a_changed_or_longer_program_is_not_ours(code: list[str], place: int, ot
     if place < len(code):
         assert not is_signed([*lines[: 3 + place], other, *lines[4 + place :]])
     assert not is_signed([*code, other])
+    assert not is_signed([*lines[:3], other]), "our name over something short is not ours either"
+
+
+def test_the_longest_of_our_programs_has_room_for_its_signature(machine: MachineProfile) -> None:
+    moves = HealthMoves(step_um=3.0)
+    text = health_text(machine, axis_word(machine, machine.tool.motor), moves, 0.0)
+    assert max(map(len, text.splitlines())) < LINE_LIMIT and is_signed(body(text))
 
 
 def left_whole(made: Stand) -> None:

@@ -40,7 +40,7 @@ def test_no_comment_breaks_the_reader(pieces: list[str]) -> None:
 
 def test_an_open_comment_is_told_with_its_place() -> None:
     (last,) = [line for line in preprocess("X1\n/* for ever\nX2") if line.error is not None]
-    assert last.place == 3 and "without" in str(last.error)
+    assert last.place == 2 and "without" in str(last.error)
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,7 @@ from console.session.versioning.cut_from import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from console.text.cut_verdict import verdict_words
-from console.text.recorded_words import command_words, reason_words, stage_words, strategy_words
+from console.text.recorded_words import command_words, part_words, reason_words, stage_words, strategy_words
 from profiles.axis.response import Source
 from profiles.files import printable
 
@@ -265,7 +265,8 @@ def _telemetry(found: RunStory, text: Catalogue) -> list[str]:
 
 def _samples(telemetry: Telemetry, strategy: str, text: Catalogue) -> str:
     seconds = f"{telemetry.column('time_s')[-1]:.1f}"
-    return text("records.samples", part=telemetry.part or strategy, rows=len(telemetry.rows), seconds=seconds)
+    part = part_words(telemetry.part, text) or strategy
+    return text("records.samples", part=part, rows=len(telemetry.rows), seconds=seconds)
 
 
 def _part_line(part: RecordedPart, text: Catalogue) -> str:

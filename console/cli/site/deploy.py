@@ -29,7 +29,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     made = {options.folder / each.relative_to(source): each for each in found}
     try:
         if there := [target for target in made if target.exists()]:
-            raise refused("file.exists", where=printable(str(there[0])))
+            raise refused("file.exists", key="FOLDER", where=printable(str(there[0])))
         for target, each in made.items():
             target.parent.mkdir(parents=True, exist_ok=True)
             write_atomically(target, each.read_bytes(), overwrite=False)

@@ -21,6 +21,7 @@ from console.session.data.run_story import COMMAND
 from console.session.learning.learning_steps import taught_by
 from console.session.stages import Stage
 from console.session.stop_keys import is_by_key
+from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import Cause
 from profiles.files import parse_toml
 from profiles.job import job_from_table
@@ -33,7 +34,7 @@ SEEN_WITHIN_S = 60.0
 
 TOLD = frozenset(
     {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
-    | {"cut", "held", "ended_early", "measured", "part", "result"}
+    | {"cut", "held", "ended_early", "measured", "part", "result", "ended"}
 )
 """Kinds of events that a debrief shows."""
 
@@ -41,10 +42,14 @@ COMMANDS = frozenset({"EndCut", "HoldFeed", "ResumeFeed", "Adjust", "Retract", "
 """Commands that it shows: what was done about a cut."""
 
 
+_PLAIN = {each.value for each in Strategy if not each.traits.follows_lobe}
+
+
 class Advice(StrEnum):
     """What to do next time, besides what the causes say."""
 
     CAUSES = "causes"
+    PLAIN = "plain"
     ENDED = "ended"
     DIAMETER = "diameter"
     STOPS = "stops"
@@ -195,12 +200,16 @@ def _happened(story: RunStory) -> Iterator[Told]:
 def _is_told(event: RunEvent) -> bool:
     if event.kind == "step":
         return event.data.get("step") == "cut"
+    if event.kind == "ended":
+        return bool(event.data.get("stopped"))
     return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
 
 
 def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:
     if found.causes:
         yield Advice.CAUSES
+    elif found.fails_round and story.row.strategy in _PLAIN:
+        yield Advice.PLAIN
     if story.row.ended.how in FAILED_HOW and any(told.raised is not None for told in found.happened):
         yield Advice.ENDED
     if found.off_um is not None:

@@ -13,6 +13,7 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import part_words
 from console.text.units import Units
 from console.tui.lines import (
     BLANK,
@@ -426,7 +427,8 @@ class RecordsPanels:
             values = np.where(fed, values, np.nan) if fed.any() else values  # approach and retract hide the cut
             known = values[np.isfinite(values)]
             limits = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-            entitle(view, text(f"records_page.{name}", part=telemetry.part or run.story.row.strategy))
+            part = part_words(telemetry.part, text) or run.story.row.strategy
+            entitle(view, text(f"records_page.{name}", part=part))
             view.show(
                 TracePicture(
                     series=(Series(x=time_s, y=values, token=Token.AFTER),),

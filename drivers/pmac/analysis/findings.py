@@ -95,7 +95,6 @@ _NOTICES = frozenset(
         Code.TIME_ROUNDED,
         Code.ONE_SIDED,
         Code.WAITS_FOR_FLAG,
-        Code.TOO_LONG,
         Code.NO_MOTION,
     )
 )

@@ -1,8 +1,8 @@
 """Programs that the console writes for a while and erases again: they state whose they are.
 
 A controller keeps no comments, so such a program begins with a message in a branch that is never taken: a name,
-the number of lines behind it, and their checksum. What a lost link has left behind, in whole or in part, is known
-by it, whichever console wrote it. Another's program is not, nor one of ours that somebody has changed.
+and for each line behind it three digits of the checksum up to there. What a lost link has left behind, in whole or
+in part, is known by it, whichever console wrote it. Another's program is not, nor one of ours that was changed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,8 @@ from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.text import format_line
 
 _NEVER, _END = "IF(1=0)", "ENDIF"
-_NAMED = re.compile(r'SEND"trilobe (\d{1,6}) ([0-9A-F]{8})"')
+_NAMED = re.compile(r'SEND"trilobe ((?:[0-9A-F]{3})*)"')
+_DIGITS = 3
 
 
 def signed(text: str) -> str:
@@ -25,7 +26,7 @@ def signed(text: str) -> str:
     before, clear, rest = text.rpartition("\nCLEAR\n")
     code = (line.partition(";")[0].strip() for line in rest.rpartition("CLOSE")[0].splitlines())
     body = [format_line(parse_line(line)) for line in code if line]
-    name = f'SEND"trilobe {len(body)} {_checksum(body):08X}"'
+    name = f'SEND"trilobe {_checksums(body)}"'
     return "".join((before, clear, "\n".join((_NEVER, name, _END, rest))))
 
 
@@ -39,9 +40,10 @@ def is_signed(listing: Sequence[str]) -> bool:
     named = _NAMED.fullmatch(head[1]) if len(head) > 1 else None
     if named is None or head[0] != _NEVER:
         return head in ([], [_NEVER])  # ended before its name: too little to be anybody's
-    length, checksum = int(named[1]), int(named[2], 16)
-    return len(body) < length or (len(body) == length and head[2] == _END and _checksum(body) == checksum)
+    known = _checksums(body)
+    return named[1].startswith(known) and (not body or head[2] == _END)
 
 
-def _checksum(lines: Sequence[str]) -> int:
-    return zlib.crc32("\n".join(lines).encode("ascii", "replace"))
+def _checksums(lines: Sequence[str]) -> str:
+    text = ("\n".join(lines[: count + 1]) for count in range(len(lines)))
+    return "".join(f"{zlib.crc32(each.encode('ascii', 'replace')) % 16**_DIGITS:0{_DIGITS}X}" for each in text)
