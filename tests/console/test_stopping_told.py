@@ -98,6 +98,10 @@ def test_of_a_silent_controller_it_is_said_at_once_and_each_second_what_was_trie
     assert "stopping." not in " ".join(line for _, line in scene.said)
     scene.passes(55.0)
     assert len(scene.said) <= 12, "a minute without an answer is told in a dozen lines"
+    scene.stop.rest_proven(scene.stop.mark or 0)
+    scene.passes(1.0)
+    last = scene.said[-1][1]
+    assert last.startswith(("59 s", "60 s")) and ("at rest" in last or "멈췄습니다" in last), last
     gaps = [b - a for a, b in zip(scene.line.at_s[1:], scene.line.at_s[2:], strict=False)]
     assert max(gaps) <= 0.31, "the stop goes out again while the one who asks waits"
 
@@ -110,7 +114,8 @@ def test_looks_that_come_prove_rest_and_are_not_disturbed(scene: Scene) -> None:
     scene.stop.rest_proven(1)
     said = len(scene.said)
     scene.passes(3.0)
-    assert (len(scene.said), len(scene.line.at_s), scene.codes) == (said, 1, [])
+    assert (len(scene.said), len(scene.line.at_s), scene.codes) == (said + 1, 1, [])
+    assert scene.said[-1][1].endswith("the machine is at rest")
 
 
 def test_a_signal_that_does_not_wait_ends_the_process_in_time_with_the_truth(scene: Scene) -> None:

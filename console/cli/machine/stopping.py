@@ -68,11 +68,15 @@ class Stopping:
             yield
         finally:
             over.set()
+            if stop.proven:
+                self.tick(stop, ends_only=ends_only)
 
     def tick(self, stop: StopPath, *, ends_only: bool = False) -> None:
         """Do what is due."""
         now_s = self._now_s()
         if stop.reason is None or stop.proven:
+            if stop.proven and self._began_s is not None and self._reported_s > self._began_s:
+                self._say(self._text("stopping.rest", seconds=int(now_s - self._began_s)))
             self._began_s = None
         elif not ends_only:
             if self._began_s is None:
