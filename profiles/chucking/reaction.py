@@ -90,19 +90,6 @@ def _harmonic(reaction: Reaction, n: int, rpm: float, radius_ratio: float) -> Fo
     )
 
 
-def displacement_um(
-    reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float = 1.0
-) -> Floats:
-    """Return x of Eq 2 in the steady state at spindle angles, in the shape of `angle_deg`."""
-    angle = np.radians(floats(angle_deg))
-    mean_um = 1e6 * reaction.jaws * reaction.a_n[0] * radius_ratio / (2 * reaction.stiffness_n_per_m)
-    total = np.full(angle.shape, mean_um)
-    for each in forced_harmonics(reaction, spindle_speed_rpm, radius_ratio):
-        phase = each.n * reaction.jaws * angle
-        total += each.cos_um * np.cos(phase) + each.sin_um * np.sin(phase)
-    return total
-
-
 def eq3_um(reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float) -> Floats:
     """Return Eq 3 as printed, valid at resonance and for the first harmonic only.
 

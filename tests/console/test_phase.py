@@ -137,8 +137,8 @@ def cut(floor: Floor, strategy: Strategy = Strategy.PVT) -> list[float]:
 
     def look(_: object) -> None:
         now = floor.state.cut
-        if now is not None and now.stage is CutStage.CUT and now.phase_error_deg is not None:
-            seen.append(now.phase_error_deg)
+        if now is not None and now.stage is CutStage.CUT and now.phase is not None:
+            seen.append(now.phase.error_deg)
 
     floor.looks.append(look)
     floor.arm(experiment_1(2.0), strategy)

@@ -80,7 +80,7 @@ def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path, in_copies: 
     cutting = [moment for moment in seen if moment.stage is CutStage.CUT]
     steady = cutting[len(cutting) // 2 :]
     assert all(moment.speed_rpm == pytest.approx(1000.0, abs=2.0) for moment in steady)
-    assert all(abs(moment.phase_error_deg or 0.0) < 0.1 for moment in steady)
+    assert all(moment.phase is None or abs(moment.phase.error_deg) < 0.1 for moment in steady)
     assert max(abs(moment.tool_error_um) for moment in steady) < 2.0
     last = floor.state.cut
     assert last is not None and (last.turn, last.fraction) == (60.0, 1.0)

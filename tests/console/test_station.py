@@ -434,7 +434,7 @@ def test_what_a_hold_leaves_is_not_counted_as_tool_error(aligned: Floor) -> None
 def test_without_compensation_nothing_is_judged(aligned: Floor) -> None:
     aligned.arm(experiment_1(), Strategy.NONE)
     cut = aligned.do(Start()).cut
-    assert cut is not None and not cut.judged and cut.phase_error_deg is None
+    assert cut is not None and not cut.judged and cut.phase is None
     assert aligned.state.alarms == ()
 
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.plc import Policy, plc_lines, plc_text
 from drivers.pmac.heartbeat.watchdog import wait_timer, watchdog_line, watchdog_timer
-from drivers.pmac.plcs.plc import count_down
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
 from tests.drivers.plc_bench import PlcBench
@@ -54,8 +53,8 @@ class Card:
 
     def scan(self, cycles: int = SCAN_CYCLES) -> list[str]:
         """Return the commands that the scan has given."""
-        for name, value in count_down({name: self.bench.value(name) for name in self._timers}, cycles).items():
-            self.bench.set(name, value)
+        for name in self._timers:  # they stay at their lowest value (Turbo Software Reference, Isx11)
+            self.bench.set(name, max(self.bench.value(name) - cycles, -(2.0**23)))
         assert self.bench.scan() is None
         return [str(said[1]) for said in self.bench.said()]
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from drivers.pmac.dialect import TURBO
-from drivers.pmac.plcs.plc import count_down, timer_variables
+from drivers.pmac.plcs.plc import timer_variables
 from tests.drivers.plc_bench import PlcBench
 
 LEASE_CYCLES = 677
@@ -36,8 +36,8 @@ class Card:
     def background(self) -> None:
         store = self.bench.store
         running = timer_variables(store.dialect, store.i(68))
-        for index, value in count_down({n: store.i(n) for n in running}, BACKGROUND_CYCLES).items():
-            self.bench.set(f"I{index}", value)
+        for index in running:
+            self.bench.set(f"I{index}", store.i(index) - BACKGROUND_CYCLES)
         self.servo_cycles += BACKGROUND_CYCLES
         assert self.bench.scan() is None
 

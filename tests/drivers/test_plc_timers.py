@@ -2,31 +2,11 @@
 
 from __future__ import annotations
 
-from hypothesis import given
-from hypothesis import strategies as st
-
 from drivers.pmac.dialect import PMAC, TURBO
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.plcs.plc import count_down, timer_variables
+from drivers.pmac.plcs.plc import timer_variables
 from drivers.pmac.settings import settings_with
 from drivers.pmac.variables import VariableStore
-
-
-def test_a_timer_counts_servo_cycles_down_through_zero() -> None:
-    assert count_down({5111: 2259.0}, 1) == {5111: 2258}
-    assert count_down({5111: 2259.0, 5112: 10.0}, 2260) == {5111: -1, 5112: -2250}
-
-
-def test_a_timer_stays_at_its_lowest_value() -> None:
-    """Turbo Software Reference, Isx11: it does not roll over at -8,388,608."""
-    assert count_down({"X:$700": -8_388_600.0}, 100) == {"X:$700": -8_388_608}
-    assert count_down({"X:$700": -8_388_608.0}, 1) == {"X:$700": -8_388_608}
-
-
-@given(st.integers(-(2**23), 2**23 - 1), st.integers(0, 10**6), st.integers(0, 10**6))
-def test_counting_in_one_go_or_in_two_is_the_same(start: int, first: int, second: int) -> None:
-    at_once = count_down({1: float(start)}, first + second)
-    assert count_down(count_down({1: float(start)}, first), second) == at_once
 
 
 def test_i68_says_for_how_many_systems_the_timers_run() -> None:

@@ -9,7 +9,6 @@ from numpy.typing import ArrayLike
 from profiles.chucking.reaction import (
     Reaction,
     amplification,
-    displacement_um,
     eq3_um,
     forced_harmonics,
 )
@@ -26,6 +25,19 @@ CHUCK = Reaction(
     exponent=2.0,
 )
 """A chuck that resonates at its own lobe frequency, with the powers of r/R of Eq 1 as printed."""
+
+
+def displacement_um(
+    reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float = 1.0
+) -> np.ndarray:
+    """Return x of Eq 2 in the steady state at spindle angles, in the shape of `angle_deg`."""
+    angle = np.radians(np.asarray(angle_deg, dtype=float))
+    mean_um = 1e6 * reaction.jaws * reaction.a_n[0] * radius_ratio / (2 * reaction.stiffness_n_per_m)
+    total = np.full(angle.shape, mean_um)
+    for each in forced_harmonics(reaction, spindle_speed_rpm, radius_ratio):
+        phase = each.n * reaction.jaws * angle
+        total += each.cos_um * np.cos(phase) + each.sin_um * np.sin(phase)
+    return np.asarray(total)
 
 
 def depth_um(reaction: Reaction, angle_deg: ArrayLike, ratio: float) -> np.ndarray:

@@ -245,11 +245,6 @@ class CutProgress:
         return None if phase is None else telemetry.unexpected_deg(phase.error_deg, self.expected_lag)
 
     @property
-    def phase_error_deg(self) -> float | None:
-        """Phase lag of the tool behind the target path, spindle degrees, None while it is not known."""
-        return None if self.phase is None else self.phase.error_deg
-
-    @property
     def is_lost(self) -> bool:
         """Whether the tool is in the part and out of synchronisation with the spindle."""
         return self.synchronisation is Synchronisation.LOST

@@ -121,11 +121,6 @@ class SpectrumView(CellView):
         self._picture = picture
         self.redraw()
 
-    @property
-    def scale_um(self) -> float:
-        """The height of the plot, um peak to peak."""
-        return self._picture.top_um
-
     def draw(self, columns: int, rows: int) -> Cells:
         """Return the picture of the last data for a size in cells."""
         return spectrum_cells(self._picture, columns, rows)

@@ -9,9 +9,9 @@ the order of their numbers. I5 permits the one or the other; a PLC that it permi
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass, replace
-from typing import Protocol, TypeVar
+from typing import Protocol
 
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.language import syntax
@@ -34,8 +34,6 @@ _Step = Callable[[], int | None]
 """Executes an instruction and returns the place of the next one; None: the one after it."""
 
 LOWEST_COUNT = -(2**23)  # Timers saturate here; they do not roll over (Turbo Software Reference, Isx11)
-
-_Name = TypeVar("_Name")
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,11 +191,6 @@ class PlcRun:
 def _require(what: str, number: int, highest: int) -> None:
     if not 1 <= number <= highest:
         raise PmacError(ErrorCode.DATA_ERROR, f"ADDRESS: {what} {number} does not exist; 1 to {highest}")
-
-
-def count_down(values: Mapping[_Name, float], cycles: int) -> dict[_Name, float]:
-    """Return timers after a number of servo cycles; below zero they continue counting down to -2^23."""
-    return {name: max(float(LOWEST_COUNT), value - cycles) for name, value in values.items()}
 
 
 def timer_variables(dialect: Dialect, activation: float) -> tuple[int, ...]:
