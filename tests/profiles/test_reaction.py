@@ -33,11 +33,11 @@ def displacement_um(
     """Return x of Eq 2 in the steady state at spindle angles, in the shape of `angle_deg`."""
     angle = np.radians(np.asarray(angle_deg, dtype=float))
     mean_um = 1e6 * reaction.jaws * reaction.a_n[0] * radius_ratio / (2 * reaction.stiffness_n_per_m)
-    total = np.full(angle.shape, mean_um)
+    total: np.ndarray = np.full(angle.shape, mean_um)
     for each in forced_harmonics(reaction, spindle_speed_rpm, radius_ratio):
         phase = each.n * reaction.jaws * angle
         total += each.cos_um * np.cos(phase) + each.sin_um * np.sin(phase)
-    return np.asarray(total)
+    return total
 
 
 def depth_um(reaction: Reaction, angle_deg: ArrayLike, ratio: float) -> np.ndarray:
