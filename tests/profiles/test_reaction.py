@@ -1,6 +1,7 @@
 """Eqs 1 to 3 in the general steady state: numbers, integration in time, the printed special case."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -29,7 +30,7 @@ CHUCK = Reaction(
 
 def displacement_um(
     reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float = 1.0
-) -> np.ndarray:
+) -> Any:
     """Return x of Eq 2 in the steady state at spindle angles, in the shape of `angle_deg`."""
     angle = np.radians(np.asarray(angle_deg, dtype=float))
     mean_um = 1e6 * reaction.jaws * reaction.a_n[0] * radius_ratio / (2 * reaction.stiffness_n_per_m)
