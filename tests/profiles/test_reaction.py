@@ -1,12 +1,12 @@
 """Eqs 1 to 3 in the general steady state: numbers, integration in time, the printed special case."""
 
 from dataclasses import replace
-from typing import Any
 
 import numpy as np
 import pytest
 from numpy.typing import ArrayLike
 
+from profiles.arrays import Floats
 from profiles.chucking.reaction import (
     Reaction,
     amplification,
@@ -30,11 +30,11 @@ CHUCK = Reaction(
 
 def displacement_um(
     reaction: Reaction, spindle_speed_rpm: float, angle_deg: ArrayLike, radius_ratio: float = 1.0
-) -> Any:
+) -> Floats:
     """Return x of Eq 2 in the steady state at spindle angles, in the shape of `angle_deg`."""
     angle = np.radians(np.asarray(angle_deg, dtype=float))
     mean_um = 1e6 * reaction.jaws * reaction.a_n[0] * radius_ratio / (2 * reaction.stiffness_n_per_m)
-    total: np.ndarray = np.full(angle.shape, mean_um)
+    total = np.full(angle.shape, mean_um)
     for each in forced_harmonics(reaction, spindle_speed_rpm, radius_ratio):
         phase = each.n * reaction.jaws * angle
         total += each.cos_um * np.cos(phase) + each.sin_um * np.sin(phase)
