@@ -112,7 +112,7 @@ def test_columns_are_named_as_people_name_them(header: str) -> None:
 )
 def test_columns_that_are_not_known_are_told_with_those_that_are(header: str) -> None:
     (problem,) = problems(header, *(point.replace(",", ";") for point in POINTS))
-    assert (problem.code, problem.value, problem.limit) == ("trace.columns", header, HEADER)
+    assert (problem.code, problem.value, problem.limit) == ("trace.columns", header, f"{HEADER} | x_mm,y_mm")
 
 
 def test_a_unit_in_the_header_may_have_its_sign() -> None:
