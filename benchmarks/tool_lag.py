@@ -5,14 +5,14 @@
 
 On each simulated lathe parts of experiment 1, 1.5 mm long, are cut with `cam` by the session that the screens use;
 each teaches the next one. `alarms` counts the cuts that said "tool lags its path" or "leads" though the part is
-within its tolerance, `disturbed` those that were refused as not planned, `not proven` those without a verdict, and
-`within` the parts that are within their tolerance.
+within its tolerance, `refused` those that were not armed or not as planned, `stopped` those that the console ended
+(such a lathe cuts no more), `not proven` those without a verdict, and `within` the parts within their tolerance.
 
 Then a lag is injected between tool and spindle: what the tool is compared with is turned by so many degrees of
 spindle that the lag alone leaves `--lag` times the budget of a lag on the part, late and early in turn. The tool
 has a lag of its own besides: `told` counts the cuts that said so among those whose whole lag, from all polls, is
 more than 1.1 budgets; within a tenth no cut is sure of it. The exit code is 1 if a part within tolerance has an
-alarm, a cut was refused, or an injected lag was not told.
+alarm, a cut was refused or stopped, or an injected lag was not told.
 """
 
 from __future__ import annotations
@@ -57,9 +57,15 @@ class CutSeen:
     lag: float = 0.0
     beyond: float = 0.0
     alarm: bool = False
-    disturbed: str = ""
+    refused: str = ""
+    stopped: str = ""
     proven: bool = True
     within: bool = False
+
+    @property
+    def told(self) -> bool:
+        """Whether a lag was told, by an alarm or by the stop that it led to."""
+        return self.alarm or self.stopped in (*LAGS, "cut.lagged")
 
 
 def lag_deg(target: LobedPath, job: Job, times: float) -> float:
@@ -79,7 +85,7 @@ def cut_once(shop: Shop, version: LearnedCompensation | None, turned: float = 0.
     if (ready := shop.order(compensation=version)).armed is None:
         return CutSeen(
             lag=lag,
-            disturbed=f"not armed: {', '.join(f'{each.code} {each.key} {each.value}' for each in ready.refusals)}",
+            refused=f"not armed: {', '.join(f'{each.code} {each.key} {each.value}' for each in ready.refusals)}",
         )
     armed = ready.armed
     if turned:
@@ -104,7 +110,10 @@ def cut_once(shop: Shop, version: LearnedCompensation | None, turned: float = 0.
         lag=lag,
         beyond=beyond,
         alarm=bool(told & set(LAGS)),
-        disturbed="" if state.cut_done else ", ".join(sorted({*refused, *told} - set(LAGS))) or "not done",
+        refused=""
+        if state.cut_done or state.stop
+        else ", ".join(sorted({*refused, *told} - set(LAGS))) or "not done",
+        stopped="" if state.stop is None else state.stop.reason,
         proven=judged is not CutJudgement.NOT_PROVEN,
     )
 
@@ -123,7 +132,9 @@ def row_of_parts(plant: str, parts: int, lags: Sequence[float], seed: int) -> li
         shop, version, seen = Shop(floor=floor, job=job, machine=machine, data=data), None, list[CutSeen]()
         for _ in range(parts):
             cut = cut_once(shop, version)
-            part = None if cut.disturbed else floor.do(Measure()).measured
+            if cut.stopped:
+                return [*seen, cut]
+            part = None if cut.refused else floor.do(Measure()).measured
             if part is not None:
                 cut = replace(cut, within=part.result.ront_um <= job.job.roundness_tolerance_um)
                 try:
@@ -133,7 +144,20 @@ def row_of_parts(plant: str, parts: int, lags: Sequence[float], seed: int) -> li
             seen.append(cut)
         for number, lag in enumerate(lags):
             seen.append(cut_once(shop, version, turned=(-1.0) ** (seed + number), lag=lag))
+            if seen[-1].stopped:
+                break
     return seen
+
+
+def surely(cut: CutSeen) -> bool:
+    """Return whether a cut with a lag was sure to be told: its whole lag is beyond, or it was stopped for one."""
+    return cut.beyond > SURELY or cut.stopped == "cut.lagged"
+
+
+def counted(reasons: Sequence[str]) -> str:
+    """Return how many cuts have a reason, and the first of them."""
+    given = [each for each in reasons if each]
+    return f"{len(given)} {given[0]}" if given else "0"
 
 
 def cells(plant: str, found: Sequence[CutSeen], lags: Sequence[float]) -> tuple[str, ...]:
@@ -141,17 +165,17 @@ def cells(plant: str, found: Sequence[CutSeen], lags: Sequence[float]) -> tuple[
     plain = [each for each in found if not each.lag]
     good = [each for each in plain if each.within]
     told = (
-        f"{sum(each.alarm for each in beyond)} of {len(beyond)}"
-        for beyond in ([each for each in found if each.lag == lag and each.beyond > SURELY] for lag in lags)
+        f"{sum(each.told for each in beyond)} of {len(beyond)}"
+        for beyond in ([each for each in found if each.lag == lag and surely(each)] for lag in lags)
     )
-    refused = [each.disturbed for each in plain if each.disturbed]
     return (
         plant,
         str(len(plain)),
         str(len(good)),
         str(sum(each.alarm for each in good)),
-        f"{len(refused)} {refused[0]}" if refused else "0",
-        str(sum(not each.proven for each in plain if not each.disturbed)),
+        counted([each.refused for each in plain]),
+        counted([each.stopped for each in plain]),
+        str(sum(not each.proven for each in plain if not each.refused and not each.stopped)),
         *told,
     )
 
@@ -172,10 +196,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
             made = pool.map(partial(row_of_parts, plant, asked.parts, asked.lag), seeds)
             found = [each for row in made for each in row]
             rows.append(cells(plant, found, asked.lag))
-            failed |= any((each.within and each.alarm) or each.disturbed for each in found if not each.lag)
-            failed |= any(each.lag and each.beyond > SURELY and not each.alarm for each in found)
+            failed |= any(
+                (each.within and each.alarm) or each.refused or each.stopped for each in found if not each.lag
+            )
+            failed |= any(each.lag and surely(each) and not each.told for each in found)
     told = (f"told of {lag:g} x" for lag in asked.lag)
-    head = ("plant", "cuts", "within", "alarms", "disturbed", "not proven", *told)
+    head = ("plant", "cuts", "within", "alarms", "refused", "stopped", "not proven", *told)
     print_table("Lag of the tool: alarms on parts within tolerance, and injected lags that were told", head, rows)
     return int(failed)
 

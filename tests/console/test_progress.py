@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.cut.telemetry import phase_of
+from console.session.cut.telemetry import is_in_phase, phase_of
 from console.session.station.commands import Start
 from console.session.station.progress import CutPhase, CutProgress, CutStage
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -51,6 +51,18 @@ def test_a_part_that_pushes_the_tool_off_where_it_begins_shifts_no_phase(seed: i
     pushed = infeed - 25.0 * (1.0 - np.exp(-np.maximum(angle - 15_000.0, 0.0) / 2000.0))
     found = phase_of(np.stack([angle, pushed], axis=1), WANTED)
     assert found is not None and found.error_deg == pytest.approx(0.9, abs=0.5)
+
+
+def test_an_eccentric_and_oval_blank_is_not_called_a_lag_while_its_samples_are_few() -> None:
+    """Tools on their path, seen 20 to 45 times, pushed 6 um once and 4 um twice a turn by the blank."""
+    random, out = np.random.default_rng(7), 0
+    for number in range(400):
+        angle = np.sort(random.uniform(0.0, 7200.0, 20 + number % 25))
+        once, twice = random.uniform(0.0, 360.0, 2)
+        pushed = 6.0 * np.cos(np.radians(angle - once)) + 4.0 * np.cos(np.radians(2.0 * (angle - twice)))
+        infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 40.0)) + pushed
+        out += is_in_phase(phase_of(np.stack([angle, infeed], axis=1), WANTED), 1.0) is False
+    assert out == 0
 
 
 def test_without_a_lobe_there_is_no_phase() -> None:

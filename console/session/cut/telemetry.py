@@ -159,10 +159,14 @@ NO_LAG: Lag = (0.0, 0.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phase:
-    """Phase lag of the tool behind the target path, spindle degrees, and its uncertainty."""
+    """Phase lag of the tool behind the target path, spindle degrees, and its uncertainty.
+
+    `of_blank` is whether an eccentric and an oval blank are in that uncertainty: too few samples to fit them.
+    """
 
     error_deg: float
     within_deg: float
+    of_blank: bool = False
 
 
 def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
@@ -187,6 +191,7 @@ def phase_of(samples: Floats, target: LobedPath) -> Phase | None:
     return Phase(
         error_deg=math.remainder(behind_deg, 360.0 / target.lobes),
         within_deg=SURE * math.degrees(found.sd_along(across)) / target.lobes,
+        of_blank=len(orders) == 1,
     )
 
 
@@ -235,15 +240,18 @@ def lag_left_um_pp(target: LobedPath, lag_deg: float) -> float:
 def is_in_phase(phase: Phase | None, limit_deg: float | None, expected: Lag = NO_LAG) -> bool | None:
     """Return whether the phase may be within its limit, given its uncertainty; None where it is not known.
 
-    An uncertainty above the limit is not noise: such a tool does not follow the lobe, so the allowance is capped
-    at the limit once more.
+    An uncertainty above the limit that is not of the blank is no noise: such a tool does not follow the lobe, so
+    the allowance is capped at the limit once more.
 
     `expected` is the lag that learning counts on.
     """
     if phase is None:
         return None
     beyond_deg = abs(unexpected_deg(phase.error_deg, expected))
-    return limit_deg is None or beyond_deg - min(phase.within_deg, limit_deg) <= limit_deg
+    if limit_deg is None:
+        return True
+    allowance_deg = 2.0 * phase.within_deg if phase.of_blank else min(phase.within_deg, limit_deg)
+    return beyond_deg - allowance_deg <= limit_deg
 
 
 def unexpected_deg(lag_deg: float, expected: Lag) -> float:
