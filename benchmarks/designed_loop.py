@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from console.__main__ import main as console
-from console.session.trial.bounds import FAST_SWEEP, SLOW_SWEEP
+from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP
 from profiles.axis.servo_gains import gains_from_variables, with_variables
 from profiles.store import load_machine
 

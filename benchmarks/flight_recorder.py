@@ -15,8 +15,8 @@ from pathlib import Path
 import numpy as np
 
 from benchmarks.measure import extent, print_table
-from console.session.flight.frozen import frozen_in
-from console.session.flight.recording import read_recording
+from console.flight.frozen import frozen_in
+from console.flight.recording import read_recording
 from console.session.station.state import Activity, StationState
 from console.tui.keymap import PageName
 from tests.console.flight.bench import FlightBench

@@ -18,8 +18,8 @@ from typing import Any
 from benchmarks.designed_loop import machine_text, proposed, sweep, told
 from benchmarks.measure import extent, print_table
 from console.session.data.health import kept_tests
-from console.session.trial.known_loop import known_loop
-from console.session.trial.notch_evidence import gathered
+from console.session.tuning.known_loop import known_loop
+from console.session.tuning.notch_evidence import gathered
 from profiles.axis.notch import Reading
 from profiles.axis.notch_reading import left_by, reading_of
 from profiles.store import load_machine

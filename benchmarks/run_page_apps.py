@@ -39,7 +39,7 @@ from console.tui.pages.run import LEAST_POLAR_ROWS
 from console.tui.run.error_band import band_series
 from console.tui.run.panels import FULL_TURN_DEG, WIDEST_FACT
 from console.tui.theme import COLOUR, DARK_THEME, Token
-from drivers.beside.side_line import SideLine
+from drivers.requests.side_line import SideLine
 from profiles.store import load_job, load_machine
 
 MACHINE = "lee-2001-lathe"

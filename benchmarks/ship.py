@@ -20,9 +20,9 @@ from benchmarks.measure import extent, print_table, seconds
 from benchmarks.records import a_part, begun
 from console.session.data.run_log import PERIOD_S
 from console.session.data.run_reader import runs
-from console.session.shop.identity import lathe_identity
-from console.session.shop.reading import ShopQuery, shop_folder
-from console.session.shop.shipping import ship
+from console.site.shop.identity import lathe_identity
+from console.site.shop.reading import ShopQuery, shop_folder
+from console.site.shop.shipping import ship
 from tests.shop_server import SHIPPER, ShopServer, programs, shop_server
 from tests.system.lathe_records import assert_all_there, multiply, rows_here
 

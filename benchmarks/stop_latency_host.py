@@ -21,12 +21,12 @@ from functools import partial
 from itertools import count
 from pathlib import Path
 
+from console.flight.notes import Inbox
+from console.flight.recorded_control import RecordedControl
+from console.flight.recorded_forms import Moment, work_of
+from console.flight.recorder import Recorder
 from console.session.feed.observed import Observed
 from console.session.feed.server import FeedServer
-from console.session.flight.notes import Inbox
-from console.session.flight.recorded_control import RecordedControl
-from console.session.flight.recorded_forms import Moment, work_of
-from console.session.flight.recorder import Recorder
 from console.session.station.commands import Command, Control
 from console.session.station.state import StationState
 from console.session.work import opened
@@ -36,7 +36,6 @@ from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
 from console.tui.start import SWITCH_INTERVAL_S
 from console.tui.theme import COLOUR
-from drivers.beside.side_line import SideLine
 from drivers.clock import RealClock
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.stop import KILL_ALL, StopPath
@@ -46,6 +45,7 @@ from drivers.link.opening import open_link
 from drivers.link.tapping import TappedLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.gathering.gather_client import DataGathering
+from drivers.requests.side_line import SideLine
 from profiles.store import load_job, load_machine
 
 MACHINE = "lee-2001-lathe"

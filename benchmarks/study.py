@@ -15,11 +15,11 @@ from pathlib import Path
 from resource import RUSAGE_CHILDREN, getrusage
 
 from benchmarks.measure import extent, print_table, seconds
-from console.session.study.cells import cells
-from console.session.study.description import read_study
-from console.session.study.results import write_table
-from console.session.study.running import carry_out
-from console.session.study.workers import processes
+from console.site.study.cells import cells
+from console.site.study.description import read_study
+from console.site.study.results import write_table
+from console.site.study.running import carry_out
+from console.site.study.workers import processes
 
 HEADS = ("", "by the clock", "processor time", "x as fast", "of a processor each")
 SEEDS = extent(24, 2)

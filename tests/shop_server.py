@@ -91,7 +91,7 @@ class ShopServer:
         self.sql(f"CREATE DATABASE shop TEMPLATE {MODEL}", database="postgres")
 
     def _set_up(self, name: str) -> None:
-        from console.session.shop.schema import migrate
+        from console.site.shop.schema import migrate
 
         for role in (SHIPPER, READER):
             self.sql(f"CREATE ROLE {role} LOGIN", database="postgres")

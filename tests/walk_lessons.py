@@ -19,8 +19,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.training.lesson import FOLDER, Lesson, load_lesson
-from console.session.training.tries import tries
+from console.school.training.lesson import FOLDER, Lesson, load_lesson
+from console.school.training.tries import tries
 from drivers.simulator.plant.presets import plant_named
 from profiles.store import load_job, load_machine
 from tests.compact import save_compact

@@ -13,26 +13,27 @@ from typing import Any
 
 from console.cli.arguments import LINK, PLANT, add_practice, add_shared, control_address
 from console.cli.parser import Parser
+from console.rings import SCHOOL, is_installed
 from console.text.catalogue import Catalogue
 
-COMMANDS = {
+_COMMANDS = {
     "jobs": "console.cli.part.jobs",
-    "lessons": "console.cli.part.lessons",
-    "tries": "console.cli.part.tries",
+    "lessons": "console.school.cli.lessons",
+    "tries": "console.school.cli.tries",
     "preview": "console.cli.part.preview",
     "predict": "console.cli.part.predict",
     "program": "console.cli.part.program",
-    "study": "console.cli.part.study",
+    "study": "console.site.cli.study",
     "check-program": "console.cli.part.check_program",
     "run": "console.cli.machine.run",
     "retract": "console.cli.machine.retract",
     "simulator": "console.cli.machine.simulator",
     "fault": "console.cli.machine.fault",
-    "instruct": "console.cli.machine.instruct",
+    "instruct": "console.school.cli.instruct",
     "watch": "console.cli.feed.watch",
-    "metrics": "console.cli.feed.metrics",
-    "mtconnect": "console.cli.feed.mtconnect",
-    "mqtt": "console.cli.feed.mqtt",
+    "metrics": "console.site.cli.metrics",
+    "mtconnect": "console.site.cli.mtconnect",
+    "mqtt": "console.site.cli.mqtt",
     "roundness": "console.cli.measured.roundness",
     "report": "console.cli.measured.report",
     "controller": "console.cli.machine.controller",
@@ -42,8 +43,8 @@ COMMANDS = {
     "terminal": "console.tui.terminal.key_display",
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
-    "ship": "console.cli.site.ship",
-    "deploy": "console.cli.site.deploy",
+    "ship": "console.site.cli.ship",
+    "deploy": "console.site.cli.deploy",
     "completion": "console.cli.site.completion",
     "identify": "console.cli.machine.identify",
     "health": "console.cli.machine.health",
@@ -53,8 +54,9 @@ COMMANDS = {
     "learn": "console.cli.measured.learn",
     "records": "console.cli.measured.records",
     "reproduce": "console.cli.measured.reproduce",
-    "replay": "console.cli.flight.replay",
+    "replay": "console.flight.cli.replay",
 }
+COMMANDS = {name: module for name, module in _COMMANDS.items() if is_installed(module)}
 
 COMMON = ("json", "data", "lang")
 """Options of every command and of every action of one."""
@@ -70,12 +72,7 @@ def build(text: Catalogue) -> Parser:
     parser.add_argument("--version", action="store_true", help=text("help.version"))
     parser.add_argument("--json", action="store_true", help=text("help.json"))
     parser.add_argument("--sim", action="store_true", help=text("help.screen"))
-    parser.add_argument("--lesson", metavar="NAME", help=text("help.lesson"))
-    parser.add_argument("--trainee", metavar="NAME", help=text("help.trainee"))
-    add_practice(parser, text)
-    parser.add_argument("--blind", action="store_true", help=text("help.blind"))
-    instructor_help = text("help.instructor")
-    parser.add_argument("--instructor", metavar="ADDRESS", type=control_address, help=instructor_help)
+    _add_schooling(parser, text)
     add_shared(parser, text, "machine", *LINK, "data", *PLANT, "lang", absent=None)
     title = text("help.commands")
     commands = parser.add_subparsers(dest="command", metavar="COMMAND", title=title, parser_class=_CommandParser)
@@ -83,6 +80,19 @@ def build(text: Catalogue) -> Parser:
         described = text(f"help.{name}.long")
         commands.add_parser(name, help=text(f"help.{name}"), description=described).module = module
     return parser
+
+
+def _add_schooling(parser: Parser, text: Catalogue) -> None:
+    if not is_installed(SCHOOL):
+        parser.set_defaults(lesson=None, trainee=None, from_file=None, before=None, instructor=None)
+    else:
+        parser.add_argument("--lesson", metavar="NAME", help=text("help.lesson"))
+        parser.add_argument("--trainee", metavar="NAME", help=text("help.trainee"))
+        add_practice(parser, text)
+    parser.add_argument("--blind", action="store_true", help=text("help.blind"))
+    if is_installed(SCHOOL):
+        instructor_help = text("help.instructor")
+        parser.add_argument("--instructor", metavar="ADDRESS", type=control_address, help=instructor_help)
 
 
 def add_actions(

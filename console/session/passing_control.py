@@ -10,7 +10,7 @@ from console.session.station.state import StationState
 
 if TYPE_CHECKING:
     from console.session.station.commands import Command, Control
-    from drivers.beside.side_line import SideLine
+    from drivers.requests.side_line import SideLine
 
 Recorder = Callable[[str, str], object]
 """Takes what was done and why. It is called once it is done: whatever it raises changes nothing any more."""

@@ -275,3 +275,19 @@ def entered_number(text: str, field_: Field) -> float | int | str:
         return int(plain) if field_.kind is Kind.WHOLE else float(plain)
     except ValueError:
         return text
+
+
+def changed_since_opened(work: Work | None) -> tuple[Problem, ...]:
+    """Return `job.changed_on_disk` where the file of a job is not as it was opened, such as after `git pull`.
+
+    Of one that was edited on the screen it does not matter: that is what is cut. A file that is gone cannot be
+    opened again: what was opened may be cut.
+    """
+    if work is None or work.edited:
+        return ()
+    loaded = work.loaded
+    try:
+        same = load_job(str(loaded.path)).sha256 == loaded.sha256
+    except ProfileError:
+        same = not loaded.path.exists()
+    return () if same else (Problem(code="job.changed_on_disk", key=loaded.job.name, where=loaded.path.name),)

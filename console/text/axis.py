@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.session.trial.proposal import GainFacts
+from console.session.tuning.proposal import GainFacts
 from console.text.catalogue import Catalogue
 from profiles.machine import MachineProfile
 

@@ -67,7 +67,8 @@ class ConsoleApp(ListeningApp):
     """The console of one machine. `begin` is called after the first paint, `heard` with the name of each key.
 
     `client` is the address that its terminal comes from by SSH, "" for one at this computer. `noted` gets the new
-    entries of its log.
+    entries of its log. `onlookers` are called before each timed tick, whatever becomes of it; `followers` with
+    each new state.
     The rest is for screenshots.
     """
 
@@ -98,8 +99,9 @@ class ConsoleApp(ListeningApp):
         super().__init__(palette, appearance, driver_class)
         text, palette = self.look.text, self.look.palette
         self.title = f"SIM {machine.machine.name}" if control.state.simulated else machine.machine.name
-        self._logs, self._typed = LoggedControl(control, local_time, noted), False
-        self.ui = UiContext(text=text, palette=palette, control=self._logs, machine=machine, data=data, go=self.go)
+        self.logs, self._typed = LoggedControl(control, local_time, noted), False
+        self.onlookers, self.followers = list[Callable[[], None]](), list[Callable[[], None]]()
+        self.ui = UiContext(text=text, palette=palette, control=self.logs, machine=machine, data=data, go=self.go)
         self.ui.appearance, self.ui.appear, self.ui.configuration = appearance, self.appear, configuration
         self.ui.terminal = FarTerminal(client)
         self._begin, self.heard = begin, heard
@@ -140,8 +142,8 @@ class ConsoleApp(ListeningApp):
         self.call_after_refresh(self._begin)
 
     def _timed_tick(self) -> None:
-        if self.ui.mailbox is not None:
-            self.instructed(self.ui.mailbox, self._logs)
+        for each in self.onlookers:
+            self.safely(each)
         state, now_s = self.ui.control.state, self.ui.control.now_s()
         shown = (self._page, self._list.shown, self.ui.said, self.size)
         if self.ui.appearance.calm == "off" or self._calm.is_due(state, now_s, shown):
@@ -165,10 +167,8 @@ class ConsoleApp(ListeningApp):
         if self._page in MOTION_PAGES:
             self.say_slow_line(getattr(self._driver, "age", None))
         ui.log = self.log_of(state)
-        if ui.attempt is not None:
-            from console.tui.further.followed_lesson import follow_lesson  # not for the first page
-
-            follow_lesson(ui, ui.attempt)
+        for each in self.followers:
+            each()
         # The link thread loads the numerics before it reads the settings; any page but the first needs them.
         loaded = state.alignment.settings is not None or self._page is not PageName.JOBS
         if ui.work is not None and loaded:
@@ -296,7 +296,7 @@ class ConsoleApp(ListeningApp):
 
     def log_of(self, state: StationState) -> SessionLog:
         """Return the log of the session up to this state."""
-        return self._logs.followed(state, self.ui.said, typed=self._typed)
+        return self.logs.followed(state, self.ui.said, typed=self._typed)
 
     def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
         """Return the rows around the page."""

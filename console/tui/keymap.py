@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import Enum, StrEnum, auto
 from functools import cache
 
+from console.rings import is_installed
 from console.session.appearance import OwnKeys
 
 STOP_KEYS = ("space", "escape", "f12")
@@ -47,7 +48,12 @@ class PageName(StrEnum):
 NUMBERED = tuple(PageName)[: tuple(PageName).index(PageName.MORE)]
 """Pages with a digit of their own, which is their position, from 1."""
 
-FURTHER = tuple(PageName)[tuple(PageName).index(PageName.MORE) + 1 :]
+MODULES = {PageName.TRAIN: "console.school.page.train"}
+"""Modules of the pages that stand elsewhere than those of the core."""
+
+ABSENT = frozenset(page for page, module in MODULES.items() if not is_installed(module))
+
+FURTHER = tuple(page for page in tuple(PageName)[tuple(PageName).index(PageName.MORE) + 1 :] if page not in ABSENT)
 """Pages that the page More (0) lists, and opens by their letter."""
 
 _PAGES = {str(page): page for page in PageName}
@@ -104,7 +110,7 @@ class RowKey:
 CLOSE = Action(id="close", keys=("backspace",), shown="⌫")
 PALETTE = Action(id="palette", keys=(":", "colon", "ctrl+p"), shown=": ^P", row="")
 
-ACTIONS: tuple[Action, ...] = (
+_ACTIONS = (
     *(
         Action(id=f"page.{page}", keys=(digit,), shown=digit, stops=Stops.JOG, beside=page is PageName.ALARMS)
         for page, digit in DIGITS.items()
@@ -335,6 +341,7 @@ ACTIONS: tuple[Action, ...] = (
     Action(id="scope.keep", keys=("x", "ㅌ"), shown="x", once=True),
     Action(id="scope.list", keys=("o", "ㅐ"), shown="o"),
 )
+ACTIONS: tuple[Action, ...] = tuple(each for each in _ACTIONS if ABSENT.isdisjoint(each.id.split(".")))
 
 READING = (
     Action(id="list.up", keys=("up", "pageup"), shown="↑"),

@@ -9,22 +9,24 @@ import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
-from contextlib import closing, suppress
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from dataclasses import replace
+from importlib import import_module
 from io import TextIOWrapper
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Protocol
 
 from console.cli.library import data_of, machine_of, simulated_address
+from console.flight.notes import Inbox, Kind
+from console.flight.recorded_control import RecordedControl
+from console.rings import SCHOOL
 from console.session.alarm_notes import AlarmNotes
 from console.session.appearance import Appearance, appearance_of
 from console.session.configuration import KEYS, Configuration
 from console.session.data.calibrated_chuck import calibrated_or_stated
 from console.session.ending_signal import has_come
 from console.session.errors import SessionError
-from console.session.flight.notes import Inbox, Kind
-from console.session.flight.recorded_control import RecordedControl
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import StationState
 from console.session.station.whereabouts import address_of
@@ -32,10 +34,8 @@ from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
 from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
-from console.tui.application.with_instructor import instructed
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
-from console.tui.lesson_start import begun
 from console.tui.theme import COLOUR, COLOUR_VARIABLE, MONO
 from drivers.clock import TrainingClock
 from drivers.ending_signals import ENDING_SIGNALS
@@ -45,13 +45,11 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
+    from console.flight.recorder import Recorder
     from console.session.feed.observed import Observed
     from console.session.feed.server import FeedServer
-    from console.session.flight.recorder import Recorder
-    from console.session.practice.begins import Begins
+    from console.session.station.begins import Begins
     from console.session.station.link.opening import Opened
-    from console.session.training.attempt import Attempt
-    from console.tui.practising import TakenUp
     from console.tui.ui_context import UiContext
 
 WRONG_USAGE = 2
@@ -62,6 +60,20 @@ WAIT_S = 0.1
 
 SWITCH_INTERVAL_S = 0.0005
 """Longest time for the drawing thread to keep the interpreter while the link waits: watchdog and polls first."""
+
+
+class Schooling(Protocol):
+    """A session of the school: what the screens begin with in place of their own, and who follows them."""
+
+    machine: LoadedMachine | None
+    address: SimulatedAddress | None
+    begins: Begins | None
+
+    def attend(self, app: ConsoleApp, link: LinkThread, data: Path) -> AbstractContextManager[None]:
+        """Follow the screens, until they end."""
+
+    def keep(self, app: ConsoleApp) -> None:
+        """Keep what is left of it."""
 
 
 class ScreenFeed:
@@ -108,8 +120,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     """
     _take_terminal()
     data = data_of(options)
-    taken = _taken_up(options, data, text)
-    machine = calibrated_or_stated(machine_of(options), data) if taken is None else taken.machine
+    schooling = None if options.from_file is None else _school().taken_up(options, data, text)
+    taken = None if schooling is None else schooling.machine
+    machine = calibrated_or_stated(machine_of(options), data) if taken is None else taken
     sys.setswitchinterval(SWITCH_INTERVAL_S)
     address = address_of(machine.machine, options.link, simulated=options.sim)
     trained = None if options.instructor is None else TrainingClock()
@@ -121,9 +134,12 @@ def main(options: Namespace, text: Catalogue) -> int:
     if wrong := _wrong_usage(options, requested, simulated=simulated):
         print(f"console: {text(wrong)}", file=sys.stderr)
         return WRONG_USAGE
-    attempt = _attempt(options, data, text) if taken is None else taken.attempt
-    begins = None if taken is None else taken.begins
-    place = taken.address if taken is not None else _lathe_of(attempt) or _going_on(requested) or address
+    if schooling is None and (options.lesson is not None or options.instructor is not None):
+        schooling = _school().schooling(options, data, text)
+    place: LinkAddress = _going_on(requested) or address
+    begins = None
+    if schooling is not None:
+        place, begins = schooling.address or place, schooling.begins
     appearance = _appearance(options.configuration, text)
     link = LinkThread(
         machine.machine.name,
@@ -134,13 +150,23 @@ def main(options: Namespace, text: Catalogue) -> int:
     feed, notes = ScreenFeed(link, machine, data), AlarmNotes(data, machine.machine.name, simulated=simulated)
     looks = (text, appearance, options.configuration)
     app, control = _recorded(link, inbox, machine, data, looks, feed, notes)
-    app.ui.attempt = attempt
-    app.ui.work = None if taken is None else taken.work
-    with closing(notes), instructed(options.instructor, app, link, data):
-        return _run(link, app, control, tracing, feed)
+    with closing(notes), nullcontext() if schooling is None else schooling.attend(app, link, data):
+        return _run(link, app, control, tracing, feed, schooling)
 
 
-def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: Tracing, feed: ScreenFeed) -> int:
+def _school() -> Any:
+    """Return the school; its options are there only where it is installed."""
+    return import_module(f"{SCHOOL}.schooling")
+
+
+def _run(
+    link: LinkThread,
+    app: ConsoleApp,
+    control: RecordedControl,
+    tracing: Tracing,
+    feed: ScreenFeed,
+    schooling: Schooling | None,
+) -> int:
     """Run the screens to their end, and leave the machine; return the exit code."""
     ending = _Ending(link, app)
     ending.install()
@@ -151,7 +177,7 @@ def _run(link: LinkThread, app: ConsoleApp, control: RecordedControl, tracing: T
         if control.recorder is not None:
             control.recorder.leave()
         text = app.ui.text  # in the language that was chosen last
-        _keep_lesson(app)
+        _keep(schooling, app)
         _leave(link, ending, text)
         if control.recorder is not None:
             control.recorder.close(ending.reason or ("crash" if app.fault is not None else ""))
@@ -179,28 +205,15 @@ def _wrong_usage(options: Namespace, requested: SimulatedAddress | None, *, simu
     return "usage.lesson_alone" if requested is not None and options.lesson is not None else ""
 
 
-def _attempt(options: Namespace, data: Path, text: Catalogue) -> Attempt | None:
-    return None if options.lesson is None else begun(options, data, text)
-
-
-def _keep_lesson(app: ConsoleApp) -> None:
-    """Keep the try of a lesson that is left, so that it can be continued."""
-    if app.ui.attempt is None:
+def _keep(schooling: Schooling | None, app: ConsoleApp) -> None:
+    """Keep what a session of the school leaves."""
+    if schooling is None:
         return
-    from console.session.training.left import keep_left
-
     try:
-        keep_left(app.ui.data, app.ui.attempt, app.ui.control.now_s())
+        schooling.keep(app)
     except ProblemError as error:
         for problem in error.problems:
             _say(app.ui.text.problem(problem))
-
-
-def _lathe_of(attempt: Attempt | None) -> SimulatedAddress | None:
-    if attempt is None:
-        return None
-    lesson = attempt.lesson
-    return SimulatedAddress(plant=lesson.plant_of(attempt.seed), seed=attempt.seed, blind=lesson.blind)
 
 
 def _going_on(requested: SimulatedAddress | None) -> SimulatedAddress | None:
@@ -260,8 +273,8 @@ def _recorded(
 def _recorder(
     control: RecordedControl, app: ConsoleApp, machine: LoadedMachine, data: Path, inbox: Inbox
 ) -> Recorder:
-    from console.session.flight.recorded_forms import Moment, work_of
-    from console.session.flight.recorder import Recorder
+    from console.flight.recorded_forms import Moment, work_of
+    from console.flight.recorder import Recorder
 
     def observed() -> Moment:
         """Return what is recorded now; all of it is read by reference, in the thread of the recorder."""
@@ -282,14 +295,6 @@ def _open(
     from console.session.station.link.opening import open_machine
 
     return open_machine(machine, address, data, tracing, begins, trained)
-
-
-def _taken_up(options: Namespace, data: Path, text: Catalogue) -> TakenUp | None:
-    if options.from_file is None:
-        return None
-    from console.tui.practising import taken_up  # not for the first paint
-
-    return taken_up(options, data, text)
 
 
 class _Ending:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
@@ -23,9 +23,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
 if TYPE_CHECKING:
-    from console.session.instructing.mailbox import Mailbox
     from console.session.station.commands import Control  # not for the first paint
-    from console.session.training.attempt import Attempt
 
 Moment = tuple[Activity, bool, bool]
 """Activity of the machine, whether a cut is armed, whether a stop is in force: what most answers refer to."""
@@ -43,6 +41,14 @@ _REFUSALS = {
 }
 
 
+class LessonTry(Protocol):
+    """The try of a lesson, as far as pages know it."""
+
+    @property
+    def asks(self) -> bool:
+        """Whether the trainee is still to say what is wrong with the part."""
+
+
 @dataclass(kw_only=True, eq=False)
 class UiContext:
     """The single UI context. `work` is replaced, never changed; `said` is the answer to the last key.
@@ -54,7 +60,7 @@ class UiContext:
     operator has set, and `appear` sets another; `configuration` says where a setting comes from. `stroke` is
     what the terminal says of the last key, and `releases` what is known of its reports, both None where it has
     none. `terminal` says where it is. `jobs` are the names of all saved jobs, as the page Jobs has read them.
-    `attempt` is the try of a lesson, in a session that has one; `mailbox` is that of an instructor.
+    `attempt` is the try of a lesson, in a session that has one.
     """
 
     text: Catalogue
@@ -69,8 +75,7 @@ class UiContext:
     jobs: tuple[str, ...] = ()
     jog: str | None = None
     queued: bool = False
-    attempt: Attempt | None = None
-    mailbox: Mailbox | None = None
+    attempt: LessonTry | None = None
     log: SessionLog = field(default_factory=SessionLog)
     appearance: Appearance = field(default_factory=Appearance)
     appear: Callable[[Appearance], None] = lambda appearance: None

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 import pickle
 
-from console.session.study.cells import MADE, Cell
-from console.session.study.making import Made, failed, software
+from console.site.study.cells import MADE, Cell
+from console.site.study.making import Made, failed, software
 
 DIES = 3
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from console.session.practice.begins import Begins
+from console.session.station.begins import Begins
 from console.session.station.commands import (
     Approach,
     Arm,

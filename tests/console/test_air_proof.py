@@ -10,9 +10,9 @@ import pytest
 
 from console.session.data.health import kept_tests, store
 from console.session.station.commands import CheckHealth, EnableDrives, Home
-from console.session.trial.air_proof import unproven
-from console.session.trial.standing import StandingTrial, listed
-from console.session.trial.trial import TrialPlace, standing_trial
+from console.session.tuning.air_proof import unproven
+from console.session.tuning.standing import StandingTrial, listed
+from console.session.tuning.trial import TrialPlace, standing_trial
 from drivers.simulator.machine import SimulatedLathe
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import with_variables

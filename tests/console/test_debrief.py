@@ -10,6 +10,13 @@ from typing import Any
 
 import pytest
 
+from console.school.training.attempt import Attempt
+from console.school.training.debrief import Debrief, debrief_of
+from console.school.training.following import followed
+from console.school.training.happened import What
+from console.school.training.item import Item
+from console.school.training.lesson import Lesson, lesson_of
+from console.school.training.tries import Try, check_trainee, files_of, keep_try, told_again, tries, try_of
 from console.session.station.commands import (
     Acknowledge,
     Approach,
@@ -25,13 +32,6 @@ from console.session.station.commands import (
     TakeJaw,
     TakeTouchOff,
 )
-from console.session.training.attempt import Attempt
-from console.session.training.debrief import Debrief, debrief_of
-from console.session.training.following import followed
-from console.session.training.happened import What
-from console.session.training.item import Item
-from console.session.training.lesson import Lesson, lesson_of
-from console.session.training.tries import Try, check_trainee, files_of, keep_try, told_again, tries, try_of
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import ProfileError
 from tests.console.floor import Floor, experiment_1, open_floor

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 
+from console.school.training.lesson import load_lesson
 from console.session.station.commands import (
     Acknowledge,
     Approach,
@@ -22,7 +23,6 @@ from console.session.station.commands import (
     TakeJaw,
     TakeTouchOff,
 )
-from console.session.training.lesson import load_lesson
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from tests.console.floor import open_floor

@@ -10,8 +10,8 @@ import pytest
 
 from console.session.station.commands import ApplyGains, CheckHealth, EnableDrives, Home
 from console.session.station.state import Activity
-from console.session.trial.bounds import FAST_SWEEP, SLOW_SWEEP
-from console.session.trial.proposal import gain_facts
+from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP
+from console.session.tuning.proposal import gain_facts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.store import load_machine

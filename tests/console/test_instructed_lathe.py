@@ -9,10 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from console.session.instructing.answer import Answer
-from console.session.instructing.carrying import MOST_CHECKPOINTS
-from console.session.instructing.mailbox import Act, Mailbox
-from console.session.instructing.order import read_order
+from console.school.instructing.answer import Answer
+from console.school.instructing.carrying import MOST_CHECKPOINTS, CarryOut
+from console.school.instructing.mailbox import Act, Mailbox
+from console.school.instructing.order import read_order
+from console.school.training.debrief import reactions
+from console.school.training.happened import What
 from console.session.station.commands import (
     Acknowledge,
     Arm,
@@ -21,13 +23,10 @@ from console.session.station.commands import (
     DisableDrives,
     EnableDrives,
     Home,
-    Instruct,
     Recover,
 )
 from console.session.station.context import Training
 from console.session.station.state import Activity
-from console.session.training.debrief import reactions
-from console.session.training.happened import What
 from drivers.clock import TrainingClock
 from drivers.cutting.planning import Strategy
 from tests.console.floor import Floor, experiment_1, open_floor
@@ -68,7 +67,7 @@ class Site:
     def orders(self, line: str) -> list[Answer]:
         """Give an order; return the list that gets its answer."""
         answers: list[Answer] = []
-        assert self.floor.station.post(Instruct(order=read_order(line), answered=answers.append))
+        assert self.floor.station.post(CarryOut(order=read_order(line), answered=answers.append))
         return answers
 
     def done(self, line: str) -> str:
@@ -168,7 +167,7 @@ def test_checkpoints_are_few_and_known_by_name(site: Site) -> None:
 
 def test_without_an_instructor_there_are_no_orders(tmp_path: Path) -> None:
     floor, answers = open_floor(tmp_path), list[Answer]()
-    floor.station.post(Instruct(order=read_order("pause"), answered=answers.append))
+    floor.station.post(CarryOut(order=read_order("pause"), answered=answers.append))
     floor.station.step()
     assert answers[0].problem is not None
     assert floor.state.speed == 1.0

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.cli.commands import build
+from console.school.instructing.answer import Answer, read_answer, written
+from console.school.instructing.order import FASTEST, SLOWEST, Do, read_order
 from console.session.errors import SessionError
-from console.session.instructing.answer import Answer, read_answer, written
-from console.session.instructing.order import FASTEST, SLOWEST, Do, read_order
 from console.text.catalogue import load
 from profiles.problem import Problem
 

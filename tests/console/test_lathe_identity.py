@@ -12,7 +12,7 @@ import pytest
 
 import console.session.extras as extras
 from console.session.errors import SessionError
-from console.session.shop.identity import LatheIdentity, lathe_identity
+from console.site.shop.identity import LatheIdentity, lathe_identity
 from profiles.problem import ProblemError
 from tests.console.test_run_reader import record
 

@@ -10,14 +10,14 @@ from typing import Any
 
 import pytest
 
-from console.session.training.attempt import Attempt
-from console.session.training.debrief import unseen
-from console.session.training.happened import Happening, What
-from console.session.training.left import Left, continued, forget_left, keep_left, left_file, left_of, read_left
-from console.session.training.lesson import load_lesson
-from console.session.training.tries import left_files, tries
+from console.school.lesson_start import begun
+from console.school.training.attempt import Attempt
+from console.school.training.debrief import unseen
+from console.school.training.happened import Happening, What
+from console.school.training.left import Left, continued, forget_left, keep_left, left_file, left_of, read_left
+from console.school.training.lesson import load_lesson
+from console.school.training.tries import left_files, tries
 from console.text.catalogue import load
-from console.tui.lesson_start import begun
 from profiles.problem import ProfileError
 from tests.console.floor import open_floor
 from tests.console.test_debrief import Pupil

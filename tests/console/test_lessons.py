@@ -9,11 +9,11 @@ from typing import Any
 
 import pytest
 
+from console.school.training.attempt import Attempt
+from console.school.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
+from console.school.training.milestones import MILESTONES
+from console.school.training.shelf import lessons
 from console.session.station.commands import EnableDrives, Home, Measure, Start
-from console.session.training.attempt import Attempt
-from console.session.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
-from console.session.training.milestones import MILESTONES
-from console.session.training.shelf import lessons
 from console.text.catalogue import load
 from drivers.cutting.planning import Strategy
 from drivers.simulator.plant.workshop_view import WorkshopView

@@ -19,11 +19,11 @@ from console.session.station.commands import (
     Recover,
     RevertGains,
 )
-from console.session.trial.bounds import hidden_problems
-from console.session.trial.known_loop import known_loop
-from console.session.trial.notch_evidence import NO_FIRMWARE, seen_reading
-from console.session.trial.proposal import GainFacts, gain_facts
-from console.session.trial.trial import TrialPlace, air_doubts
+from console.session.tuning.bounds import hidden_problems
+from console.session.tuning.known_loop import known_loop
+from console.session.tuning.notch_evidence import NO_FIRMWARE, seen_reading
+from console.session.tuning.proposal import GainFacts, gain_facts
+from console.session.tuning.trial import TrialPlace, air_doubts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.axis.loop_design import unseen_hz

@@ -11,8 +11,8 @@ import pytest
 
 from console.session.data.record_file import FILE_NAME
 from console.session.errors import SessionError
-from console.session.shop.outbox import outbox
-from console.session.shop.tables import RUNS, SENT
+from console.site.shop.outbox import outbox
+from console.site.shop.tables import RUNS, SENT
 from tests.console.test_record_schema import write_schema_1
 from tests.console.test_run_reader import record
 
@@ -30,7 +30,7 @@ def test_only_rows_that_are_on_the_disk_are_sent(tmp_path: Path, monkeypatch: py
     with closing(sqlite3.connect(tmp_path / FILE_NAME)):  # somebody has it open: the journal stays
         journal = tmp_path / f"{FILE_NAME}-wal"
         journal.touch()
-        monkeypatch.setattr("console.session.shop.outbox.os.fsync", fsync)
+        monkeypatch.setattr("console.site.shop.outbox.os.fsync", fsync)
         with outbox(tmp_path) as box:
             assert box is not None and synchronised == [journal.name]
             assert [row[1] for row in box.rows(RUNS, 0, 10)] == [first]

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.school.training.item import Item
+from console.school.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
+from console.school.training.tries import try_of
 from console.session.station.commands import Acknowledge, DisableDrives, Jog, Measure, Start, TakeControl, TakeJaw
-from console.session.training.item import Item
-from console.session.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
-from console.session.training.tries import try_of
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from drivers.lathe.standing import Standing

@@ -14,6 +14,7 @@ import pytest
 
 from console.report.page import report_page
 from console.report.reported_run import reported_run
+from console.school.training.lesson import load_lesson
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.made_parts import MadeWith, tool_event
@@ -22,7 +23,6 @@ from console.session.data.run_reader import RunStory, runs, story
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
 from console.session.stages import Stage
 from console.session.station.commands import Measure, Start
-from console.session.training.lesson import load_lesson
 from console.text.catalogue import LANGUAGES, load
 from console.text.run_debrief import debrief_sections
 from console.tui.records.opened_run import opened_run

@@ -15,13 +15,13 @@ from console.session.station import jogging
 from console.session.station.commands import EnableDrives, Home, Jog, Start
 from console.session.station.state import Activity
 from console.tui.further.scope import ScopeWork
-from drivers.beside.scope_gather import Record
-from drivers.beside.scope_setup import ANGLE, Axis, Channel, Quantity, ScopeSetup, Trigger
-from drivers.beside.side_line import CancelledError
 from drivers.errors import LinkError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
+from drivers.requests.scope_gather import Record
+from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, ScopeSetup, Trigger
+from drivers.requests.side_line import CancelledError
 from profiles.problem import Problem
 from tests.compact import compact_machine
 from tests.console.floor import Floor, experiment_1, open_floor

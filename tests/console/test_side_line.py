@@ -13,14 +13,14 @@ import pytest
 from console.session.data.controller_backups import compare_backup, write_backup
 from console.session.station.commands import DisableDrives, EnableDrives, Home, Jog, Recover
 from console.session.station.state import Activity
-from drivers.beside.heard import Heard
-from drivers.beside.permitted import Kind
-from drivers.beside.side_controller import SideController
-from drivers.beside.side_line import CancelledError, SideLine
-from drivers.beside.status_words import read_status
 from drivers.commissioning.verification import verify
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.requests.heard import Heard
+from drivers.requests.permitted import Kind
+from drivers.requests.side_controller import SideController
+from drivers.requests.side_line import CancelledError, SideLine
+from drivers.requests.status_words import read_status
 from profiles.problem import Problem
 from tests.compact import compact_machine
 from tests.console.floor import Floor, open_floor

@@ -18,10 +18,10 @@ from console.session.errors import SessionError
 from console.session.station.commands import Arm, CheckHealth, EnableDrives, Home, Verify
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
-from console.session.trial.explained import filter_checks
-from console.session.trial.known_loop import known_loop
-from console.session.trial.notch_evidence import NO_FIRMWARE
-from console.session.trial.stated_filter import stated_filter_problems
+from console.session.tuning.explained import filter_checks
+from console.session.tuning.known_loop import known_loop
+from console.session.tuning.notch_evidence import NO_FIRMWARE
+from console.session.tuning.stated_filter import stated_filter_problems
 from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
 from drivers.identification.result import Origin

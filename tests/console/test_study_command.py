@@ -18,13 +18,13 @@ import pytest
 
 import console.session.extras as extras
 from console.session.errors import SessionError
-from console.session.study import making, running
-from console.session.study.cells import Cell, Row, cells
-from console.session.study.description import read_study
-from console.session.study.journal import NAME
-from console.session.study.results import TABLE, write_table
-from console.session.study.running import Progress, carry_out
-from console.session.study.workers import Workers, processes
+from console.site.study import making, running
+from console.site.study.cells import Cell, Row, cells
+from console.site.study.description import read_study
+from console.site.study.journal import NAME
+from console.site.study.results import TABLE, write_table
+from console.site.study.running import Progress, carry_out
+from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError
 from tests.console.dying_cells import DIES, make_or_die
 
@@ -334,7 +334,7 @@ def test_a_scheduler_that_is_not_there_is_told(
     console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     pytest.importorskip("distributed", reason="the extra dask is not installed")
-    from console.session.study import workers
+    from console.site.study import workers
 
     monkeypatch.setattr(workers, "CONNECT_S", 0.3)
     said = console("study", str(study_file(tmp_path)), "--scheduler", "tcp://127.0.0.1:9")

@@ -12,12 +12,12 @@ from typing import Any
 
 import pytest
 
-import console.session.versioning.git as git
+import console.session.data.version_control as git
 from console.session.data.run_reader import runs, story
+from console.session.data.version_control import VERSIONED, cut_from
 from console.session.errors import SessionError
 from console.session.station.commands import Disarm
-from console.session.versioning.cut_from import VERSIONED, cut_from
-from console.session.versioning.status import Change, How, clone_status
+from console.site.versioning.status import Change, How, clone_status
 from profiles.store import load_job, save_job
 from tests.console.floor import Floor
 

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
+from console.school.training.item import Item
 from console.session.station.commands import Approach, AskTruth, Jog, TakeJaw
-from console.session.training.item import Item
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.collision import Clamped, CollisionWatch, Track
 from tests.console.floor import open_floor

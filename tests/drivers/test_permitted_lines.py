@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.beside.permitted import Kind, gathers, permission, watched
 from drivers.errors import RefusedError
 from drivers.pmac.dialect import DIALECTS, Dialect
+from drivers.requests.permitted import Kind, gathers, permission, watched
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import lathe
 

@@ -18,17 +18,17 @@ from pathlib import Path
 from random import Random
 from typing import Any
 
-from console.cli.feed.metrics import response
 from console.cli.feed.watch import _show, _show_end
-from console.session.exchange.data_items import Published, published
-from console.session.exchange.following import Heard
-from console.session.exchange.shdr import shdr_lines
-from console.session.exchange.topics import is_news, messages
 from console.session.feed.client import Stream
 from console.session.feed.feed_state import FeedState
+from console.session.feed.following import Heard
 from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.station.state import Activity
+from console.site.cli.metrics import response
+from console.site.exchange.data_items import Published, published
+from console.site.exchange.shdr import shdr_lines
+from console.site.exchange.topics import is_news, messages
 from console.text.catalogue import load
 from profiles.store import load_machine
 from tests.fuzz.target import FoundError, Target, Try
@@ -151,7 +151,7 @@ class Outputs:
         for key, payload in messages(now, state).items():
             require(key not in UTF_8_JSON or isinstance(strict(payload), dict), payload)
         self.before = now, state
-        aged = Heard(state=state, published=now, came_s=0.0).aged(3.0)
+        aged = Heard(state=state, came_s=0.0).aged(3.0)
         scrape(response(REQUEST, (), [aged, state], LANGUAGES[1]))
 
 

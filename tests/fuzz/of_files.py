@@ -13,11 +13,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import drivers.simulator.plant.presets as presets
+from console.flight.recording import read_recording
+from console.school.training import lesson
 from console.session.data import calibrations, identified, learned_store
 from console.session.data.run_reader import RunFilters, runs, story
 from console.session.errors import SessionError
-from console.session.flight.recording import read_recording
-from console.session.training import lesson
 from drivers.commissioning.backup import END_OF_HEADER, backup_text, read_backup
 from drivers.commissioning.configuration import digest
 from drivers.simulator.plant.presets import plant_named
@@ -127,7 +127,7 @@ def _read_signed_backup(data: bytes) -> None:
 
 
 def _flights() -> list[bytes]:
-    from console.session.flight.frozen import frozen_in
+    from console.flight.frozen import frozen_in
     from tests.console.flight.bench import FlightBench
 
     with TemporaryDirectory() as folder:

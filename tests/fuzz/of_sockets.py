@@ -12,15 +12,15 @@ from tempfile import TemporaryDirectory
 
 from textual.message import Message
 
+from console.school.instructing.answer import Answer, read_answer
+from console.school.instructing.dispatcher import Dispatcher
+from console.school.instructing.mailbox import Mailbox, Picture
+from console.school.instructing.order import read_order
+from console.school.instructing.server import InstructorServer
 from console.session.errors import SessionError
-from console.session.exchange.adapter import Adapter
-from console.session.exchange.shdr import PING
 from console.session.feed.request import asked_hz
-from console.session.instructing.answer import Answer, read_answer
-from console.session.instructing.dispatcher import Dispatcher
-from console.session.instructing.mailbox import Mailbox, Picture
-from console.session.instructing.order import read_order
-from console.session.instructing.server import InstructorServer
+from console.site.exchange.adapter import Adapter
+from console.site.exchange.shdr import PING
 from console.tui.driver import Reader
 from drivers.simulator.hosts.control_address import UnixAddress
 from tests.fuzz.target import FoundError, Target, Try, pure

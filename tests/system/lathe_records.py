@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.record_file import FILE_NAME
-from console.session.shop.identity import lathe_identity
-from console.session.shop.tables import SENT
+from console.site.shop.identity import lathe_identity
+from console.site.shop.tables import SENT
 from tests.console.test_run_reader import RUN, part
 from tests.shop_server import ShopServer
 

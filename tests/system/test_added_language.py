@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from console.session.training.lesson import lesson_paths
+from console.school.training.lesson import lesson_paths
 from profiles.files import read_toml
 from profiles.words.sentences import LANGUAGES
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from console.session.exchange.following import Follower
+from console.session.feed.following import Follower
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed, connected, feeds
 from console.session.feed.server import MOST_READERS, FeedServer

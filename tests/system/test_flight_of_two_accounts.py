@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from console.session.flight.frozen import frozen_in
-from console.session.flight.recording import read_recording
+from console.flight.frozen import frozen_in
+from console.flight.recording import read_recording
 from tests.console.flight.bench import FlightBench, reasons
 from tests.system.accounts import GROUP, A, B, as_account, lathe_folder, needs_root
 

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from console.session.flight.frozen import frozen_in
-from console.session.flight.notes import Kind
-from console.session.flight.recording import Recording, read_recording
+from console.flight.frozen import frozen_in
+from console.flight.notes import Kind
+from console.flight.recording import Recording, read_recording
 from console.session.station.state import Activity
 from tests.terminal import Terminal
 from tests.trainee import Trainee, console, console_at

@@ -17,11 +17,11 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.feed import metrics
-from console.session.exchange.following import Follower
 from console.session.feed.feed_state import FeedState
+from console.session.feed.following import Follower
 from console.session.feed.place import claimed
 from console.session.feed.report import line_of
+from console.site.cli import metrics
 from console.text.catalogue import load
 from drivers.link.address import TcpAddress
 from tests.fuzz.of_feed import FORGED, sound_states

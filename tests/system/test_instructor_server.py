@@ -12,15 +12,16 @@ from pathlib import Path
 import pytest
 
 from console.__main__ import main
+from console.school.instructing.answer import Answer
+from console.school.instructing.carrying import CarryOut
+from console.school.instructing.client import Instructor
+from console.school.instructing.dispatcher import Dispatcher
+from console.school.instructing.mailbox import Mailbox
+from console.school.instructing.order import LONGEST_LINE
+from console.school.instructing.server import MOST_CLIENTS, InstructorServer
+from console.school.instructing.token import forget_token, keep_token, kept_token, new_token, token_path
 from console.session.errors import SessionError
-from console.session.instructing.answer import Answer
-from console.session.instructing.client import Instructor
-from console.session.instructing.dispatcher import Dispatcher
-from console.session.instructing.mailbox import Mailbox
-from console.session.instructing.order import LONGEST_LINE
-from console.session.instructing.server import MOST_CLIENTS, InstructorServer
-from console.session.instructing.token import forget_token, keep_token, kept_token, new_token, token_path
-from console.session.station.commands import Command, Instruct
+from console.session.station.commands import Command
 from drivers.errors import LinkError
 from drivers.simulator.hosts.control_address import UnixAddress, parse_control_address
 
@@ -38,7 +39,7 @@ class Machine:
 
     def post(self, intent: Command) -> bool:
         if self.connected:
-            assert isinstance(intent, Instruct)
+            assert isinstance(intent, CarryOut)
             self.ordered.append(intent.order.line)
             intent.answered(Answer(lines=(intent.order.line,)))
         return self.connected

@@ -16,14 +16,14 @@ from pathlib import Path
 
 import pytest
 
-from console.session.exchange.adapter import MOST_CLIENTS, Adapter
-from console.session.exchange.data_items import published
 from console.session.feed.feed_state import FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.place import claimed
 from console.session.feed.report import report
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
+from console.site.exchange.adapter import MOST_CLIENTS, Adapter
+from console.site.exchange.data_items import published
 from drivers.lathe.standing import Standing
 from profiles.store import load_machine
 from tests.preloaded import Preloaded, completed

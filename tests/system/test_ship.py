@@ -20,10 +20,10 @@ import pytest
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import runs
 from console.session.errors import SessionError
-from console.session.shop import following, shipping
-from console.session.shop.following import follow
-from console.session.shop.identity import lathe_identity
-from console.session.shop.shipping import MOST_ROWS, Sent, ship
+from console.site.shop import following, shipping
+from console.site.shop.following import follow
+from console.site.shop.identity import lathe_identity
+from console.site.shop.shipping import MOST_ROWS, Sent, ship
 from profiles.problem import Problem
 from tests.record_clock import set_dates
 from tests.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql, shop_server
@@ -42,7 +42,7 @@ Rows = list[tuple[Any, ...]]
 SHIPS = """
 import sys
 from pathlib import Path
-from console.session.shop.shipping import ship
+from console.site.shop.shipping import ship
 ship(Path(sys.argv[1]), sys.argv[2], most_rows=int(sys.argv[3]), told=lambda sent: print(sent.total, flush=True))
 """
 
@@ -327,7 +327,7 @@ def test_a_database_without_the_schema_or_of_another_console_is_refused(shop: Sh
 
 
 def test_a_following_console_waits_for_the_owner_to_migrate(shop: ShopServer, tmp_path: Path) -> None:
-    from console.session.shop.schema import migrate
+    from console.site.shop.schema import migrate
 
     record_runs(tmp_path, 1)
     shop.sql("DROP SCHEMA shop CASCADE")

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from console.session.errors import SessionError
-from console.session.shop.connection import connected
-from console.session.shop.shipping import ship
+from console.site.shop.connection import connected
+from console.site.shop.shipping import ship
 from tests.shop_server import OWNER, SHIPPER, ShopServer, as_server_account, needs_postgresql, shop_server
 from tests.system.lathe_records import record_runs
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from console.session.data.records import RunRecord
-from console.session.shop.shipping import ship
+from console.site.shop.shipping import ship
 from profiles.metrology.process_statistics import capability_below, capability_within, run_chart
 from tests.console.test_run_reader import RUN, part
 from tests.shop_server import READER, ROOT, SHIPPER, ShopServer, documented_sql, needs_postgresql, shop_server
@@ -197,7 +197,7 @@ def shown_by_views(shop: ShopServer, database: str) -> dict[str, list[tuple[obje
 
 
 def test_a_shop_that_is_brought_to_the_newest_schema_shows_what_it_showed_before(shop: ShopServer) -> None:
-    from console.session.shop.schema import migrations
+    from console.site.shop.schema import migrations
 
     shop.sql("DROP DATABASE IF EXISTS older", database="postgres")
     shop.sql("CREATE DATABASE older ENCODING 'UTF8' TEMPLATE template0", database="postgres")

@@ -11,9 +11,9 @@ from queue import SimpleQueue
 
 import pytest
 
-from console.session.exchange import publisher
-from console.session.exchange.broker import Broker
-from console.session.exchange.publisher import NO_ANSWER, Publisher
+from console.site.exchange import publisher
+from console.site.exchange.broker import Broker
+from console.site.exchange.publisher import NO_ANSWER, Publisher
 
 pytestmark = pytest.mark.system
 

@@ -14,9 +14,9 @@ import psycopg
 import pytest
 
 from console.session.errors import SessionError
-from console.session.shop import connection
-from console.session.shop.following import follow
-from console.session.shop.shipping import Sent, ship
+from console.site.shop import connection
+from console.site.shop.following import follow
+from console.site.shop.shipping import Sent, ship
 from profiles.problem import Problem
 from tests.preloaded import completed
 from tests.shop_server import SHIPPER, ShopServer, needs_postgresql, shop_server

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from console.session.training.lesson import FOLDER
+from console.school.training.lesson import FOLDER
 from tests.lesson_plays import PLAYS
 from tests.walk_lessons import CARELESS, LUCKY, PERFECT, UNLUCKY, Walk, score
 

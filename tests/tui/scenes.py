@@ -41,12 +41,12 @@ from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette
-from drivers.beside.side_line import SideLine
 from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.preview.preview import Preview, preview
+from drivers.requests.side_line import SideLine
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.job import Job
 from profiles.problem import Problem
@@ -361,7 +361,7 @@ def application(
         client=client,
     )
     app.ui.work = scene.work
-    app._logs.log = scene.log
+    app.logs.log = scene.log
     answer(app, scene)
     return app, control
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 
 from console.tui.further.scope import FOLDER, record_text
-from drivers.beside.scope_gather import Record
-from drivers.beside.scope_setup import ANGLE, Axis, Channel, Quantity, Trigger
+from drivers.requests.scope_gather import Record
+from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, Trigger
 
 NAME = "lee-2001-lathe-20260102T085000.000Z.csv"
 COMMANDED, ACTUAL, ERROR = (

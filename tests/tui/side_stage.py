@@ -5,11 +5,11 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 
-from drivers.beside.heard import Heard
-from drivers.beside.side_line import Asked, CancelledError, Lines, Moment, SideLine
 from drivers.link.memory import MemoryLink
 from drivers.link.tapping import TappedLink
 from drivers.pmac.client import PmacClient
+from drivers.requests.heard import Heard
+from drivers.requests.side_line import Asked, CancelledError, Lines, Moment, SideLine
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 

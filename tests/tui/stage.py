@@ -18,8 +18,8 @@ from console.tui.app import ConsoleApp
 from console.tui.page import Page
 from console.tui.theme import COLOUR, DARK_THEME
 from console.tui.ui_context import UiContext, View
-from drivers.beside.side_line import SideLine
 from drivers.clock import boot_s
+from drivers.requests.side_line import SideLine
 from profiles.store import LoadedMachine, load_job, load_machine
 
 SIZES = ((80, 24), (100, 30), (160, 48))

@@ -17,8 +17,8 @@ from console.tui.app import ConsoleApp
 from console.tui.controller.watching import read_watch, watch_path
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from drivers.beside.side_line import Moment
 from drivers.lathe.standing import Standing
+from drivers.requests.side_line import Moment
 from tests.drivers.families import of_family
 from tests.tui.scenes import Scene, application, fixed_world, machine, played, rows_of, settle, signed
 from tests.tui.side_stage import DirectSide

@@ -18,7 +18,7 @@ from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.calibrating.draft import Draft, value_of
 from console.tui.keymap import PageName
 from console.tui.scope.set_up import ROWS, changed, setup_lines
-from drivers.beside.scope_setup import ScopeSetup, Trigger
+from drivers.requests.scope_setup import ScopeSetup, Trigger
 from profiles.calibration.table import COLUMNS, CalibrationKind
 from profiles.problem import ProfileError
 from tests.golden_text import compare, writing

@@ -12,8 +12,8 @@ import pytest
 from textual import events
 from textual.message import Message
 
-from console.session.flight.notes import Inbox
-from console.session.flight.recorded_control import RecordedControl
+from console.flight.notes import Inbox
+from console.flight.recorded_control import RecordedControl
 from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import StationState

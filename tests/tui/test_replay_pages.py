@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 from textual import events
 
-from console.session.flight.playback import SPEEDS, Playback
+from console.flight.playback import SPEEDS, Playback
+from console.flight.replay.replay_app import PAGES, ReplayApp
 from console.session.station.state import Activity, Armed
 from console.text.catalogue import load
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
-from console.tui.replaying.replay_app import PAGES, ReplayApp
 from console.tui.theme import COLOUR, MONO
 from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem

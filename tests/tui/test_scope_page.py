@@ -16,8 +16,8 @@ from console.tui.further.scope import read_record, record_text, records_of
 from console.tui.keymap import PageName
 from console.tui.scope.pictures import over_turns
 from console.tui.scope.set_up import ROWS, changed
-from drivers.beside.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from drivers.lathe.standing import Standing
+from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family
 from tests.tui import scope_stage

@@ -104,7 +104,7 @@ def test_after_a_change_every_page_looks_as_if_the_console_had_been_started_so(
         await every_page(app, pilot)
         await pilot.press(*keys_to(PageName.SETTINGS))
         app.ui.appear(target)
-        app._logs.log = SessionLog()  # what the first walk was answered is not in the log of the second one
+        app.logs.log = SessionLog()  # what the first walk was answered is not in the log of the second one
         seen.append(await every_page(app, pilot))
 
     async def started(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:

@@ -10,14 +10,15 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
+from console.school.page.followed_lesson import follow_lesson
+from console.school.training.attempt import Attempt, Found
+from console.school.training.happened import Happening, PartFact, What
+from console.school.training.item import Item
+from console.school.training.lesson import lesson_of, load_lesson
+from console.school.training.tries import tries
+from console.school.words.debrief import happening_words
 from console.session.station.commands import AskTruth, InjectFault
-from console.session.training.attempt import Attempt, Found
-from console.session.training.happened import Happening, PartFact, What
-from console.session.training.item import Item
-from console.session.training.lesson import lesson_of, load_lesson
-from console.session.training.tries import tries
 from console.text.catalogue import load
-from console.text.debrief import happening_words
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from drivers.simulator.faults.catalogue import CATALOGUE
@@ -56,6 +57,7 @@ def play(data: Path, scene: Play, language: str = "en") -> None:
     async def run() -> None:
         async with played(app, begun, (80, 24)) as pilot:
             app.ui.attempt = tried(app, data)
+            app.followers.append(lambda: follow_lesson(app.ui))
             app.tick()
             await scene(app, pilot, control)
 

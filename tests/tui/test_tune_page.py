@@ -18,7 +18,7 @@ from console.session.station.commands import (
     RevertGains,
 )
 from console.session.station.state import Activity, StationState
-from console.session.trial.standing import StandingTrial, stands_problem
+from console.session.tuning.standing import StandingTrial, stands_problem
 from console.tui.further.tune import TunePage
 from console.tui.lines import plain
 from console.tui.records import beside

@@ -11,7 +11,6 @@ from datetime import datetime
 from typing import TYPE_CHECKING
 
 from console.cli.arguments import number, within
-from console.cli.feed.followed_machine import WAIT_S
 from console.cli.library import data_of
 from console.cli.output import tell
 from console.cli.parser import Parser
@@ -22,9 +21,10 @@ from profiles.files import printable
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
-    from console.session.exchange.following import Follower
     from console.session.feed.feed_state import FeedAlarm, FeedCut, FeedState
+    from console.session.feed.following import Follower
 
+WAIT_S = 0.5  # for something new
 SILENT_S = 5.0  # a console sends a line a second at the least
 
 
@@ -38,7 +38,7 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Follow every console of the data folder, or of one machine, until all have ended or the user ends it."""
-    from console.session.exchange.following import Follower
+    from console.session.feed.following import Follower
 
     machines: set[str] = set()
 

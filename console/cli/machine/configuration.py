@@ -16,7 +16,7 @@ from console.cli.machine.doctor_checks import signature_checks
 from console.cli.output import agreed, show
 from console.session.data.controller_backups import backup_path, compare_backup, load_backup, write_backup
 from console.session.data.kept_files import make_folder
-from console.session.trial.explained import explained_checks
+from console.session.tuning.explained import explained_checks
 from console.text.catalogue import Catalogue
 from drivers.commissioning.backup import Backup
 from drivers.commissioning.check import Check

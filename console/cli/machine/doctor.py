@@ -25,7 +25,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.machine.check_report import check_fields, check_lines, summary_line
     from console.cli.machine.data_folder_checks import data_folder_checks
     from console.cli.output import agreed, show
-    from console.session.trial.explained import explained_checks
+    from console.session.tuning.explained import explained_checks
     from drivers.commissioning.verification import in_order, verify
     from profiles.findings import Severity, worst
 

@@ -20,7 +20,7 @@ from console.session.signals import Interruption
 from console.session.station.owning import Owning
 from console.session.station.reaching import guard, leave, reach
 from console.session.station.whereabouts import address_of
-from console.session.trial.trial import TrialPlace, standing_trial
+from console.session.tuning.trial import TrialPlace, standing_trial
 from console.text.catalogue import Catalogue
 from drivers.cutting.strategy import Strategy
 from drivers.identification.identify import identify, origin_of, refuse_before, take_up

@@ -41,7 +41,7 @@ from console.session.stages import Stage
 from console.session.station.actions import stopped_by
 from console.session.station.alarms import collision_problems
 from console.session.station.reaching import Reached, commissioning, guard, leave, machine_context, reach
-from console.session.trial.stated_filter import stated_filter_problems
+from console.session.tuning.stated_filter import stated_filter_problems
 from console.text.catalogue import Catalogue
 from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table

@@ -10,11 +10,11 @@ from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
 from console.cli.output import show
 from console.session.errors import SessionError
-from console.session.trial.known_loop import known_loop
-from console.session.trial.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
-from console.session.trial.standing import StandingTrial, differing_words, listed
-from console.session.trial.stated_filter import stated_filter_problems
-from console.session.trial.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
+from console.session.tuning.known_loop import known_loop
+from console.session.tuning.proposal import LOBE_HZ, GainFacts, gain_facts, with_figures
+from console.session.tuning.standing import StandingTrial, differing_words, listed
+from console.session.tuning.stated_filter import stated_filter_problems
+from console.session.tuning.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from drivers.commissioning.judged import differing_settings

@@ -7,19 +7,18 @@ import sys
 from argparse import Namespace
 from collections.abc import Callable
 from datetime import datetime, timedelta
-from typing import TYPE_CHECKING
+from importlib import import_module
 
 from console.cli.arguments import WRONG_USAGE, whole_number, within
 from console.cli.commands import add_actions
 from console.cli.parser import Parser
+from console.rings import is_installed
 from console.text.catalogue import Catalogue
-
-if TYPE_CHECKING:
-    from console.session.shop.reading import ShopQuery
 
 Act = Callable[[Namespace, Catalogue], None]
 ACTIONS = ("list", "show", "debrief", "export")
 SHOWN, MOST_SHOWN = 20, 100_000
+SHOP = "console.site.cli.shop_records"
 
 
 def add(parser: Parser, text: Catalogue) -> None:
@@ -37,7 +36,7 @@ def add(parser: Parser, text: Catalogue) -> None:
         action.add_argument("--since", metavar="DATE", type=_date, help=text("help.records.since"))
         action.add_argument("--until", metavar="DATE", type=_end_of, help=text("help.records.until"))
         action.add_argument("--failed", action="store_true", help=text("help.records.failed"))
-    for action in actions.values():
+    for action in actions.values() if is_installed(SHOP) else ():
         action.add_argument("--shop", metavar="DSN", help=text("help.records.shop"))
         action.add_argument("--lathe", metavar="NAME", help=text("help.records.lathe"))
     limit = within(whole_number, 1, MOST_SHOWN, "usage.records_limit", MOST_SHOWN)
@@ -62,30 +61,15 @@ def main(options: Namespace, text: Catalogue) -> int:
         "export": export,
     }
     act, options.lathes = acts[options.action], {}
-    if options.shop is None:
-        if options.lathe is not None:
-            print(f"console records: {text('usage.lathe_without_shop')}", file=sys.stderr)
-            return WRONG_USAGE
-        act(options, text)
+    if getattr(options, "shop", None) is not None:
+        with import_module(SHOP).shop_records(options):
+            act(options, text)
         return 0
-    from console.session.shop.reading import shop_folder
-
-    with shop_folder(options.shop, _asked(options)) as found:
-        options.data, options.lathes = str(found.path), found.lathes
-        act(options, text)
+    if getattr(options, "lathe", None) is not None:
+        print(f"console records: {text('usage.lathe_without_shop')}", file=sys.stderr)
+        return WRONG_USAGE
+    act(options, text)
     return 0
-
-
-def _asked(options: Namespace) -> ShopQuery:
-    """Return what has to be fetched from the shop for an action."""
-    from console.cli.measured.records_report import filters_of
-    from console.session.shop.reading import ShopQuery
-
-    if options.action in ("show", "debrief"):
-        return ShopQuery(lathe=options.lathe, run=options.run)
-    # One more than a list shows: it says whether there are more.
-    whole, limit = options.action == "export", options.limit + 1
-    return ShopQuery(lathe=options.lathe, filters=filters_of(options), limit=limit, whole=whole)
 
 
 def _date(word: str) -> datetime:

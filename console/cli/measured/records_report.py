@@ -24,7 +24,7 @@ from console.session.data.run_reader import (
     story,
 )
 from console.session.data.run_story import POLLED
-from console.session.versioning.cut_from import VERSIONED
+from console.session.data.version_control import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from console.text.cut_verdict import verdict_words

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from argparse import Namespace
 from dataclasses import replace
+from importlib import import_module
 
 from console.cli.arguments import add_shared
 from console.cli.library import data_of, judged_of
 from console.cli.output import fields_of, show
 from console.cli.parser import Parser
 from console.cli.part.listed import Listed, fields_of_entry, listed, sentences
+from console.rings import is_installed
 from console.session.configuration import Origin
 from console.session.data.kept_files import jobs_folder
 from console.text.catalogue import Catalogue
@@ -24,12 +26,15 @@ from profiles.problem import Problem
 from profiles.rules import check
 from profiles.store import LoadedJob, list_jobs, load_job
 
-STATUS = "status"
+STATUS = "console.site.cli.jobs_status"
 
 
 def add(parser: Parser, text: Catalogue) -> None:
     """Add what is to be shown, and the machine on which changed jobs are judged."""
-    parser.add_argument("action", metavar="status", nargs="?", choices=(STATUS,), help=text("help.jobs.status"))
+    if is_installed(STATUS):
+        parser.add_argument(
+            "action", metavar="status", nargs="?", choices=("status",), help=text("help.jobs.status")
+        )
     add_shared(parser, text, "machine", command="jobs")
 
 
@@ -38,10 +43,8 @@ def main(options: Namespace, text: Catalogue) -> int:
 
     Jobs are judged by the rules on the machine that `--machine` names; a configured one makes the list no longer.
     """
-    if options.action == STATUS:
-        from console.cli.part.jobs_status import show_status
-
-        show_status(options, text)
+    if getattr(options, "action", None) is not None:
+        import_module(STATUS).show_status(options, text)
         return 0
     found = listed(list_jobs(jobs_folder(data_of(options))), load_job)
     machine = judged_of(options).machine if _names_machine(options) else None

@@ -32,10 +32,9 @@ from console.session.data.record_file import (
     transaction,
 )
 from console.session.data.run_log import CLOSE_TIMEOUT_S, EVENT, RunLog, shown
+from console.session.data.version_control import VERSIONED, cut_from, is_clone
 from console.session.errors import SessionError
 from console.session.operator import operator_name
-from console.session.versioning.cut_from import VERSIONED, cut_from
-from console.session.versioning.git import is_clone
 from drivers.cutting.plan import CutPlan
 from profiles.files import made_locked, make_private_folder, printable, taken_if_left
 from profiles.folder_rights import rights_in

@@ -9,15 +9,13 @@ from drivers.cutting.bounds import Adjustable
 from drivers.lathe.snapshot import AxisName
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from console.session.data.identified import ChosenResponse
-    from console.session.instructing.answer import Answer
-    from console.session.instructing.order import Order
     from console.session.station.state import StationState
-    from drivers.beside.side_line import SideLine
     from drivers.cutting.strategy import Strategy
+    from drivers.requests.side_line import SideLine
     from profiles.compensations.learned import LearnedCompensation
     from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job
@@ -201,15 +199,6 @@ class InjectFault(Command):
 
     line: str
     logged: ClassVar[bool] = False  # a trainee has to find it
-
-
-@dataclass(frozen=True, kw_only=True)
-class Instruct(Command):
-    """An order of the instructor; `answered` is called with what came of it, from the link thread."""
-
-    order: Order
-    answered: Callable[[Answer], None]
-    logged: ClassVar[bool] = False  # the log has the acts of the instructor instead
 
 
 @dataclass(frozen=True, kw_only=True)

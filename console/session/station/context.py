@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
@@ -17,23 +17,22 @@ from console.session.data.records import RunRecord
 from console.session.data.run_rows import problem_events
 from console.session.data.run_story import COMMAND
 from console.session.errors import SessionError
-from console.session.instructing.knowledge import Knowledge
-from console.session.practice.begins import Begins
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
-from console.session.station.commands import Adjust, Command, HoldFeed, Instruct, ResumeFeed
+from console.session.station.begins import Begins
+from console.session.station.commands import Adjust, Command, HoldFeed, ResumeFeed
 from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning
 from console.session.station.reaching import Commissioned
 from console.session.station.state import Armed, StationState
-from drivers.beside.side_line import SideLine
 from drivers.clock import Clock, TrainingClock
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import Standing
 from drivers.pmac.client import PmacClient
+from drivers.requests.side_line import SideLine
 from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Truth
 from profiles.machine import MachineProfile
@@ -71,19 +70,31 @@ class Trained(Protocol):
         """Go on with a copy of what was frozen, behind another link; its time stands still."""
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checkpoint:
+    """A lathe that was frozen, by its name, at this local time; `restore` sets what the console knew of it then.
+
+    `fields` are those of the state that are about the lathe and its part.
+    """
+
+    name: str
+    at: str
+    fields: Mapping[str, Any]
+    restore: Callable[[], None]
+
+
 @dataclass(kw_only=True, eq=False)
 class Training:
     """A lathe in the hands of an instructor, and its time: `speed` is that of the time when it is not paused.
 
-    `checkpoints` is what was known at each. `returning` is that of the one to which the lathe has just gone back,
-    until the link to it is open.
+    `returning` is the checkpoint to which the lathe has just gone back, until the link to it is open.
     """
 
     lathe: Trained
     clock: TrainingClock
     speed: float = 1.0
-    checkpoints: dict[str, Knowledge] = field(default_factory=dict)
-    returning: Knowledge | None = None
+    checkpoints: dict[str, Checkpoint] = field(default_factory=dict)
+    returning: Checkpoint | None = None
 
 
 @dataclass(kw_only=True, eq=False)
@@ -126,7 +137,7 @@ class StationContext:
     adjust_asked: deque[Adjust] = field(default_factory=deque)
     faults_asked: deque[str] = field(default_factory=deque)
     begins: Begins | None = None
-    orders: deque[Instruct] = field(default_factory=deque)
+    orders: deque[Callable[[StationContext], None]] = field(default_factory=deque)
     training: Training | None = None
     parts: int = 0
     pause_problem: Callable[[], Problem | None] = lambda: None

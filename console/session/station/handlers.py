@@ -18,9 +18,9 @@ from console.session.cut.retracting import refuse_unless_still
 from console.session.data import health, identified
 from console.session.data.kept_files import utc_now
 from console.session.errors import SessionError, refuse
-from console.session.practice.begins import Begins
 from console.session.station import commands, jogging
 from console.session.station.alarms import NOBODYS, OUSTED, recovered
+from console.session.station.begins import Begins
 from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start

@@ -23,8 +23,8 @@ from profiles.problem import ProblemError
 if TYPE_CHECKING:
     from console.session.station.commands import Command
     from console.session.station.link.opening import Opened
-    from drivers.beside.side_line import SideLine
     from drivers.clock import TrainingClock
+    from drivers.requests.side_line import SideLine
 
 LOOK_PERIOD_S = 0.1  # poll period of an idle machine
 CONNECT_AGAIN_S = 2.0  # after which a machine that has never answered is asked again

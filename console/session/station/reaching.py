@@ -19,8 +19,7 @@ from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.reopening import Reopening
 from console.session.station.owning import Owning, take_lock
 from console.session.terminal_place import remote_client
-from console.session.trial.explained import trial_note
-from drivers.beside.heard import Heard
+from console.session.tuning.explained import trial_note
 from drivers.clock import Clock, RealClock
 from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours, read_fingerprint
 from drivers.identification.tool_gains import ToolGains
@@ -37,6 +36,7 @@ from drivers.link.renewable import RenewableLink
 from drivers.link.tapping import TappedLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
+from drivers.requests.heard import Heard
 from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.plant.which_lathe import which_lathe
 from profiles.machine import MachineProfile
@@ -109,7 +109,7 @@ class Commissioned:
 
         It may take up to a second, at rest.
         """
-        from console.session.trial.stated_filter import stated_filter_problems
+        from console.session.tuning.stated_filter import stated_filter_problems
 
         read = None if self.fingerprint is None else self.fingerprint.configuration
         firmware = ("", "") if read is None else (read.version, read.kind)
@@ -211,7 +211,7 @@ def _friction_of(loaded: LoadedMachine, data: Path, *, simulated: bool) -> Calla
     """Return what looks up the friction of the tool once something trips: no start waits for numerics."""
 
     def found() -> str:
-        from console.session.trial.known_friction import identified_friction
+        from console.session.tuning.known_friction import identified_friction
 
         return identified_friction(loaded.machine, data, simulated=simulated)
 

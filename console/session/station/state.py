@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from console.session.learning.part_learning import PartLearning
     from console.session.station.link.lost_link import LostLink
     from console.session.station.progress import CutProgress
-    from console.session.trial.standing import StandingTrial
+    from console.session.tuning.standing import StandingTrial
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
     from drivers.identification.tool_loop import ToolLoop

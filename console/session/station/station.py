@@ -15,7 +15,6 @@ from console.session.cut.alignment import observed
 from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
-from console.session.instructing.carrying import carry_out
 from console.session.station.adjusting.at_once import taken_at_once
 from console.session.station.alarms import OF_A_CUT, Priority
 from console.session.station.armed_watch import PollPause, age_problem, watch_armed
@@ -36,6 +35,7 @@ from console.session.station.link.reconnecting import Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
+from console.session.station.training import carry_out
 from console.session.station.watches import (
     ChuckSight,
     LinkTime,
@@ -45,13 +45,13 @@ from console.session.station.watches import (
     watch_phase,
     watch_poll,
 )
-from drivers.beside.side_line import Moment, SideLine
 from drivers.clock import boot_s
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.guards import unasked_motion
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StoppedError
 from drivers.link.base import GONE
+from drivers.requests.side_line import Moment, SideLine
 from profiles.problem import Problem, ProblemError
 
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves

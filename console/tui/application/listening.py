@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 from textual import events
 
@@ -21,10 +20,6 @@ from console.tui.scanning.scans import Scans
 from console.tui.ui_context import UiContext
 from drivers.clock import OLD_S
 from profiles.problem import Problem
-
-if TYPE_CHECKING:
-    from console.session.instructing.mailbox import Mailbox
-    from console.tui.alarms.logged_control import LoggedControl
 
 
 class ListeningApp(LeavingApp):
@@ -145,12 +140,6 @@ class ListeningApp(LeavingApp):
         self.dress(self.ui.appearance)
         self.ui.say("screen.wide_signs")
         self.tick()
-
-    def instructed(self, mailbox: Mailbox, control: LoggedControl) -> None:
-        """Let the instructor see this screen, and note what he has done."""
-        from console.tui.application.instructed import report  # not for the first page
-
-        self.safely(lambda: report(mailbox, self.screen, self.ui, control))
 
     def say_changed(self, action: Action) -> None:
         """Report that a key which asks for something else has stopped the machine."""

@@ -12,10 +12,10 @@ from console.text.catalogue import Catalogue
 from console.tui.controller.errand import Errand
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
 from console.tui.theme import Token
-from drivers.beside.permitted import Kind
-from drivers.beside.side_controller import SideController
-from drivers.beside.side_line import SideLine
 from drivers.commissioning.reading import expected_work, whole_card, work_done
+from drivers.requests.permitted import Kind
+from drivers.requests.side_controller import SideController
+from drivers.requests.side_line import SideLine
 from profiles.files import printable
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
@@ -75,7 +75,7 @@ class ConfigurationReader:
     def verify(self) -> Result:
         """Judge the controller by its profile and the rules of commissioning, as `console controller verify`."""
         from console.cli.machine.check_report import check_fields, summary_line
-        from console.session.trial.explained import explained_checks
+        from console.session.tuning.explained import explained_checks
         from drivers.commissioning.verification import in_order, verify
 
         with self._side.working(reading=True):

@@ -8,8 +8,8 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from console.session.errors import fault_problem
-from drivers.beside.side_controller import SideController
-from drivers.beside.side_line import CancelledError
+from drivers.requests.side_controller import SideController
+from drivers.requests.side_line import CancelledError
 from profiles.problem import Problem, ProblemError
 
 Found = TypeVar("Found")

@@ -19,10 +19,10 @@ from console.tui.controller.watching import WatchTable, watch_lines
 from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, line, wrapped
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
-from drivers.beside.permitted import Kind
-from drivers.beside.side_controller import SideController
-from drivers.beside.status_words import StatusBit, StatusWords, read_status
 from drivers.errors import ControllerError
+from drivers.requests.permitted import Kind
+from drivers.requests.side_controller import SideController
+from drivers.requests.status_words import StatusBit, StatusWords, read_status
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

@@ -13,10 +13,10 @@ from console.text.catalogue import Catalogue
 from console.tui.controller.errand import Errand
 from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
 from console.tui.theme import Token
-from drivers.beside.permitted import Kind, watched
-from drivers.beside.side_controller import SideController
-from drivers.beside.side_line import SideLine
 from drivers.errors import ControllerError
+from drivers.requests.permitted import Kind, watched
+from drivers.requests.side_controller import SideController
+from drivers.requests.side_line import SideLine
 from profiles.files import printable, write_atomically
 from profiles.problem import Problem, ProfileError
 

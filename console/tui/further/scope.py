@@ -21,11 +21,11 @@ from console.tui.scope.pictures import Sight, averaged, picture, reading_lines
 from console.tui.scope.set_up import ROWS, changed, channel_words, setup_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from drivers.beside.permitted import Kind
-from drivers.beside.scope_gather import Progress, Record, Scope, Seen
-from drivers.beside.scope_setup import ANGLE, Channel, ScopeSetup, Trigger, channel_of
-from drivers.beside.side_controller import SideController
-from drivers.beside.side_line import SideLine
+from drivers.requests.permitted import Kind
+from drivers.requests.scope_gather import Progress, Record, Scope, Seen
+from drivers.requests.scope_setup import ANGLE, Channel, ScopeSetup, Trigger, channel_of
+from drivers.requests.side_controller import SideController
+from drivers.requests.side_line import SideLine
 from profiles.arrays import Floats
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile

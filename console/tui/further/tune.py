@@ -14,8 +14,8 @@ from console.session.data.health import KeptHealth, kept_tests
 from console.session.station import jogging
 from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
-from console.session.trial.proposal import GainFacts, gain_facts
-from console.session.trial.standing import Gains, StandingTrial, listed
+from console.session.tuning.proposal import GainFacts, gain_facts
+from console.session.tuning.standing import Gains, StandingTrial, listed
 from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName
 from console.tui.lines import (

@@ -24,8 +24,7 @@ from console.session.station.commands import (
 )
 from console.session.station.jogging import clears_tables, no_retract
 from console.session.station.state import Activity
-from console.session.versioning.cut_from import changed_since_opened
-from console.session.work import Work
+from console.session.work import Work, changed_since_opened
 from console.text.catalogue import Catalogue
 from console.tui.align.jog_presses import JogPresses
 from console.tui.align.reported_strokes import ReportedStrokes

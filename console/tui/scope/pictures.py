@@ -13,8 +13,8 @@ from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
 from console.tui.scope.set_up import short_words
 from console.tui.theme import Token
-from drivers.beside.scope_gather import Record
-from drivers.beside.scope_setup import ANGLE, Channel, display_of
+from drivers.requests.scope_gather import Record
+from drivers.requests.scope_setup import ANGLE, Channel, display_of
 from profiles.arrays import Floats
 
 DEGREES = 57.29577951308232

@@ -10,7 +10,7 @@ from console.text.catalogue import Catalogue
 from console.text.units import METRIC, Units
 from console.tui.lines import Line, dim, fitted, line
 from console.tui.theme import Token
-from drivers.beside.scope_setup import (
+from drivers.requests.scope_setup import (
     CHANNELS,
     LENGTHS_S,
     MOST_CHANNELS,

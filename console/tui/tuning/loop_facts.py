@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from console.session.data.identified import responses_of
-from console.session.trial.known_loop import MOST_RESPONSES
+from console.session.tuning.known_loop import MOST_RESPONSES
 from drivers.commissioning.judged import differing_settings
 from drivers.identification.result import IdentifiedResponse, unfit_problems
 from drivers.identification.tool_loop import ToolLoop

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from rich.cells import cell_len
 
-from console.session.trial.standing import differing_words
+from console.session.tuning.standing import differing_words
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
 from console.tui.theme import Token

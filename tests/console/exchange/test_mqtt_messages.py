@@ -12,13 +12,13 @@ import pytest
 
 from console.__main__ import main
 from console.session.errors import SessionError
-from console.session.exchange.broker import Broker, credentials
-from console.session.exchange.data_items import published
-from console.session.exchange.topics import is_news, messages
 from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity
+from console.site.exchange.broker import Broker, credentials
+from console.site.exchange.data_items import published
+from console.site.exchange.topics import is_news, messages
 from profiles.store import load_machine
 from tests.tui import scenes
 

@@ -12,13 +12,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.__main__ import main
-from console.session.exchange.data_items import ITEMS, Published, published
-from console.session.exchange.device import NAMESPACE, devices_xml
-from console.session.exchange.shdr import shdr_lines
 from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
+from console.site.exchange.data_items import ITEMS, Published, published
+from console.site.exchange.device import NAMESPACE, devices_xml
+from console.site.exchange.shdr import shdr_lines
 from profiles.store import load_machine
 from tests.tui import scenes
 

@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.session.feed.feed_state import FeedState
-from console.session.feed.metrics import exposition
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
+from console.site.exchange.metrics import exposition
 from drivers.lathe.standing import Standing
 from profiles.store import load_machine
 from tests.tui import scenes

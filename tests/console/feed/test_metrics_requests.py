@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from console.cli.feed.metrics import response
+from console.site.cli.metrics import response
 from console.text.catalogue import load
 
 TEXT = load("en")

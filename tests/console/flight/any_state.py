@@ -13,7 +13,7 @@ from typing import Any, Union, get_args, get_origin, get_type_hints
 import numpy as np
 from hypothesis import strategies as st
 
-from console.session.flight.recorded_forms import names
+from console.flight.recorded_forms import names
 from console.session.learning.calibrating import PartLobe
 from console.session.learning.part_learning import PartLearning
 from profiles.job import Job

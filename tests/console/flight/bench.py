@@ -6,11 +6,11 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.flight.frozen import frozen_in
-from console.session.flight.notes import Inbox
-from console.session.flight.recorded_forms import Moment, work_of
-from console.session.flight.recorder import Recorder
-from console.session.flight.recording import Recording, read_recording
+from console.flight.frozen import frozen_in
+from console.flight.notes import Inbox
+from console.flight.recorded_forms import Moment, work_of
+from console.flight.recorder import Recorder
+from console.flight.recording import Recording, read_recording
 from console.session.station.alarms import Priority, raised
 from console.session.station.state import Activity, StationState, StopState
 from console.session.work import Work

@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
-from console.session.flight import recording as reading
-from console.session.flight.frozen import frozen_in
-from console.session.flight.recording import read_header, read_recording
-from console.session.flight.ring import Ring
+from console.flight import recording as reading
+from console.flight.frozen import frozen_in
+from console.flight.recording import read_header, read_recording
+from console.flight.ring import Ring
 from profiles.problem import ProfileError
 from tests.console.flight.bench import FlightBench, reasons
 from tests.preloaded import completed

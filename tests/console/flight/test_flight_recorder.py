@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from console.session.flight import frozen, ring
-from console.session.flight.frozen import frozen_in
-from console.session.flight.notes import WAITING, Kind
-from console.session.flight.recorded_control import RecordedControl
+from console.flight import frozen, ring
+from console.flight.frozen import frozen_in
+from console.flight.notes import WAITING, Kind
+from console.flight.recorded_control import RecordedControl
 from console.session.station.alarms import Priority
 from console.session.station.commands import Acknowledge, Home
 from console.session.station.state import Activity

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 
-from console.session.flight.plain_values import ARRAY, changes, plain
-from console.session.flight.recorded_forms import Moment, recorded, work_of
-from console.session.flight.typed_values import Typed, machine_of, patched
+from console.flight.plain_values import ARRAY, changes, plain
+from console.flight.recorded_forms import Moment, recorded, work_of
+from console.flight.typed_values import Typed, machine_of, patched
 from console.session.station.progress import CutProgress
 from console.tui.keymap import PageName
 from profiles.arrays import Floats

@@ -8,16 +8,16 @@ from typing import Any
 
 import pytest
 
-from console.session.flight.recording import Recording
-from console.session.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
-from console.session.practice.practice import Practice, practice_of
-from console.session.practice.recorded_event import likeness
+from console.flight.recording import Recording
+from console.school.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
+from console.school.practice.practice import Practice, practice_of
+from console.school.practice.recorded_event import likeness
+from console.school.training.lesson import lesson_of
+from console.school.words.practice import lesson_words, practice_lines
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity
-from console.session.training.lesson import lesson_of
 from console.session.work import Work, opened
 from console.text.catalogue import LANGUAGES, load
-from console.text.practice import lesson_words, practice_lines
 from drivers.simulator.faults.fault_line import check_line
 from profiles.files import parse_toml
 from profiles.job import Job

@@ -7,13 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from console.school.training.event import Event
+from console.school.training.lesson import load_lesson
 from console.session.errors import SessionError
-from console.session.practice.begins import Begins
+from console.session.station.begins import Begins
 from console.session.station.commands import Home, Measure, Start
 from console.session.station.handlers import begin_as
 from console.session.station.state import Activity
-from console.session.training.event import Event
-from console.session.training.lesson import load_lesson
 from drivers.cutting.planning import Strategy
 from drivers.placed import Placed, placed_of, placed_text
 from tests.console.floor import Floor, open_floor

@@ -14,12 +14,12 @@ from console.session.station.commands import (
     EndCut,
     HoldFeed,
     InjectFault,
-    Instruct,
     Recover,
     ResumeFeed,
 )
 from console.session.station.context import StationContext
 from console.session.station.state import Activity
+from console.session.station.training import Instruct
 from profiles.problem import Problem
 
 
@@ -47,7 +47,7 @@ def taken_at_once(context: StationContext, intent: Command) -> tuple[Problem, ..
             if problem is None:
                 context.faults_asked.append(intent.line)
         case Instruct():
-            context.orders.append(intent)
+            context.orders.append(intent.carry_out)
         case Recover() if context.state.speed == 0.0 and context.training is not None:
             context.training.clock.ask_on()  # its instructor may be gone
         case _ if context.state.speed == 0.0:

@@ -9,18 +9,18 @@ from pathlib import Path
 
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.records import killed_or_refused
-from console.session.practice.begins import Begins
 from console.session.station.alarms import Priority
+from console.session.station.begins import Begins
 from console.session.station.context import StationContext, Training
 from console.session.station.reaching import Reached, commissioning, reach
 from console.session.station.station import Station
-from drivers.beside.heard import Heard
-from drivers.beside.side_line import SideLine
 from drivers.clock import FreezeWatch, RealClock, TrainingClock
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing
+from drivers.requests.heard import Heard
+from drivers.requests.side_line import SideLine
 from profiles.files import remove_all_left
 from profiles.store import LoadedMachine
 

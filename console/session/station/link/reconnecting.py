@@ -14,7 +14,6 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import Alignment
-from console.session.instructing.remembering import restore
 from console.session.station.alarms import Priority, recovered
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems, verified
@@ -126,7 +125,7 @@ class Reconnecting:
         if training is None or training.returning is None:
             return
         self._say(returned=self._returning)
-        restore(context, training.returning)
+        training.returning.restore()
         context.alarm_once(Problem(code="link.returned", value=self._returning), Priority.MEDIUM)
         self._before, training.returning = context.state.alignment, None
         context.lathe.in_doubt()  # of what the drives do: those stops were another lathe's

@@ -1,0 +1,222 @@
+"""The flight recorder: a thread that looks at the newest state ten times a second and writes what changed.
+
+Nothing waits for it. The threads of the link and of the keys append to a queue; the state, which is immutable and
+replaced, is read by reference. A disk that is full, slow or gone costs the recording, and nothing else.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import threading
+import time
+from collections.abc import Callable, Mapping
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from console.flight.frozen import SCHEMA, Cause, freeze
+from console.flight.link_lines import LinkLines
+from console.flight.notes import Inbox, Kind, Note
+from console.flight.plain_values import changes, plain
+from console.flight.recorded_forms import Moment, recorded
+from console.flight.ring import Ring, left_rings, whole_lines
+from console.flight.triggers import Triggers
+from console.session.errors import fault_problem
+from console.session.station.alarms import Alarms, Priority, cleared, raised
+from profiles.problem import Problem, ProblemError
+from profiles.store import LoadedMachine
+
+PERIOD_S = 0.1
+AT_REST_S = 1.0
+RETRY_S = 10.0
+CLOSE_S = 3.0  # timeout for the last recording; what is not done by then, the next start does
+
+_POLLED = frozenset(
+    {"at_s", "asked_s", "position", "following_error", "round_trip_ms", "spindle_rpm"}
+    | {"jaw_1_past_mark_deg", "tool_gap_mm", "tool_current_percent"}
+)
+"""What changes with each poll of a machine at rest: written once a second."""
+
+LOST, KILLED = "flight.not_recorded", "flight.killed_found"
+
+
+class Recorder:
+    """Records one console. `observe` is called in its thread, and returns at once."""
+
+    def __init__(
+        self,
+        data: Path,
+        machine: LoadedMachine,
+        observe: Callable[[], Moment],
+        inbox: Inbox,
+        *,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.alarms: Alarms = ()
+        self._data, self._machine, self._observe, self._inbox, self._now_s = data, machine, observe, inbox, now_s
+        self._ring: Ring | None = None
+        self._before: Moment | None = None
+        self._written_s = self._retry_s = float("-inf")
+        self._lines: list[Mapping[str, Any]] = []
+        self._link = LinkLines(self._add)
+        self._triggers = Triggers()
+        self._frozen: Path | None = None
+        self._done, self._reason = threading.Event(), ""
+        self._alarming = threading.Lock()
+        self._thread = threading.Thread(target=self._run, name="flight", daemon=True)
+
+    def start(self) -> None:
+        """Start the thread; it first freezes what killed consoles have left."""
+        self._thread.start()
+
+    def leave(self) -> None:
+        """Take note that the operator leaves: the stop of a machine that is left is no event."""
+        self._triggers.leaving = True
+
+    def close(self, reason: str = "") -> None:
+        """End the recording; `reason` is a signal or a crash, to be frozen, "" where the operator has left."""
+        self._reason = reason
+        self._done.set()
+        if self._thread.is_alive():
+            self._thread.join(CLOSE_S)
+
+    def acknowledge(self, change: Callable[[Alarms], Alarms]) -> None:
+        """Change the alarms of the recorder itself."""
+        with self._alarming:
+            self.alarms = change(self.alarms)
+
+    def _run(self) -> None:
+        try:
+            self._freeze_left()
+            while not self._done.wait(PERIOD_S):
+                self.turn()
+            self.turn()
+            self._finish()
+        except Exception as fault:  # nothing of a recording may end a console
+            self._alarm(Problem(code=LOST, value=fault_problem(fault).value))
+
+    def turn(self) -> None:
+        """Take what waits, look at the state, write, and freeze what is due."""
+        now_s = self._now_s()
+        try:
+            self._look(now_s)
+            self._write(now_s)
+        except OSError as error:
+            self._lines.clear()
+            self._retry_s = now_s + RETRY_S
+            if self._ring is not None and not self._ring.folder.is_dir():
+                self._ring.close(remove=False)
+                self._ring = self._frozen = None
+            self._report(error)
+        try:
+            if self._triggers.is_due(now_s):
+                self._freeze()
+        except (OSError, ProblemError) as error:
+            self._triggers.again(now_s + RETRY_S)
+            self._report(error)
+
+    def _look(self, now_s: float) -> None:
+        heard, lost = self._inbox.taken()
+        for at_s, kind, words in heard:
+            if isinstance(words, bytes):
+                self._link.heard(at_s, kind, words)
+            else:
+                self._add(Note(at_s=at_s, kind=Kind(kind), text=words))
+        if lost:
+            self._add(Note(at_s=now_s, kind=Kind.LOST, text=str(lost)))
+        moment = self._observe()
+        for cause in self._triggers.seen(moment.state, now_s):
+            self._add(Note(at_s=now_s, kind=Kind.FROZEN, text=cause.reason))
+        changed = {} if self._before is None else changes(self._before, moment, recorded)
+        busy = moment.state.seen_moving or any(path.rpartition(".")[2] not in _POLLED for path in changed)
+        due = now_s - self._written_s >= AT_REST_S or self._triggers.is_due(now_s)
+        if self._before is None or (busy and changed) or due:
+            self._before, self._written_s = moment, now_s
+            self._lines.append({"t": now_s, "set": changed})
+
+    def _write(self, now_s: float) -> None:
+        if now_s < self._retry_s:
+            self._lines.clear()
+            return
+        if self._ring is None:
+            self._ring = Ring(self._data, self._machine.machine.name)
+        if self._ring.is_due(now_s):
+            self._link.begin_segment(now_s)
+            self._ring.begin(now_s, self._header(now_s))
+            full = {"t": now_s, "full": plain(self._before, recorded)}
+            self._lines = [full, *(line for line in self._lines if "set" not in line)]
+        lines, self._lines = self._lines, []
+        self._ring.write(lines, through=self._triggers.is_fresh)
+        self._triggers.is_fresh = False
+        if self._is_alarmed and not self._triggers.is_waiting:
+            self.acknowledge(lambda alarms: cleared(alarms, LOST))
+
+    def _freeze(self) -> None:
+        causes = self._triggers.begun()
+        if self._ring is not None:
+            to = self._frozen if self._triggers.extends else None
+            self._frozen = freeze(self._data, whole_lines(self._ring.segments()), causes, to)
+
+    def _freeze_left(self) -> None:
+        """Freeze the rings of killed consoles, and say so."""
+        try:
+            for folder in left_rings(self._data, self._machine.machine.name):
+                path = freeze(self._data, whole_lines(sorted(folder.glob("*.segment"))), ())
+                shutil.rmtree(folder, ignore_errors=True)
+                if path is not None:
+                    self._alarm(Problem(code=KILLED, value=path.name))
+                    self.acknowledge(lambda alarms: cleared(alarms, KILLED))  # an event: gone once it is seen
+        except (OSError, ProblemError) as error:
+            self._report(error)
+
+    def _finish(self) -> None:
+        """Freeze what still has to be, and remove the ring; one that cannot be frozen stays for the next start."""
+        now_s = self._now_s()
+        if self._reason:
+            self._triggers.add(Cause(at_s=now_s, reason=self._reason))
+        done = True
+        if self._triggers.is_waiting:
+            try:
+                self._freeze()
+            except (OSError, ProblemError):
+                done = False
+        if self._ring is not None:
+            self._ring.close(remove=done)
+
+    @property
+    def _is_alarmed(self) -> bool:
+        return any(alarm.active and alarm.problem.code == LOST for alarm in self.alarms)
+
+    def _report(self, error: OSError | ProblemError) -> None:
+        """Report once that nothing is recorded; it is tried again after some time."""
+        if not self._is_alarmed:
+            why = error.problems[0].value if isinstance(error, ProblemError) else error.strerror or str(error)
+            self._alarm(Problem(code=LOST, value=why))
+
+    def _add(self, note: Note) -> None:
+        self._lines.append({"t": note.at_s, "kind": note.kind.value, "text": plain(note.text)})
+
+    def _alarm(self, problem: Problem) -> None:
+        self.acknowledge(lambda alarms: raised(alarms, problem, Priority.LOW, self._now_s()))
+
+    def _header(self, now_s: float) -> dict[str, Any]:
+        loaded = self._machine
+        return {
+            "flight": SCHEMA,
+            "software": _software(),
+            "machine": plain(loaded.machine),
+            "machine_path": plain(loaded.path),
+            "machine_sha256": loaded.sha256,
+            "simulated": self._before is not None and self._before.state.simulated,
+            "console": os.getpid(),
+            "at_s": now_s,
+            "utc_s": time.time(),
+        }
+
+
+@cache
+def _software() -> str:
+    from importlib.metadata import version  # slow to import
+
+    return f"trilobe {version('trilobe')}"

@@ -1,0 +1,177 @@
+"""The console on a recording: the very pages, without a machine behind them; nothing can be commanded or saved."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+
+from textual import events
+
+from console.flight.playback import Playback, ReplayControl
+from console.flight.recorded_forms import RecordedWork
+from console.flight.replay.replay_keys import key_of, keys_line, move, replay_help
+from console.flight.replay.time_bar import time_bar
+from console.session.appearance import Appearance
+from console.session.station.history.session_log import SessionLog
+from console.session.station.state import StationState
+from console.session.work import Work
+from console.text.catalogue import Catalogue
+from console.tui.app import ConsoleApp
+from console.tui.frame import Frame
+from console.tui.keymap import DIGITS, NUMBERED, READING, PageName, action_of
+from console.tui.lines import Line, line, wrapped
+from console.tui.list_panel import MESSAGES, PAGE, ListPanel
+from console.tui.theme import Palette, Token
+from profiles.problem import Problem
+from profiles.store import LoadedJob, LoadedMachine
+
+REFUSED = Problem(code="flight.is_recording")
+HELP = 1
+
+
+PAGES = (*(page for page in NUMBERED if page is not PageName.RECORDS), PageName.LOG)
+"""Pages that can be seen: what the page Records and the others without a digit read is not part of a recording."""
+
+
+LOOKING = ("alarms.up", "alarms.down", "alarms.log", "log.up", "log.down")
+"""Actions of the pages that only show something else; the other keys of the same kind are those of the replay."""
+
+
+class ReplayApp(ConsoleApp):
+    """Plays a recording. `data` is an empty folder.
+
+    The page of the operator is followed until the viewer chooses one.
+    """
+
+    def __init__(
+        self,
+        playback: Playback,
+        *,
+        text: Catalogue,
+        palette: Palette,
+        data: Path,
+        now_s: Callable[[], float] = time.monotonic,
+        ticking: bool = True,
+        appearance: Appearance | None = None,
+    ) -> None:
+        header = playback.recording.header
+        machine = LoadedMachine(machine=header.machine, path=header.machine_path, sha256=header.machine_sha256)
+        super().__init__(
+            text=text,
+            palette=palette,
+            control=ReplayControl(playback),
+            machine=machine,
+            data=data,
+            local_time=lambda: datetime.fromtimestamp(header.utc_of(playback.at_s)),
+            ticking=ticking,
+            appearance=appearance,
+        )
+        simulated = f" {text('sim')}" if header.simulated else ""
+        self.title = f"{text('replay.badge')}{simulated} {header.machine.name}"
+        self.playback, self._loaded_machine = playback, machine
+        self._list = _ReplayList(self.look.palette, self.look.text)
+        self._real_s = now_s
+        self._ticked_s: float | None = None
+        self._shown: RecordedWork | None = None
+        self._follows, self._refused = True, False
+
+    def tick(self) -> None:
+        """Let the recording go on, then show what it shows."""
+        now_s = self._real_s()
+        if self._ticked_s is not None:
+            self.playback.advance(now_s - self._ticked_s)
+        self._ticked_s = now_s
+        moment = self.playback.moment
+        if moment.work is not self._shown:
+            self._shown = moment.work
+            self.ui.work = None if moment.work is None else _work(moment.work, self._loaded_machine)
+        if self._follows and moment.page in PAGES and moment.page != self.page and not self._list.is_open:
+            self.go(PageName(moment.page))
+        self.ui.said = (REFUSED,) if self._refused else moment.said
+        super().tick()
+
+    def log_of(self, state: StationState) -> SessionLog:
+        """Return the log of the session as far as it is recorded."""
+        return self.playback.log
+
+    def rows_of(self, frame: Frame) -> dict[str, list[Line]]:
+        """Return the rows, with the time in the place of the stop."""
+        width = self.size.width
+        rows = super().rows_of(replace(frame, badge=self.ui.text("replay.badge")))
+        return {**rows, "stop": [time_bar(self.playback, width)], "keys": [keys_line(self.ui.text, width)]}
+
+    def small_rows(self, state: StationState) -> list[Line]:
+        """Return what a small terminal shows."""
+        words = self.ui.text("replay.small")
+        title = line((f" {self.ui.text('replay.badge')} ", Token.SELECTED))
+        return [title, *wrapped(words, max(self.size.width, 1), Token.TEXT)]
+
+    def action_quit(self) -> None:  # type: ignore[override]
+        """Leave; nothing is in motion."""
+        self.exit()
+
+    def stop_now(self, reason: str) -> None:
+        """Stop nothing."""
+        self._refused = True
+
+    def kill_now(self, reason: str) -> None:
+        """Open no loop."""
+        self._refused = True
+
+    def took(self, event: events.Key) -> bool:
+        """Perform the action of a key; every key of the machine is answered that this is a recording."""
+        self._refused = False
+        action = key_of(event.key, event.character)
+        reading = next((each for each in READING if self._list.is_open and event.key in each.keys), None)
+        if reading is not None:
+            self._list.read(reading)
+        elif action is not None and action.id == "quit":
+            self.action_quit()
+        elif action is not None and action.id == "follow":
+            self._follows = True
+            self._list.open(PAGE)
+        elif action is not None:
+            move(self.playback, action.id)
+        else:
+            self._looked(event.key, event.character)
+        self.call_after_refresh(self.tick)
+        return True
+
+    def _looked(self, key: str, character: str | None) -> None:
+        """Show another page or a list; anything else is a key of the machine."""
+        page = next((each for each in PAGES if DIGITS.get(each) == key), None)
+        action = action_of(key, character, self.page)
+        if key in ("?", "question_mark", "f1") or character == "?":
+            self._list.open(PAGE if self._list.shown == HELP else HELP)
+        elif key in ("w", "ㅈ") or character == "ㅈ":
+            self._list.open(PAGE if self._list.shown == MESSAGES else MESSAGES)
+        elif key in ("backspace", "escape"):
+            self._list.open(PAGE)
+        elif page is not None:
+            self._follows = False
+            self.go(page)
+        elif action is not None and action.id in LOOKING:
+            self._list.open(PAGE)
+            self._follows = self._follows and action.id != "alarms.log"  # it shows another page
+            self._pages[self.page].act(action.id)
+        else:
+            self._refused = True
+
+
+class _ReplayList(ListPanel):
+    """The list of messages as ever, and the keys of a replay."""
+
+    def lay_open(self, frame: Frame, of_page: Sequence[Line], width: int) -> None:
+        """Lay out the list that is open."""
+        if self.shown == MESSAGES:
+            super().lay_open(frame, of_page, width)
+        else:
+            self._lay(replay_help(frame.text, width))
+
+
+def _work(recorded: RecordedWork, machine: LoadedMachine) -> Work:
+    loaded = LoadedJob(job=recorded.saved, path=Path(recorded.path), sha256=recorded.sha256)
+    return Work(loaded=loaded, machine=machine, job=recorded.job, strategy=recorded.strategy, stage=recorded.stage)

@@ -1,0 +1,1 @@
+"""Commands of the school: lessons, tries, instruct."""

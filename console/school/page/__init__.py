@@ -1,0 +1,1 @@
+"""Page Train, and what it shows."""

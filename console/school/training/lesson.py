@@ -1,0 +1,165 @@
+"""A lesson: a simulated lathe, a job, what to reach on it, and its words in each language. A TOML file each.
+
+Bundled lessons are in `lessons/` beside this module; a file of the same form in the folder `lessons` of the data
+folder is one of the user's own, and goes before a bundled one of its name.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from console.school.training.event import Event, read_events
+from console.school.training.item import Item
+from console.school.training.milestones import MILESTONES
+from console.school.training.question import (
+    QUESTION_FIELDS,
+    QUESTION_WORDS,
+    drawn_number,
+    lathe_files,
+    question_problems,
+)
+from drivers.simulator.plant.presets import PLANTS, SEEDS
+from profiles.fields import Field, Kind, read_fields, schema_problem
+from profiles.files import printable, read_toml
+from profiles.problem import Problem, ProfileError
+from profiles.words.sentences import LANGUAGES
+
+FOLDER = Path(__file__).parent / "lessons"
+ENGLISH = "en"  # in place of a language in which a lesson has no words
+EVENTS = "event"  # tables of them
+WORDS_CAP = 400
+
+_FIELDS = (
+    Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),
+    Field(key="place", kind=Kind.WHOLE, default=100, at_least=1, at_most=1000),
+    Field(key="minutes", unit="min", at_least=1.0, at_most=60.0),
+    Field(key="plant", kind=Kind.CHOICE, default="mounted", choices=PLANTS),
+    Field(key="seed", kind=Kind.WHOLE, at_least=0, at_most=SEEDS - 1, optional=True),
+    Field(key="blind", kind=Kind.CHOICE, default="no", choices=("yes", "no")),
+    Field(key="job", kind=Kind.TEXT, default="lee-2001-experiment-1"),
+    Field(key="steps", kind=Kind.TEXTS, choices=tuple(MILESTONES)),
+    Field(key="counts", kind=Kind.TEXTS, choices=tuple(Item), default=tuple(Item)),
+    *QUESTION_FIELDS,
+)
+_WORDS = (
+    Field(key="title", kind=Kind.TEXT, longest=60),
+    Field(key="goal", kind=Kind.TEXT, longest=WORDS_CAP),
+    Field(key="hints", kind=Kind.TEXTS, longest=WORDS_CAP),
+    *QUESTION_WORDS,
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Words:
+    """A lesson in one language: a hint for each of its steps; its question with the answers, "" without one."""
+
+    title: str
+    goal: str
+    hints: tuple[str, ...]
+    question: str = ""
+    answers: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lesson:
+    """A lesson, at its `place` in lists. `steps` are names of `MILESTONES` in the order in which they are reached.
+
+    `plant` and `seed` say which simulated lathe it is on, another each time without a seed; a `blind` one shows
+    dials instead of the truth. `job` is a saved job. `counts` are the items of its score, names of `Item`;
+    `events` come by themselves. One of `lathes` (files) is drawn for each try, in place of `plant`. The right
+    answer to its question is `answer`, from 1, or else the place of the lathe which was drawn.
+    """
+
+    name: str
+    place: int
+    minutes: float
+    plant: str
+    seed: int | None
+    blind: bool
+    job: str
+    steps: tuple[str, ...]
+    counts: tuple[str, ...]
+    events: tuple[Event, ...]
+    words: Mapping[str, Words]
+    lathes: tuple[str, ...] = ()
+    answer: int | None = None
+
+    def plant_of(self, seed: int | None) -> str:
+        """Return the name or the file of the plant of a try."""
+        return self.lathes[drawn_number(seed, self.lathes)] if self.lathes else self.plant
+
+    def right_answer(self, seed: int | None) -> int:
+        """Return the number of the right answer, from 0."""
+        return drawn_number(seed, self.lathes) if self.answer is None else self.answer - 1
+
+
+def lesson_of(table: Mapping[str, Any], name: str, where: str, folder: Path = FOLDER) -> Lesson:
+    """Return the lesson of a table; `folder` is that of its file.
+
+    Raises ProfileError with everything that is wrong in it.
+    """
+    if refusal := schema_problem(table, where=where):
+        raise ProfileError(refusal)
+    top = {key: value for key, value in table.items() if key not in (*LANGUAGES, EVENTS)}
+    values, problems = read_fields(_FIELDS, top, where=where)
+    events, found = read_events(table.get(EVENTS, []), values.get("steps") or (), where)
+    problems += found
+    words, found = _words(table, where)
+    problems += found
+    if not problems:
+        values["lathes"], problems = lathe_files(values["lathes"], folder)
+        for language, said in words.items():
+            problems += _hints(language, said["hints"], values["steps"], where)
+        problems += question_problems(values, words, where)
+    if problems:
+        raise ProfileError(*problems)
+    del values["schema"]
+    values["blind"] = values["blind"] == "yes"
+    spoken = {language: Words(**words.get(language, words[ENGLISH])) for language in LANGUAGES}
+    return Lesson(name=name, words=spoken, events=events, **values)
+
+
+def _words(table: Mapping[str, Any], where: str) -> tuple[dict[str, dict[str, Any]], list[Problem]]:
+    """Return the words of each language that the lesson has, and everything that is wrong with them."""
+    words: dict[str, dict[str, Any]] = {}
+    problems: list[Problem] = []
+    for language in (each for each in LANGUAGES if each in table or each == ENGLISH):
+        given = table.get(language, {})
+        if not isinstance(given, dict):
+            given = {"title": given}
+        words[language], found = read_fields(_WORDS, given, where=where, prefix=f"{language}.")
+        problems += found
+    return words, problems
+
+
+def _hints(language: str, hints: tuple[str, ...], steps: tuple[str, ...], where: str) -> list[Problem]:
+    """Return the refusal of hints that are not one for each step."""
+    if len(hints) == len(steps):
+        return []
+    value, limit = str(len(hints)), str(len(steps))
+    return [Problem(code="lesson.hints", where=where, key=f"{language}.hints", value=value, limit=limit)]
+
+
+def load_lesson(name_or_path: str, own: Path) -> Lesson:
+    """Return a lesson by its name, or by the path of a file that ends in `.toml`; `own` is the user's folder.
+
+    Raises:
+        ProfileError: `lesson.unknown`, with the names that there are; a file that cannot be read, or is no lesson.
+    """
+    paths = {path.stem: path for path in lesson_paths(own)}
+    path = Path(name_or_path) if name_or_path.endswith(".toml") else paths.get(name_or_path)
+    if path is None:
+        value, limit = printable(name_or_path, 60), " | ".join(paths)
+        raise ProfileError(Problem(code="lesson.unknown", value=value, limit=limit))
+    _, table = read_toml(path)
+    return lesson_of(table, path.stem, printable(str(path)), path.parent)
+
+
+def lesson_paths(own: Path) -> tuple[Path, ...]:
+    """Return the files of all lessons: the bundled ones, then the user's own, which replace their namesakes."""
+    bundled = {path.stem: path for path in sorted(FOLDER.glob("*.toml"))}
+    mine = {path.stem: path for path in sorted(own.glob("*.toml"))}
+    return tuple({**bundled, **mine}.values())

@@ -1,0 +1,79 @@
+"""Whether gains were proven in air: a health test with exactly these gains, in which nothing swings.
+
+The newest test with them counts. A tool may end beside its step, which friction does; it must not overshoot by
+much more than the model of these gains does, nor swing where it should stand. With a notch filter the test also
+has to be the one that the model makes of it, and of no other reading of its coefficients.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from console.session.data.health import KeptHealth, kept_tests
+from console.session.tuning.notch_evidence import MOST_TESTS, NO_FIRMWARE, filter_doubts, same_firmware
+from drivers.identification.health_result import HealthResult
+from drivers.identification.tool_gains import matches
+from profiles.axis.sampled_loop import SampledLoop
+from profiles.machine import MachineProfile
+from profiles.problem import Problem, ProfileError
+
+MORE_OVERSHOOT_PERCENT = 15.0  # than the model has
+MOST_SWING, STANDS_AFTER_MS = 0.05, 60.0  # rms over the step, from so long after it
+LEAST_SWING_UM = 0.5  # what the noise of a scale makes of a tool that stands
+LEAST_COHERENCE = 0.95
+
+
+def unproven(
+    data: Path, machine: MachineProfile, gains: Mapping[str, float], loop: SampledLoop, *, simulated: bool
+) -> tuple[Problem, ...]:
+    """Return why gains are not proven in air; nothing where they are. `loop` has them, and the known axis."""
+    try:
+        kept = newest_test(data, machine, gains, simulated=simulated)
+    except ProfileError as error:
+        return tuple(error.problems)
+    if kept is None or kept.result is None:
+        return (Problem(code="trial.unproven", key=machine.name),)
+    return doubts(kept.result, loop, machine.tool.motor)
+
+
+def newest_test(
+    data: Path,
+    machine: MachineProfile,
+    gains: Mapping[str, float],
+    firmware: tuple[str, str] = NO_FIRMWARE,
+    *,
+    simulated: bool,
+) -> KeptHealth | None:
+    """Return the newest test with exactly these gains; None where none was made, on this firmware if it is known.
+
+    Raises ProfileError: the folder cannot be read.
+    """
+    for kept in kept_tests(data, machine.name, MOST_TESTS):
+        found = kept.result
+        if found is None or found.origin.simulated is not simulated or not matches(found.origin.gains, gains):
+            continue
+        if same_firmware(firmware, found):
+            return kept
+    return None
+
+
+def doubts(test: HealthResult, loop: SampledLoop, motor: int) -> tuple[Problem, ...]:
+    """Return why a test does not prove the gains of a loop of a motor."""
+    return (*_swings(test), *filter_doubts(test, loop, motor))
+
+
+def _swings(test: HealthResult) -> Iterator[Problem]:
+    over, most = test.step.overshoot_percent, test.model.step.overshoot_percent + MORE_OVERSHOOT_PERCENT
+    if over > most:
+        yield Problem(code="trial.overshoots", value=f"{over:.0f} %", limit=f"<= {most:.0f} %")
+    times_ms, position_um = np.array(test.times_ms), np.array(test.position_um)
+    standing = position_um[times_ms >= STANDS_AFTER_MS]
+    limit_um = max(MOST_SWING * test.step_um, LEAST_SWING_UM)
+    if standing.size and float(standing.std()) > limit_um:
+        yield Problem(code="trial.swings", value=f"{standing.std():.2f} um", limit=f"<= {limit_um:.2f} um")
+    if test.sine.coherence < LEAST_COHERENCE:
+        value = f"{test.sine.coherence:.3f}"
+        yield Problem(code="trial.incoherent", value=value, limit=f">= {LEAST_COHERENCE:g}")

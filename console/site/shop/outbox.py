@@ -1,0 +1,113 @@
+"""The outbox of a lathe: its run records, read in the order in which they were written.
+
+The records are append-only, and SQLite has one writer at a time: rows have numbers without gaps, and what has
+a lower number was there before. So how far they were sent is one number for each table, and nothing needs to
+be kept at the lathe. A row is sent only when it is on the disk: a power cut cannot take away what the shop
+already has.
+"""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, record_error
+from console.session.data.record_schema import SCHEMA
+from console.session.errors import SessionError
+from console.site.shop.tables import SENT, SentTable, mark_of
+from profiles.files import open_regular, printable
+from profiles.problem import Problem
+
+READ_TIMEOUT_S = 5.0
+
+Row = tuple[Any, ...]
+"""Number of the row, then its values."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outbox:
+    """The records of a folder as they are on the disk now.
+
+    `file_id` is the id of the first run: a new file has another.
+    """
+
+    database: sqlite3.Connection
+    file_id: str
+    heads: Mapping[str, int]
+
+    def rows(self, table: SentTable, after: int, limit: int) -> Iterator[Row]:
+        """Yield rows behind a number, oldest first. sqlite3.Error."""
+        query = (
+            f"SELECT rowid, {', '.join(table.columns)} FROM {table.name}"
+            " WHERE rowid > ? AND rowid <= ? ORDER BY rowid LIMIT ?"
+        )
+        yield from self.database.execute(query, (after, self.heads[table.name], limit))
+
+    def mark(self, table: SentTable, number: int) -> str:
+        """Return the mark of the row with a number, "" where there is none."""
+        query = f"SELECT {', '.join(table.columns)} FROM {table.name} WHERE rowid = ?"
+        found = self.database.execute(query, (number,)).fetchone()
+        return "" if found is None else mark_of(found)
+
+
+@contextmanager
+def outbox(data: Path) -> Iterator[Outbox | None]:
+    """Yield the outbox of a data folder, None while nothing is recorded.
+
+    Raises SessionError: `ship.old_records`, of a schema of an older console; `record.other_schema`,
+    `record.damaged`, `record.not_readable`.
+    """
+    path = data / FILE_NAME
+    try:
+        if not path.exists():
+            yield None
+            return
+        with closing(opened_to_read(path, READ_TIMEOUT_S)) as database:
+            yield _as_now(database, path)
+    except (OSError, sqlite3.Error) as error:
+        damaged = isinstance(error, sqlite3.Error) and is_damage(error)
+        raise record_error("record.damaged" if damaged else "record.not_readable", path, error) from error
+
+
+def _as_now(database: sqlite3.Connection, path: Path) -> Outbox | None:
+    _refuse_other_schema(database, path)
+    database.execute("BEGIN")  # the heads are of one moment: no event without its run
+    try:
+        heads = {table.name: _head(database, table) for table in SENT}
+        first = database.execute("SELECT run_id FROM runs ORDER BY rowid LIMIT 1").fetchone()
+    finally:
+        database.execute("COMMIT")
+    if first is None:
+        return None
+    _on_disk(path.with_name(f"{FILE_NAME}-wal"))
+    return Outbox(database, str(first[0]), heads)
+
+
+def _head(database: sqlite3.Connection, table: SentTable) -> int:
+    (found,) = database.execute(f"SELECT coalesce(max(rowid), 0) FROM {table.name}").fetchone()
+    return int(found)
+
+
+def _on_disk(journal: Path) -> None:
+    """Wait until the journal is on the disk: its writers do not, and a power cut may take its last rows."""
+    try:
+        descriptor = open_regular(journal)
+    except FileNotFoundError:
+        return
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> None:
+    (found,) = database.execute("PRAGMA user_version").fetchone()
+    if found != SCHEMA:
+        code = "ship.old_records" if 0 < found < SCHEMA else "record.other_schema"
+        where = printable(str(path))
+        raise SessionError(Problem(code=code, where=where, value=str(found), limit=str(SCHEMA)))

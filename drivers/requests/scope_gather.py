@@ -1,0 +1,246 @@
+"""Gather the channels of a scope: set up, wait for the trigger, start, and fetch in pieces between the polls.
+
+The controller starts by a command alone: a level is looked for in the samples, by this host, in one record after
+the other, with a gap between them while one is fetched. Nothing here moves anything. For a worker thread.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from drivers.errors import ControllerError, DriverError
+from drivers.pmac.gathering.gather import GatherError
+from drivers.pmac.gathering.gather_client import SPARE_LONG_WORDS, DataGathering, GatheredData, GatherPlan
+from drivers.pmac.language.errors import ErrorCode
+from drivers.requests.scope_setup import (
+    FETCH_WORDS_MOTION,
+    FETCH_WORDS_REST,
+    LEAST_WORDS,
+    MOST_LONG_WORDS,
+    Channel,
+    Quantity,
+    ScopeSetup,
+    Trigger,
+    display_of,
+    motor_of,
+    si_per_count,
+)
+from drivers.requests.side_controller import SideController
+from profiles.machine import MachineProfile
+from profiles.problem import Problem
+
+SLICE_S = 0.02  # between two looks at the newest state
+PIECE_POLL_S = 0.06  # a poll longer than this shortens the pieces, as in a cut (`drivers.cutting.sampling`)
+MARGIN_S = 0.05
+PIECE_TIMEOUT_S = 1.0
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What the newest state says. `near_cut`: a cut is loaded and may start; `cutting`: its program runs."""
+
+    now_s: float
+    at_rest: bool
+    near_cut: bool
+    cutting: bool
+    round_trip_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """`stage` is `waiting`, `setting`, `gathering` or `fetching`; `part` of it is done; `tries` records so far."""
+
+    stage: str
+    part: float = 0.0
+    tries: int = 0
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Record:
+    """Samples in SI units, by channel, shape (M,) each; `times_s` counts from the trigger."""
+
+    machine: str
+    taken: str
+    trigger: Trigger
+    times_s: Floats
+    values: dict[Channel, Floats] = field(default_factory=dict)
+
+
+class Scope:
+    """One record of one set-up; `cleaner` is a client of its own, for what must be done after a cancellation."""
+
+    def __init__(
+        self,
+        client: SideController,
+        cleaner: SideController,
+        machine: MachineProfile,
+        seen: Callable[[], Seen],
+        told: Callable[[Progress], object],
+    ) -> None:
+        self._client, self._cleaner, self._machine = client, cleaner, machine
+        self._seen, self._told = seen, told
+        self._gathering = DataGathering(client=client, dialect=client.dialect)
+        self._ours = False
+        self._tries = 0
+
+    def record(self, setup: ScopeSetup, taken: str) -> Record:
+        """Return a record; `taken` is the date written into it.
+
+        Raises:
+            DriverError: `scope.in_use`, `scope.changed`, `scope.no_room`, `scope.too_long`, `scope.empty`,
+                `gather.failed`; or the link.
+            CancelledError: it was ended.
+        """
+        try:
+            return self._recorded(setup, taken)
+        except ControllerError as error:
+            raise self._refusal(error) from error
+        except GatherError as error:
+            raise self._failed("gather.failed", str(error)) from error
+        finally:
+            self._give_back()
+
+    def _recorded(self, setup: ScopeSetup, taken: str) -> Record:
+        plan: GatherPlan | None = None
+        while True:
+            self._await_start(setup, loaded=True)
+            plan = plan or self._prepared(setup)
+            self._await_start(setup, loaded=False)
+            data = self._gathered(plan)
+            record = self._in_si(setup, plan, data, taken)
+            self._tries += 1
+            if setup.trigger not in (Trigger.RISING, Trigger.FALLING):
+                return record
+            place = crossing(record.values[setup.level_of] * display_of(setup.level_of)[1], setup)
+            if place is not None:
+                return _shifted(record, place)
+
+    def _await_start(self, setup: ScopeSetup, *, loaded: bool) -> None:
+        """Wait for the cut: until it is loaded, which takes the gather buffer, or until its program runs."""
+        if setup.trigger is not Trigger.CUT:
+            return
+        while not (self._seen().near_cut if loaded else self._seen().cutting):
+            self._sleep("waiting")
+
+    def _prepared(self, setup: ScopeSetup) -> GatherPlan:
+        self._told(Progress("setting", tries=self._tries))
+        cycle_ms, dialect = self._machine.controller.servo_period_ms, self._client.dialect
+        words = setup.long_words(cycle_ms, dialect)
+        if words > MOST_LONG_WORDS:
+            raise self._failed("scope.too_long", str(words), f"<= {MOST_LONG_WORDS}")
+        if not self._ours and self._gathering.running():
+            raise self._failed("scope.in_use")
+        names = [f"#{motor_of(each.axis, self._machine)} {each.quantity}" for each in setup.channels]
+        channels = self._gathering.motor_channels(*names)
+        plan = self._gathering.prepare(channels, setup.samples(cycle_ms), setup.period_cycles)
+        self._ours = True
+        return plan
+
+    def _gathered(self, plan: GatherPlan) -> GatheredData:
+        began_s, length_s = self._seen().now_s, plan.duration_ms / 1000.0
+        if self._tries:
+            self._gathering.start(plan)
+        else:  # its buffer was defined a moment ago: one request is one poll sooner
+            self._client.request("GATHER")
+        began_s = max(began_s, self._seen().now_s)
+        while (gone_s := self._seen().now_s - began_s) < length_s + MARGIN_S:
+            self._sleep("gathering", gone_s / max(length_s, SLICE_S))
+        self._client.request("ENDGATHER")
+        lines = self._fetched(plan)
+        if not self._gathering.set_up_as(plan):
+            self._ours = False
+            raise self._failed("scope.changed")
+        size = plan.long_words // plan.samples
+        whole = len(" ".join(lines).split()) // size * size
+        words = " ".join(lines).split()[:whole]
+        if not words:
+            raise self._failed("scope.empty")
+        return GatheredData.from_listing([" ".join(words)], plan.channels, plan.period_cycles, plan.cycle_ms)
+
+    def _fetched(self, plan: GatherPlan) -> list[str]:
+        lines: list[str] = []
+        first = 0
+        while first < plan.long_words:
+            self._told(Progress("fetching", first / plan.long_words, self._tries))
+            count = min(self._piece(), plan.long_words - first)
+            part = self._client.question(f"LIST GATHER {first},{count}", PIECE_TIMEOUT_S)
+            found = sum(len(line.split()) for line in part)
+            lines += part
+            first += found
+            if found < count:
+                break
+        return lines
+
+    def _piece(self) -> int:
+        """Return how many long words fit between two polls now: on a slow line fewer, as in a cut."""
+        seen = self._seen()
+        fraction = min(1.0, PIECE_POLL_S / max(seen.round_trip_s, PIECE_POLL_S)) ** 2
+        return max(LEAST_WORDS, math.floor(fraction * (FETCH_WORDS_REST if seen.at_rest else FETCH_WORDS_MOTION)))
+
+    def _in_si(self, setup: ScopeSetup, plan: GatherPlan, data: GatheredData, taken: str) -> Record:
+        per_s = 1000.0 / plan.cycle_ms
+        values: dict[Channel, Floats] = {}
+        for channel, each in zip(setup.channels, plan.channels, strict=True):
+            scale = si_per_count(channel, self._machine)
+            values[channel] = data.values[each.name] * (
+                scale * per_s if channel.quantity is Quantity.VELOCITY else scale
+            )
+        return Record(
+            machine=self._machine.name,
+            taken=taken,
+            trigger=setup.trigger,
+            times_s=data.times_ms / 1000.0,
+            values=values,
+        )
+
+    def _sleep(self, stage: str, part: float = 0.0) -> None:
+        self._told(Progress(stage, min(part, 1.0), self._tries))
+        self._client.end_if_cancelled()
+        time.sleep(SLICE_S)
+
+    def _give_back(self) -> None:
+        """End gathering and delete the buffer, which other work of the controller may need the room of."""
+        if not self._ours:
+            return
+        for line in ("ENDGATHER", "DELETE GATHER"):
+            with suppress(DriverError):
+                self._cleaner.request(line)
+        self._ours = False
+
+    def _refusal(self, error: ControllerError) -> DriverError:
+        if error.error_number == ErrorCode.NO_ROOM:
+            return self._failed("scope.no_room", str(SPARE_LONG_WORDS))
+        if self._ours:  # the buffer is gone, or is being filled: somebody else works with it
+            self._ours = False
+            return self._failed("scope.changed")
+        return self._failed("gather.failed", str(error))
+
+    def _failed(self, code: str, value: str = "", limit: str = "") -> DriverError:
+        return DriverError(Problem(code=code, where=self._client.link.address, value=value, limit=limit))
+
+
+def crossing(values: Floats, setup: ScopeSetup) -> int | None:
+    """Return the first sample at which the values have crossed the level in the direction, None where none has."""
+    beyond = values > setup.level if setup.trigger is Trigger.RISING else values < setup.level
+    places = np.flatnonzero(beyond[1:] & ~beyond[:-1])
+    return int(places[0]) + 1 if places.size else None
+
+
+def _shifted(record: Record, place: int) -> Record:
+    """Return a record whose time counts from one of its samples."""
+    return Record(
+        machine=record.machine,
+        taken=record.taken,
+        trigger=record.trigger,
+        times_s=record.times_s - record.times_s[place],
+        values=record.values,
+    )

@@ -1,0 +1,195 @@
+"""Requests of other threads, sent by the thread of the link between two polls.
+
+A worker thread asks and waits; the link thread serves after each poll: several requests at rest, for a part of the
+time between two polls; one short request in motion, as a batch of a cut is fetched; none while an axis homes or a
+stop is being proven. The watchdog is renewed with the poll. Every line is judged again here, so that no fault of a
+worker sends anything that could move something.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+
+from drivers.clock import Clock
+from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.link.base import Link
+from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import Dialect
+from drivers.pmac.expected_replies import expected_replies
+from drivers.requests.heard import Heard
+from drivers.requests.permitted import Kind, gathers, permission
+from profiles.problem import Problem, ProblemError
+
+ANSWER_S = 0.17  # reply timeout in motion, as for a poll under a watchdog
+REST_TIMEOUT_S = 2.0  # of a short query at rest
+LISTING_S = 10.0  # of a listing at rest; a longer one is not asked for
+AT_REST_S = 0.1  # time for requests after one poll at rest
+NEXT_S = 0.02  # how long the next request of a worker is waited for at rest
+SLICE_S = 0.1
+ASK_S = 20.0  # after which a worker gives up: nobody polls any more
+
+Lines = tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Moment:
+    """What the next requests are judged by. `homing`: an axis seeks its switch; `stopping`: rest is not proven."""
+
+    at_rest: bool
+    controls: bool
+    homing: bool = False
+    stopping: bool = False
+    lost: bool = False
+
+
+class CancelledError(Exception):
+    """The worker was told to end."""
+
+
+@dataclass(eq=False)
+class Asked:
+    """One request, and its answer."""
+
+    line: str
+    kind: Kind
+    lines: int | None
+    timeout_s: float
+    answer: SimpleQueue[Lines | BaseException] = field(default_factory=SimpleQueue)
+    dropped: bool = False
+
+
+class SideLine:
+    """Passes the requests of worker threads to the thread of the link."""
+
+    def __init__(
+        self, client: PmacClient, clock: Clock, heard: Heard, stopped: Callable[[], bool] = lambda: False
+    ) -> None:
+        """`heard` has what went over the link; `stopped` returns whether a stop is in force."""
+        self.heard = heard
+        self._client, self._clock, self._stopped = client, clock, stopped
+        self._waiting: SimpleQueue[Asked] = SimpleQueue()
+        self._lock = threading.Lock()
+        self._working = self._readings = 0
+
+    @property
+    def link(self) -> Link:
+        """The link: for its address, and how a stop goes."""
+        return self._client.link
+
+    @property
+    def dialect(self) -> Dialect:
+        """The family of the controller. Raises RefusedError: `link.not_connected`."""
+        return self._client.dialect
+
+    @property
+    def faults(self) -> int:
+        """Link faults so far."""
+        return self._client.faults.total
+
+    @property
+    def line_check(self) -> object:
+        """What verifies that a line that moves something arrives as it was sent."""
+        return self._client.line_check
+
+    @property
+    def pending(self) -> int:
+        """How many requests wait to be sent."""
+        return self._waiting.qsize()
+
+    @property
+    def reading(self) -> bool:
+        """Whether the configuration is being read: no motion begins meanwhile."""
+        return self._readings > 0
+
+    @contextmanager
+    def working(self, *, reading: bool = False) -> Iterator[None]:
+        """Mark that a worker is about to ask again and again."""
+        with self._lock:
+            self._working += 1
+            self._readings += reading
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._working -= 1
+                self._readings -= reading
+
+    def ask(self, asked: Asked, cancelled: Callable[[], bool] = lambda: False) -> Lines:
+        """Return the reply to a line; for a worker thread, which waits.
+
+        Raises:
+            CancelledError: the worker was told to end; the line is not sent any more.
+            RefusedError: the line is not permitted now.
+            LinkError: `beside.silent`, nobody polls; or as `PmacClient.request`.
+        """
+        self._waiting.put(asked)
+        waited_s = 0.0
+        while True:
+            try:
+                answer = asked.answer.get(timeout=SLICE_S)
+            except Empty:
+                waited_s += SLICE_S
+                if cancelled():
+                    asked.dropped = True
+                    raise CancelledError from None
+                if waited_s > ASK_S + asked.timeout_s:
+                    asked.dropped = True
+                    raise LinkError(Problem(code="beside.silent", where=self.link.address)) from None
+                continue
+            if isinstance(answer, BaseException):
+                raise answer
+            if cancelled():
+                raise CancelledError
+            return answer
+
+    def serve(self, now: Moment) -> None:
+        """Send what waits, as far as this moment permits. For the thread of the link; never raises."""
+        if now.homing or (now.stopping and not now.lost):
+            return
+        until_s = self._clock.now_s() + AT_REST_S
+        may_wait = False
+        while (asked := self._next(NEXT_S if may_wait else 0.0)) is not None:
+            asked.answer.put(self._answered(asked, now))
+            may_wait = now.at_rest and self._working > 0
+            if not now.at_rest or self._stopped() or self._clock.now_s() >= until_s:
+                return
+
+    def _next(self, wait_s: float) -> Asked | None:
+        while True:
+            try:
+                asked = self._waiting.get(timeout=wait_s) if wait_s else self._waiting.get_nowait()
+            except Empty:
+                return None
+            if not asked.dropped:
+                return asked
+
+    def _answered(self, asked: Asked, now: Moment) -> Lines | BaseException:
+        try:
+            self._refuse(asked, now)
+            timeout_s = asked.timeout_s if now.at_rest else min(asked.timeout_s, ANSWER_S)
+            return self._client.request(asked.line, timeout_s, lines=asked.lines)
+        except ProblemError as error:
+            return error if isinstance(error, DriverError) else DriverError(*error.problems)
+        except Exception as fault:  # a fault here would be taken for one of the machine
+            value = f"{type(fault).__name__}: {fault}"
+            return DriverError(Problem(code="session.fault", value=value[:100]))
+
+    def _refuse(self, asked: Asked, now: Moment) -> None:
+        where = self.link.address
+        if now.lost:
+            raise LinkError(Problem(code="beside.silent", where=where))
+        if not (asked.line.isascii() and asked.line.isprintable()):  # a control character acts by itself
+            raise RefusedError(Problem(code="terminal.writes", value=asked.line[:40]))
+        if asked.kind is Kind.QUERY:
+            permission(asked.line, self.dialect)
+        elif not (asked.kind is Kind.GATHER and gathers(asked.line, self.dialect)):
+            if not expected_replies(asked.line).reads_only:
+                raise RefusedError(Problem(code="terminal.writes", value=asked.line[:40]))
+        if asked.kind is not Kind.QUERY and not now.controls:
+            raise RefusedError(Problem(code="beside.observer", where=where))
+        if asked.kind is Kind.LISTING and not now.at_rest:
+            raise RefusedError(Problem(code="beside.moves", where=where))
