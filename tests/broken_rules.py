@@ -228,7 +228,7 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="A SPLINE2 weighs its distances by the times of their neighbours.",
-        file="drivers/pmac/trajectory/spline.py",
+        file="drivers/pmac/trajectory/planner.py",
         old="late = here_ms / (joint_ms * (joint_ms + next_ms))",
         new="late = duration_ms / (joint_ms * (joint_ms + next_ms))",
         test="tests/drivers/trajectory/test_spline_moves.py::test_spline2_is_the_non_uniform_cubic_b_spline",

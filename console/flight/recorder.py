@@ -7,6 +7,7 @@ replaced, is read by reference. A disk that is full, slow or gone costs the reco
 from __future__ import annotations
 
 import os
+import re
 import shutil
 import threading
 import time
@@ -16,14 +17,14 @@ from pathlib import Path
 from typing import Any
 
 from console.flight.frozen import SCHEMA, Cause, freeze
-from console.flight.link_lines import LinkLines
 from console.flight.notes import Inbox, Kind, Note
 from console.flight.plain_values import changes, plain
 from console.flight.recorded_forms import Moment, recorded
 from console.flight.ring import Ring, left_rings, whole_lines
-from console.flight.triggers import Triggers
 from console.session.errors import fault_problem
 from console.session.station.alarms import Alarms, Priority, cleared, raised
+from console.session.station.state import StationState
+from drivers.link.tracing import Dialogue, shown
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedMachine
 
@@ -39,6 +40,109 @@ _POLLED = frozenset(
 """What changes with each poll of a machine at rest: written once a second."""
 
 LOST, KILLED = "flight.not_recorded", "flight.killed_found"
+MOST_CHARACTERS = 60_000  # of lines in a segment; a stop or a failure of the link is written in any case
+
+_ASKS = r"(?:#\d+P|F|\?|&\d+\?\?|%|[PMI]\d+)"
+_POLL = re.compile(rf"(?:\[\w+\]|.)?(?:#\d+P F \? .*&\d+\?\?|M\d+=\d+ {_ASKS})(?: {_ASKS})*")
+"""A status poll, or questions after a renewal of the watchdog; before it perhaps the checksum of another line."""
+AFTER_S = 5.0  # aftermath that is still recorded
+JOINED_S = 60.0  # causes within this time of the first one make one file
+QUIT = "quit"  # the stop with which a console leaves its machine
+
+
+class LinkLines:
+    """Makes notes of bytes; it belongs to the thread of the recorder."""
+
+    def __init__(self, add: Callable[[Note], object]) -> None:
+        self._add = add
+        self._dialogue = Dialogue(self._line)
+        self._polling = False
+        self._room = MOST_CHARACTERS
+        self._polls = self._left_out = 0
+
+    def heard(self, at_s: float, mark: str, data: bytes) -> None:
+        """Take bytes that were sent (`>`), received (`<`) or sent as a stop (`!`), or the code of a failure."""
+        if mark in "<>":
+            self._dialogue.heard(at_s, mark, data)
+        else:
+            self._add(Note(at_s=at_s, kind=Kind.LINK, text=f"{mark} {shown(data)}"))
+
+    def begin_segment(self, at_s: float) -> None:
+        """Begin to count anew; note what was left out since the last time."""
+        if self._polls or self._left_out:
+            words = f"polls={self._polls} lines={self._left_out}"
+            self._add(Note(at_s=at_s, kind=Kind.LEFT_OUT, text=words))
+        self._room, self._polls, self._left_out = MOST_CHARACTERS, 0, 0
+
+    def _line(self, at_s: float, mark: str, words: str) -> None:
+        if mark == ">":
+            self._polling = _POLL.fullmatch(words) is not None
+            self._polls += self._polling
+        if self._polling:
+            return
+        if len(words) > self._room:
+            self._left_out += 1
+            return
+        self._room -= len(words)
+        self._add(Note(at_s=at_s, kind=Kind.LINK, text=f"{mark} {words}"))
+
+
+class Triggers:
+    """Find causes in the states; it belongs to the thread of the recorder."""
+
+    def __init__(self) -> None:
+        self.leaving = False
+        self.is_fresh = False
+        """Whether a cause came that is not on the disk yet."""
+        self.extends = False
+        """Whether the last causes belong to the file that was frozen before."""
+        self._alarms: frozenset[tuple[str, str]] = frozenset()
+        self._stop_s: float | None = None
+        self._causes: list[Cause] = []
+        self._due_s: float | None = None
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether there is something to freeze."""
+        return self._due_s is not None
+
+    def seen(self, state: StationState, now_s: float) -> tuple[Cause, ...]:
+        """Return the causes that are new in a state."""
+        before = self._alarms
+        urgent = [alarm for alarm in state.alarms if alarm.active and alarm.priority is not Priority.LOW]
+        self._alarms = frozenset((alarm.problem.code, alarm.problem.key) for alarm in urgent)
+        fresh = [each.problem.code for each in urgent if (each.problem.code, each.problem.key) not in before]
+        stop = state.stop
+        if stop is not None and stop.sent_s != self._stop_s and not (self.leaving and stop.reason == QUIT):
+            fresh.insert(0, f"stop {stop.reason}")
+        self._stop_s = None if stop is None else stop.sent_s
+        causes = tuple(Cause(at_s=now_s, reason=reason) for reason in fresh)
+        for cause in causes:
+            self.add(cause)
+        return causes
+
+    def add(self, cause: Cause) -> None:
+        """Take a cause: the file is due some seconds later; it is another one where the last began long ago."""
+        if self._causes and cause.at_s - self._causes[0].at_s > JOINED_S and not self.is_waiting:
+            self._causes = []
+        self._causes.append(cause)
+        self.is_fresh = True
+        if self._due_s is None:
+            self._due_s = cause.at_s + AFTER_S
+            self.extends = len(self._causes) > 1
+
+    def is_due(self, now_s: float) -> bool:
+        """Whether the aftermath is over."""
+        return self._due_s is not None and now_s >= self._due_s
+
+    def again(self, due_s: float) -> None:
+        """Freeze once more: it could not be written."""
+        self._due_s = due_s
+
+    def begun(self) -> tuple[Cause, ...]:
+        """Return all causes of the file, which is frozen now."""
+        self._due_s = None
+        return tuple(self._causes)
 
 
 class Recorder:

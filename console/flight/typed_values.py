@@ -87,7 +87,7 @@ def _bytes(value: Any) -> bytes:
     return found
 
 
-def _read(typed: Typed, hint: Any, value: Any) -> Any:
+def _read(typed: Typed, hint: Any, value: Any) -> Any:  # noqa: C901 - one branch a case
     if hint in _PLAIN:
         return _PLAIN[hint](value)
     if hint is Job and isinstance(value, dict):

@@ -10,11 +10,73 @@ from console.report.quantities import date_in, exact
 from console.report.record_sections import missing, missing_lines, program, provenance
 from console.report.reported_run import ReportedRun
 from console.report.request_sections import asked, sent, set_up
-from console.report.style import STYLE
 from console.report.verdict import SIGNS, verdict
 from console.text.catalogue import Catalogue
 
 SHORT_ID = 8
+STYLE = """
+:root { color-scheme: light; }
+* { box-sizing: border-box; }
+html { background: #fff; color: #1a1a1a; font: 15px/1.45 "Helvetica Neue", Arial, "Noto Sans", "Noto Sans KR",
+  "Noto Sans CJK KR", "Apple SD Gothic Neo", "Malgun Gothic", sans-serif; }
+body { margin: 0; overflow-wrap: anywhere; }
+:lang(ko) body { word-break: keep-all; }
+.sheet { max-width: 186mm; margin: 0 auto; padding: 12px; }
+.running { display: flex; flex-wrap: wrap; gap: 0 1em; justify-content: space-between; align-items: baseline;
+  border-bottom: 1px solid #6b6b6b; padding-bottom: 4px; margin-bottom: 10px; font-size: 12px; }
+.simulated { flex: 1 0 100%; border: 3px solid #1a1a1a; text-align: center; font-weight: 700; font-size: 28px;
+  line-height: 1.25; letter-spacing: 0.08em; padding: 2px 6px; margin-bottom: 4px;
+  background: repeating-linear-gradient(45deg, #fff 0 10px, #e4e4e4 10px 20px); }
+.simulated span { background: #fff; padding: 0 8px; }
+.simulated small { display: block; font-size: 12px; font-weight: 400; letter-spacing: 0; }
+.simulated small b { background: #fff; font-weight: 400; padding: 0 6px; }
+h1 { font-size: 24px; line-height: 1.2; margin: 0 0 8px; }
+h2 { font-size: 18px; margin: 24px 0 6px; border-bottom: 2px solid #1a1a1a; break-after: avoid; }
+h3 { font-size: 15px; margin: 14px 0 4px; break-after: avoid; }
+p { margin: 6px 0; }
+ul { margin: 6px 0; padding-left: 20px; }
+.note { color: #4a4a4a; font-size: 13px; }
+.verdict { border: 2px solid #1a1a1a; padding: 8px 12px; margin: 10px 0; break-inside: avoid; }
+.verdict strong { font-size: 22px; }
+.verdict.bad, .verdict.doubtful { border-width: 5px; }
+.verdict.open { border-style: dashed; }
+table { border-collapse: collapse; width: 100%; margin: 10px 0; font-variant-numeric: tabular-nums; }
+caption { text-align: left; font-weight: 700; padding: 2px 0; }
+th, td { text-align: left; vertical-align: top; padding: 2px 8px 2px 0; border-bottom: 1px solid #c9c9c9; }
+th { font-weight: 400; color: #4a4a4a; }
+thead th { font-weight: 700; color: #1a1a1a; border-bottom: 1px solid #1a1a1a; }
+.facts th { width: 40%; }
+tbody .number { white-space: nowrap; }
+.events th { white-space: nowrap; }
+.events td:nth-child(2) { min-width: 6.5em; }
+.number { text-align: right; padding: 2px 14px 2px 4px; }
+tr, figure, figcaption, caption { break-inside: avoid; }
+thead { display: table-header-group; }
+figure { margin: 12px 0; }
+figure svg { display: block; width: 100%; max-width: 560px; height: auto; margin: 0 auto; }
+figure.round svg { max-width: 340px; }
+figcaption { font-size: 13px; color: #4a4a4a; }
+.pair { display: grid; grid-template-columns: repeat(auto-fit, minmax(260px, 1fr)); gap: 0 16px;
+  break-inside: avoid; }
+summary { cursor: pointer; margin: 6px 0; break-after: avoid; }
+pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK KR", monospace; margin: 6px 0;
+  white-space: pre-wrap; overflow-wrap: anywhere; }
+@page { size: A4; margin: 14mm 12mm 16mm; @bottom-right { content: counter(page) " / " counter(pages);
+  font: 9pt sans-serif; } }
+@media print {
+  html { font-size: 10.5pt; }
+  .sheet { display: table; width: 100%; max-width: none; padding: 0; }
+  .head { display: table-header-group; break-inside: avoid; }
+  .body { display: table-row-group; }
+  .running { margin-bottom: 4mm; }
+  figure svg { max-width: 130mm; }
+  figure.round svg { max-width: 88mm; }
+  .pair { grid-template-columns: 1fr 1fr; }
+  pre { font-size: 7.5pt; }
+  details::details-content { content-visibility: visible; display: block; block-size: auto; }
+  summary { list-style: none; }
+}
+"""
 
 
 def report_page(run: ReportedRun, text: Catalogue) -> str:

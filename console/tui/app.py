@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import gc
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from datetime import datetime
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -23,7 +25,6 @@ from console.tui.alarms.bell import Bell
 from console.tui.alarms.logged_control import LoggedControl
 from console.tui.application.listening import ListeningApp
 from console.tui.application.pointing import point
-from console.tui.collector import Collector
 from console.tui.driver import Written
 from console.tui.frame import Frame, small_rows
 from console.tui.frame_rows import FrameRows, MadeRows
@@ -38,13 +39,12 @@ from console.tui.gate import (
     known_at_rest,
     stop_reason,
 )
-from console.tui.keymap import MOTION_PAGES, READING, TAKE, Action, PageName
+from console.tui.keymap import MODULES, MOTION_PAGES, NUMBERED, READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
 from console.tui.link.far_terminal import FarTerminal
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
-from console.tui.page_class import page_class
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer
 from console.tui.scanning.scans import Scans
@@ -61,6 +61,41 @@ if TYPE_CHECKING:
     from console.session.station.commands import Control  # not for the first paint
 
 TICK_S = 0.1
+NEVER = 1_000_000_000
+
+
+def page_class(name: PageName) -> type[Page]:
+    """Return `JobsPage` for jobs; pages with a digit are in `pages`, most others in `further`."""
+    module = MODULES.get(name, f"console.tui.{'pages' if name in NUMBERED else 'further'}.{name}")
+    found: type[Page] = getattr(import_module(module), f"{name.capitalize()}Page")
+    return found
+
+
+class Collector:
+    """Collect only young objects while something moves: a full collection would delay a key by 0.1 s.
+
+    What is there when the motion begins is set aside; what outlives the young ones is collected when it has ended.
+    """
+
+    def __init__(self) -> None:
+        self._spared = False
+        self._thresholds = gc.get_threshold()
+
+    def begin(self) -> None:
+        """Collect from now on: the first picture is there, up to which `console.__main__` has switched it off."""
+        gc.enable()
+
+    def spare(self, may_move: bool) -> None:
+        """Take notice of whether something may move."""
+        if may_move is self._spared:
+            return
+        self._spared = may_move
+        if may_move:
+            gc.freeze()
+            gc.set_threshold(*self._thresholds[:2], NEVER)
+        else:
+            gc.unfreeze()
+            gc.set_threshold(*self._thresholds)
 
 
 class ConsoleApp(ListeningApp):
@@ -306,7 +341,7 @@ class ConsoleApp(ListeningApp):
         """Return what a terminal shows that is too small for a page."""
         return small_rows(self.ui.text, state, SMALLEST, max(self.size.width, 1))
 
-    def took(self, event: events.Key) -> bool:
+    def took(self, event: events.Key) -> bool:  # noqa: C901 - one branch a case
         """Perform the action of a key; False when the key belongs to the focused field."""
         page = self._pages[self._page]
         now = self.situation()
@@ -352,7 +387,7 @@ class ConsoleApp(ListeningApp):
         self._dismissed = self.ui.control.state.refusals
         self._do(action, self._pages[self._page])
 
-    def _do(self, action: Action, page: Page) -> None:
+    def _do(self, action: Action, page: Page) -> None:  # noqa: C901 - one branch a case
         now_s = self.ui.control.now_s()
         repeats = self._held.repeats(action, now_s)
         if self.ui.answers(cramped(action, self.size)):

@@ -318,7 +318,7 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
     return [*(ranged(BLANK, row, width) for row in filled[:-1]), ranged(left, filled[-1], width)]
 
 
-def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
+def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:  # noqa: C901 - one branch a case
     stop = state.stop
     if state.stop_waits:
         return text("frame.stop_waits"), Token.WARNING

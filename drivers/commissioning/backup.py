@@ -276,7 +276,7 @@ class _Gathered:
     def __post_init__(self) -> None:
         self.user_buffer = UserBufferLines(self.dialect)
 
-    def take(self, line: str) -> None:
+    def take(self, line: str) -> None:  # noqa: C901 - one branch a case
         """Parse one line. Raises ValueError: not a line of a backup."""
         if self._open is not None:
             if line == "CLOSE":

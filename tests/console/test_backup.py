@@ -21,12 +21,12 @@ import pytest
 from console.session.data import calibrations, identified, learned_store, restore, stop_records
 from console.session.data.backup import back_up
 from console.session.data.backup_format import MANIFEST
-from console.session.data.backup_reading import checked
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.data.record_file import FILE_NAME
 from console.session.data.record_schema import SCHEMA
 from console.session.data.records import RunRecord
+from console.session.data.restore import checked
 from console.session.data.trace_folder import export_trace
 from console.session.station.owning import take_lock
 from console.session.work import opened, saved_as

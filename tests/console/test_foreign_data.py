@@ -23,9 +23,9 @@ from console.cli.machine.doctor_checks import library_checks, loses_wal_reset
 from console.flight.ring import whole_lines
 from console.session.data import restore
 from console.session.data.backup import back_up
-from console.session.data.backup_reading import MOST_HEADER_BYTES, checked
 from console.session.data.record_file import BESIDE_RECORDS, FILE_NAME
 from console.session.data.records import add_to_run
+from console.session.data.restore import MOST_HEADER_BYTES, checked
 from console.session.data.run_reader import runs, story
 from console.session.data.run_story import MOST_TRACE_BYTES
 from console.session.errors import SessionError

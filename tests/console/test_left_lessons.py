@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from console.school.lesson_start import begun
+from console.school.schooling import begun
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import unseen
 from console.school.training.happened import Happening, What

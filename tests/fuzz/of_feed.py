@@ -26,8 +26,8 @@ from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.station.state import Activity
 from console.site.cli.metrics import response
+from console.site.exchange.adapter import shdr_lines
 from console.site.exchange.data_items import Published, published
-from console.site.exchange.shdr import shdr_lines
 from console.site.exchange.topics import is_news, messages
 from console.text.catalogue import load
 from profiles.store import load_machine

@@ -19,8 +19,7 @@ from console.school.instructing.order import read_order
 from console.school.instructing.server import InstructorServer
 from console.session.errors import SessionError
 from console.session.feed.request import asked_hz
-from console.site.exchange.adapter import Adapter
-from console.site.exchange.shdr import PING
+from console.site.exchange.adapter import PING, Adapter
 from console.tui.driver import Reader
 from drivers.simulator.hosts.control_address import UnixAddress
 from tests.fuzz.target import FoundError, Target, Try, pure

@@ -16,7 +16,7 @@ from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.commissioning.restoring import refuse_other_memory, restore, restore_lines
 from drivers.commissioning.user_buffer import read_words
 from drivers.link.address import TcpAddress
-from drivers.link.tcp import TcpLink
+from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import pytest
 from drivers.clock import RealClock
 from drivers.commissioning.downloading import differing, planned, send
 from drivers.link.address import TcpAddress
-from drivers.link.tcp import TcpLink
+from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
 

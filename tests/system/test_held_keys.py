@@ -23,7 +23,7 @@ import pytest
 from console.session.data.stop_records import simulated_record, store
 from drivers.clock import RealClock
 from drivers.link.address import TcpAddress
-from drivers.link.tcp import TcpLink
+from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from profiles.store import load_machine

@@ -16,7 +16,7 @@ import pytest
 from console.text.catalogue import load
 from drivers.clock import RealClock
 from drivers.link.address import TcpAddress
-from drivers.link.tcp import TcpLink
+from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.programs.cam import correction_register
 from drivers.pmac.reserved import LOST, OWNER

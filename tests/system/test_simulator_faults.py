@@ -19,8 +19,8 @@ import pytest
 from drivers.clock import RealClock
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.link.address import SerialAddress, TcpAddress
+from drivers.link.opening import TcpLink
 from drivers.link.serial import SerialLink
-from drivers.link.tcp import TcpLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.process import SimulatorProcess
 from profiles.store import BUNDLED_MACHINES

@@ -16,7 +16,7 @@ from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName
 from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.address import TcpAddress
-from drivers.link.tcp import TcpLink
+from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 from profiles.store import load_machine
 

@@ -14,7 +14,7 @@ from drivers.clock import RealClock
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError
 from drivers.lathe.stop import StopPath
 from drivers.link.address import TcpAddress
-from drivers.link.tcp import TcpLink
+from drivers.link.opening import TcpLink
 from drivers.pmac.client import PmacClient
 
 pytestmark = pytest.mark.system

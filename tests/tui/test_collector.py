@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from console.tui.collector import Collector
+from console.tui.app import Collector
 
 OBJECTS = 100_000
 AS_BUILT = (700, 10, 10)

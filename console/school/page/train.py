@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from console.school.page.debrief_lines import advice_lines, happened_lines, score_lines
-from console.school.page.question_lines import question_lines
+from collections.abc import Sequence
+
 from console.school.training.attempt import Attempt
 from console.school.training.debrief import Debrief, debrief_of
+from console.school.training.happened import What
 from console.school.training.left import forget_left
 from console.school.training.lesson import Lesson, Words
 from console.school.training.shelf import Shelved, lessons, own_folder
 from console.school.training.tries import keep_try, tries, try_of
-from console.school.words.debrief import clock
+from console.school.words.debrief import clock, happening_words, mark_words
+from console.text.catalogue import Catalogue
 from console.tui.keymap import PageName, RowKey
-from console.tui.lines import BLANK, Line, Sheet, clipped, dim, line, ranged, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.page import Page
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
@@ -25,6 +27,50 @@ _ANSWER_KEYS = (
     RowKey(action="train.up", shown="↑↓", words="key.list.choose", doubled=True),
     RowKey(action="train.end", shown="Enter", words="key.train.answer"),
 )
+_CHOSEN, _OTHER = ("▸ ", Token.KEY), dim("  ")
+
+
+def score_lines(
+    debrief: Debrief, scores: Sequence[int], text: Catalogue, width: int, answers: Sequence[str]
+) -> list[Line]:
+    """Return the score, each mark with the points that it cost, and the trend over all tries.
+
+    `answers` are those to the question of the lesson.
+    """
+    rows = [line((text("debrief.score", score=debrief.score), Token.STRONG))]
+    for mark in debrief.marks:
+        good = mark.lost < 0.5
+        points = () if good else (dim(f"-{mark.lost:.0f}"),)
+        sign = ("✓ ", Token.OK) if good else ("✗ ", Token.WARNING)
+        rows += hanging(sign, mark_words(mark, text, answers), width, beside=points)
+    if len(scores) > 1:
+        shown = " ".join(str(score) for score in scores[-12:])
+        rows += [BLANK, *wrapped(text("debrief.trend", scores=shown), width, Token.DIM)]
+    return rows
+
+
+def advice_lines(debrief: Debrief, text: Catalogue, width: int) -> list[Line]:
+    """Return what to do next time, about what cost most."""
+    worst = debrief.worst
+    return wrapped(text("debrief.next.none" if worst is None else f"debrief.next.{worst.item}"), width)
+
+
+def happened_lines(attempt: Attempt, text: Catalogue, width: int) -> list[Line]:
+    """Return what happened when, oldest first."""
+    rows: list[Line] = []
+    for each in attempt.happened:
+        token = Token.DIM if each.what is What.STEP else Token.TEXT
+        rows += hanging(dim(f"{clock(each.at_s)} "), happening_words(each, text), width, token)
+    return rows
+
+
+def question_lines(words: Words, choice: int, width: int) -> list[Line]:
+    """Return the question, and each answer; the one of the number `choice`, from 0, is marked."""
+    rows = [*wrapped(words.question, width, Token.STRONG), BLANK]
+    for number, answer in enumerate(words.answers):
+        chosen = number == choice
+        rows += hanging(_CHOSEN if chosen else _OTHER, answer, width, Token.STRONG if chosen else Token.TEXT)
+    return rows
 
 
 class TrainPage(Page):

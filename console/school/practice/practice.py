@@ -113,7 +113,7 @@ def _otherwise(recording: Recording, event: RecordedEvent, begin: Before, placed
     yield from _of_fault(event)
 
 
-def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:
+def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:  # noqa: C901 - one branch a case
     header, state, alignment = recording.header, begin.moment.state, _alignment(begin)
     if not header.simulated:
         yield Problem(code="practice.was_real", key=header.machine.name)

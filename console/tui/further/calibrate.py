@@ -65,7 +65,7 @@ class CalibratePage(Page):
         self._visits, self._away = 0, True
         self._shown: object = None
 
-    def act(self, action: str) -> None:
+    def act(self, action: str) -> None:  # noqa: C901 - one branch a case
         """Choose, enter points, keep them."""
         if self._all.entry.is_open:
             if action == "calibrate.take":

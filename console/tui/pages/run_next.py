@@ -46,7 +46,7 @@ def phase_of(state: StationState) -> Phase:
     return Phase.CUTTING if state.activity in (Activity.POSITIONING, Activity.CUTTING) else Phase.BEFORE
 
 
-def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:
+def next_word(view: View, machine: MachineProfile) -> tuple[str, Token]:  # noqa: C901 - one branch a case
     """Return the word of the sentence for what comes next, and how it is shown."""
     state = view.state
     phase = phase_of(state)

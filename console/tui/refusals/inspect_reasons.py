@@ -14,7 +14,7 @@ LOOKS = frozenset(
 _OF_CHOOSER = ("up", "down", "page_up", "page_down", "first", "last", "path", "state", "direction", "mark")
 
 
-def inspect_reasons(action: str, view: View) -> tuple[Problem, ...]:
+def inspect_reasons(action: str, view: View) -> tuple[Problem, ...]:  # noqa: C901 - one branch a case
     """Return why an action cannot be done, empty where it can; the trace chooser is closed."""
     state, work, part = view.state, view.work, view.state.measured
     match action.removeprefix("inspect."):

@@ -259,7 +259,7 @@ class StepMaker:
     compile_value: Callable[[syntax.Expression], Value]
     python: PythonText | None
 
-    def step(self, statement: Plain, line: int) -> Step:
+    def step(self, statement: Plain, line: int) -> Step:  # noqa: C901 - one branch a case
         """Return the function that executes a statement of a line."""
         moves, values = self.moves, self.values
         match statement:

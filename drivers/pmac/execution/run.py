@@ -194,7 +194,7 @@ class ProgramRun:
 
         return Blocks(code.instructions, code.jumps, self._python, failed).enter
 
-    def _step(self, code: Code, index: int) -> Step:
+    def _step(self, code: Code, index: int) -> Step:  # noqa: C901 - one branch a case
         statement = code.instructions[index]
         match statement:
             case syntax.While() | syntax.If():

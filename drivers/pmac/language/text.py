@@ -77,7 +77,7 @@ def format_condition(condition: syntax.Condition) -> str:
     return f"{format_condition(condition.left)} {condition.operator} {format_condition(condition.right)}"
 
 
-def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str:
+def format_statement(statement: syntax.Statement | syntax.PlcStatement) -> str:  # noqa: C901 - one branch a case
     """Format one statement. Raises ValueError as `format_condition` does."""
     match statement:
         case syntax.Assign(target, value, synchronous, operator):

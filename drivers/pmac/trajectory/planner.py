@@ -6,21 +6,21 @@ are counts, times ms.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, replace
 
 from drivers.pmac import requests
 from drivers.pmac.axes import AXIS_LETTERS, AxisDefinition
 from drivers.pmac.execution.run import ProgramRun
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.settings import servo_cycle_ms
-from drivers.pmac.trajectory import spline
 from drivers.pmac.trajectory.circle import Arc, chord_length
-from drivers.pmac.trajectory.course import lay_course, stop_course
+from drivers.pmac.trajectory.course import MOST_CUTS, lay_course, stop_course
 from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
-from drivers.pmac.trajectory.linear import Blend, LinearMove, at_rest, timing_of
-from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp
+from drivers.pmac.trajectory.linear import Blend, Limits, LinearMove, at_rest, timing_of
+from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp, velocity_at
 from drivers.pmac.trajectory.planned import (
     MoveRecord,
     Planned,
@@ -29,10 +29,115 @@ from drivers.pmac.trajectory.planned import (
     defer,
     plain_record,
 )
-from drivers.pmac.trajectory.segments import AXES_ALONE, NO_LIMITS, SEGMENT_MS, through_inverse
 from drivers.pmac.variables import VariableStore
 
-_State = tuple[Blend, Vector | None, spline.Spline | None, bool, Blend | None, Mapping[str, float]]
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spline:
+    """A spline planned up to `position` with `velocity`, where the segment to `point` begins.
+
+    `distance` is that of the segment to `point`, `duration_ms` its time, `before_ms` that of the one before it.
+    """
+
+    uniform: bool
+    point: Vector
+    distance: Vector
+    before_ms: float
+    duration_ms: float
+    position: Vector
+    velocity: Vector
+
+    def goes_on(self, duration_ms: float, uniform: bool) -> bool:
+        """Whether a segment belongs to this spline; SPLINE1 begins again when its time changes."""
+        return self.uniform == uniform and (duration_ms == self.duration_ms or not uniform)
+
+
+def begin(start: Vector, duration_ms: float, uniform: bool) -> Spline:
+    """Begin at rest: a segment of zero distance comes first, as long as the first programmed one."""
+    still = tuple(0.0 for _ in start)
+    first = {"before_ms": duration_ms, "duration_ms": duration_ms}
+    return Spline(uniform=uniform, point=start, distance=still, position=start, velocity=still, **first)
+
+
+def add(spline: Spline, target: Vector, duration_ms: float, next_ms: float) -> tuple[Piece, Spline]:
+    """Add a segment to `target` that is followed by one of `next_ms`.
+
+    Returns:
+        The motion of the segment before it, which can now be played, and the extended spline.
+    """
+    distance = tuple(t - p for t, p in zip(target, spline.point, strict=True))
+    here_ms = spline.duration_ms
+    joint_ms = here_ms + duration_ms
+    early = duration_ms / (joint_ms * (spline.before_ms + joint_ms))
+    late = here_ms / (joint_ms * (joint_ms + next_ms))
+    pairs = tuple(zip(spline.distance, distance, strict=True))
+    velocity = tuple(3.0 * (early * before + late * after) for before, after in pairs)
+    position = tuple(
+        point - early * duration_ms * before + late * here_ms * after
+        for point, (before, after) in zip(spline.point, pairs, strict=True)
+    )
+    piece = hermite(spline.position, spline.velocity, position, velocity, here_ms)
+    longer = Spline(
+        uniform=spline.uniform,
+        point=target,
+        distance=distance,
+        before_ms=here_ms,
+        duration_ms=duration_ms,
+        position=position,
+        velocity=velocity,
+    )
+    return piece, longer
+
+
+def end(spline: Spline) -> tuple[Piece, ...]:
+    """Come to rest at the last point: its segment, and one of zero distance and equal duration."""
+    duration_ms = spline.duration_ms
+    last, rest = add(spline, spline.point, duration_ms, duration_ms)
+    still, _ = add(rest, spline.point, duration_ms, duration_ms)
+    return last._replace(calculates=False), still._replace(calculates=False)
+
+
+_State = tuple[Blend, Vector | None, Spline | None, bool, Blend | None, Mapping[str, float]]
+SEGMENT_MS = 10.0  # of the last stop, where the setting is 0 by then
+STEP_MS = 0.01  # along the path, to both sides, from which the velocity of a motor is taken
+AXES_ALONE = tuple(
+    AxisDefinition(motor=number, terms=((axis, 1.0),)) for number, axis in enumerate(AXIS_LETTERS, 1)
+)
+"""A motor for each axis, one count to a user unit: moves along the path of the axes are planned with them."""
+
+STILL: Vector = tuple(0.0 for _ in AXES_ALONE)
+NO_LIMITS = Limits(velocity=STILL, acceleration=STILL)
+
+Solve = Callable[[Vector], Vector]
+"""From axis positions, in the order of `AXIS_LETTERS`, to motor positions."""
+
+
+def through_inverse(pieces: Iterable[Piece], segment_ms: float, solve: Solve) -> tuple[Piece, ...]:
+    """Return the motion of motors for that of axes."""
+    return tuple(part for piece in pieces for part in _cut(piece, segment_ms, solve))
+
+
+def _cut(piece: Piece, segment_ms: float, solve: Solve) -> list[Piece]:
+    if not any(any(cubic[1:]) for cubic in piece.cubics):
+        here = solve(tuple(cubic[0] for cubic in piece.cubics))
+        return [constant(here, tuple(0.0 for _ in here), piece.duration_ms)._replace(calculates=piece.calculates)]
+    count = math.ceil(min(MOST_CUTS, piece.duration_ms / segment_ms)) or 1
+    times = [piece.duration_ms * k / count for k in range(count + 1)]
+    states = [_state(piece, instant, solve) for instant in times]
+    return [
+        hermite(*states[k], *states[k + 1], times[k + 1] - times[k], calculates=piece.calculates and k == 0)
+        for k in range(count)
+    ]
+
+
+def _state(piece: Piece, instant_ms: float, solve: Solve) -> tuple[Vector, Vector]:
+    """Return position and velocity of the motors; the last thing that is solved is where the axes are."""
+    place = tuple(position_at(cubic, instant_ms) for cubic in piece.cubics)
+    velocity = tuple(velocity_at(cubic, instant_ms) for cubic in piece.cubics)
+    before = solve(tuple(p - STEP_MS * v for p, v in zip(place, velocity, strict=True)))
+    after = solve(tuple(p + STEP_MS * v for p, v in zip(place, velocity, strict=True)))
+    moving = tuple((a - b) / (2.0 * STEP_MS) for a, b in zip(after, before, strict=True))
+    return solve(place), moving
 
 
 class MotionPlanner:
@@ -57,7 +162,7 @@ class MotionPlanner:
         self._system = system
         self._blend: Blend = at_rest(position)
         self._pvt_velocity: Vector | None = None
-        self._spline: spline.Spline | None = None
+        self._spline: Spline | None = None
         self._ahead: requests.Request | None = None
         self._after_break = True
         self._newest: tuple[requests.Request, _State] | None = None
@@ -155,7 +260,7 @@ class MotionPlanner:
         self._ahead = replace(ahead, targets=targets)
         self.run.relocate(targets)
 
-    def _lay(self, request: requests.Request) -> Planned:
+    def _lay(self, request: requests.Request) -> Planned:  # noqa: C901 - one branch a case
         match request:
             case requests.LinearRequest():
                 return self._linear(request)
@@ -272,10 +377,10 @@ class MotionPlanner:
         lead: tuple[Piece, ...] = ()
         if self._spline is None or not self._spline.goes_on(duration_ms, request.uniform):
             lead = self._rest() + self._first_delay()
-            self._spline = spline.begin(self.target, duration_ms, request.uniform)
+            self._spline = begin(self.target, duration_ms, request.uniform)
         target = self._frame.counts(request.targets, self.target, request.absolute)
         next_ms = duration_ms if request.uniform else self._following_ms(duration_ms)
-        laid, self._spline = spline.add(self._spline, target, duration_ms, next_ms)
+        laid, self._spline = add(self._spline, target, duration_ms, next_ms)
         self._blend = at_rest(target)
         record = plain_record(request.line, target, duration_ms)
         return Planned(pieces=(*lead, *defer((laid,), request.deferred)), record=record)
@@ -331,7 +436,7 @@ class MotionPlanner:
         """Come to rest, blended moves with the modal TA and TS; a PVT sequence ends as programmed."""
         ended, self._spline = self._spline, None
         if ended is not None:
-            return spline.end(ended)
+            return end(ended)
         if self._axis_blend is not None:
             return self._rest_of_axes(self._axis_blend, least_ms)
         if self._pvt_velocity is not None:

@@ -79,7 +79,7 @@ class Player:
             elapsed_ms -= piece.duration_ms
         return False
 
-    def sample(self, count: int, cycle_ms: float, rate_ms: float | None = None) -> list[list[float]]:
+    def sample(self, count: int, cycle_ms: float, rate_ms: float | None = None) -> list[list[float]]:  # noqa: C901 - one branch a case
         """Return `count` positions for each motor, one servo cycle apart, the first one cycle from now.
 
         `rate_ms` is the trajectory time that passes in a servo cycle; None is `cycle_ms`, real time. Below 0 it

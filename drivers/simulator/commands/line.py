@@ -12,34 +12,75 @@ from enum import Enum
 from functools import lru_cache
 
 from drivers.pmac.dialect import Dialect
+from drivers.pmac.execution.kinematics import KINDS
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
-from drivers.simulator.commands import (
-    addressing,
-    buffer_words,
-    card,
-    jogs,
-    kinematic_words,
-    status,
-    systems,
-    values,
+from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
+from drivers.simulator.commands.buffer_words import take_part
+from drivers.simulator.context import (
+    ALL_CARDS,
+    HIGHEST_CARD,
+    Context,
+    Filling,
+    Handler,
+    Reading,
+    Step,
+    signed_constant,
 )
-from drivers.simulator.context import ALL_CARDS, HIGHEST_CARD, Context, Filling, Reading, Step, signed_constant
 
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
 _COMMAND_WORK = 5  # cost of any command, in values read or set
 
+
+def _refuse_without(reading: Reading) -> None:
+    if reading.dialect.kinematics is None:
+        raise PmacError(ErrorCode.DATA_ERROR, "this family has no kinematic programs")
+
+
+def _open(kind: str) -> Handler:
+    def read(scanner: Scanner, reading: Reading) -> Step:
+        _refuse_without(reading)
+        reading.filling = Filling.KINEMATIC
+        return lambda context: buffers.open_kinematic(context, kind)
+
+    return read
+
+
+def _list(kind: str) -> Handler:
+    def read(scanner: Scanner, reading: Reading) -> Step:
+        _refuse_without(reading)
+        part = take_part(scanner)
+
+        def step(context: Context) -> None:
+            buffers.refuse_locked(context.controller)
+            lines = context.system.kinematic_lines.get(kind)
+            if lines is None:
+                raise PmacError(ErrorCode.DATA_ERROR, f"&{context.system_number} has no {kind} program")
+            context.list_lines(part.of(lines, context))
+
+        return step
+
+    return read
+
+
+def _delete(kind: str) -> Handler:
+    def read(scanner: Scanner, reading: Reading) -> Step:
+        _refuse_without(reading)
+        return lambda context: buffers.delete_kinematic(context, kind)
+
+    return read
+
+
+KINEMATIC_WORDS: dict[str, Handler] = {
+    **{f"OPEN{word}": _open(kind) for word, kind in KINDS.items()},
+    **{f"LIST{word}": _list(kind) for word, kind in KINDS.items()},
+    **{f"{delete}{word}": _delete(kind) for delete in ("DELETE", "DEL") for word, kind in KINDS.items()},
+}
 _ALWAYS_ON_LINE = (
-    addressing.WORDS
-    | buffer_words.WORDS
-    | card.WORDS
-    | kinematic_words.WORDS
-    | status.WORDS
-    | systems.WORDS
-    | values.WORDS
+    addressing.WORDS | buffer_words.WORDS | card.WORDS | KINEMATIC_WORDS | status.WORDS | systems.WORDS | values.WORDS
 )
 """Words that are never stored, even while a buffer is open."""
 

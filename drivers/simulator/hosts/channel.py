@@ -52,7 +52,7 @@ async def converse(
         return  # disconnected in the middle of a line, or a line without end: there is no one to reply to
 
 
-def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:
+def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:  # noqa: C901 - one branch a case
     """Execute the request in a line; that of another pace changes `pace`."""
     try:
         request = from_json(line)

@@ -43,7 +43,7 @@ class _CannotBeDoneError(Exception):
     """The lathe has no such thing, whatever the value."""
 
 
-def _obey(lathe: SimulatedLathe, line: str) -> list[str]:
+def _obey(lathe: SimulatedLathe, line: str) -> list[str]:  # noqa: C901 - one branch a case
     if len(line.encode("utf-8", "replace")) > LONGEST_LINE:
         raise _CannotBeDoneError(f"a line has at most {LONGEST_LINE} bytes")
     try:

@@ -161,7 +161,7 @@ class EthernetSession(PlainStream):
             return bytes(done.value)
         return None
 
-    def _answer(self, request: Request) -> Steps:
+    def _answer(self, request: Request) -> Steps:  # noqa: C901 - one branch a case
         match request.code:
             case RequestCode.GETRESPONSE:
                 self._port.type(_line_of(request))

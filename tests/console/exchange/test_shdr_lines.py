@@ -16,9 +16,9 @@ from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
+from console.site.exchange.adapter import shdr_lines
 from console.site.exchange.data_items import ITEMS, Published, published
 from console.site.exchange.device import NAMESPACE, devices_xml
-from console.site.exchange.shdr import shdr_lines
 from profiles.store import load_machine
 from tests.tui import scenes
 

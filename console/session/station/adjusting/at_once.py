@@ -23,7 +23,7 @@ from console.session.station.training import Instruct
 from profiles.problem import Problem
 
 
-def taken_at_once(context: StationContext, intent: Command) -> tuple[Problem, ...] | None:
+def taken_at_once(context: StationContext, intent: Command) -> tuple[Problem, ...] | None:  # noqa: C901 - one branch a case
     """Take what does not wait its turn: return why not, empty where it was taken; None for all else."""
     if isinstance(intent, Acknowledge | EndCut | HoldFeed | ResumeFeed | Adjust):
         context.log_command(intent)
