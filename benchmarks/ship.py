@@ -23,8 +23,8 @@ from console.session.data.run_reader import runs
 from console.site.shop.identity import lathe_identity
 from console.site.shop.reading import ShopQuery, shop_folder
 from console.site.shop.shipping import ship
-from tests.shop_server import SHIPPER, ShopServer, programs, shop_server
-from tests.system.lathe_records import assert_all_there, multiply, rows_here
+from tests.site.shop_server import SHIPPER, ShopServer, programs, shop_server
+from tests.system.site.lathe_records import assert_all_there, multiply, rows_here
 
 LATHES = 30
 RUNS = extent(8400, 60)

@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from statistics import median
 
 from benchmarks.measure import extent, print_table, seconds
-from tests.shop_server import READER, ROOT, ShopServer, documented_sql, programs, shop_server
+from tests.site.shop_server import READER, ROOT, ShopServer, documented_sql, programs, shop_server
 
 LATHES = 30
 RUNS_OF_A_LATHE = extent(33_334, 20)

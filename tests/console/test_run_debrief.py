@@ -32,8 +32,8 @@ from profiles.job import Job
 from profiles.store import LoadedJob, job_text
 from profiles.traces import Trace
 from tests.console.floor import open_floor
-from tests.console.test_debrief import JOB as CUT
-from tests.console.test_debrief import Pupil
+from tests.school.test_debrief import JOB as CUT
+from tests.school.test_debrief import Pupil
 from tests.tui.records_stage import ANGLES_DEG, META, described, telemetry
 from tests.tui.stage import experiment, lathe
 

@@ -17,8 +17,8 @@ from profiles.store import load_job, save_job
 from tests.compact import save_compact
 from tests.preloaded import Preloaded
 from tests.system.mosquitto import Subscriber, broker, free_port, needs_mosquitto
-from tests.system.test_mqtt import TOPIC, publishing, told
-from tests.system.test_mtconnect import Agent, serving
+from tests.system.site.test_mqtt import TOPIC, publishing, told
+from tests.system.site.test_mtconnect import Agent, serving
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120), needs_mosquitto]
 

@@ -26,7 +26,7 @@ from console.text.catalogue import load
 from drivers.link.address import TcpAddress
 from tests.fuzz.of_feed import FORGED, sound_states
 from tests.preloaded import Preloaded
-from tests.system.test_mtconnect import Agent
+from tests.system.site.test_mtconnect import Agent
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
 

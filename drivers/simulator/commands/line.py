@@ -80,7 +80,13 @@ KINEMATIC_WORDS: dict[str, Handler] = {
     **{f"{delete}{word}": _delete(kind) for delete in ("DELETE", "DEL") for word, kind in KINDS.items()},
 }
 _ALWAYS_ON_LINE = (
-    addressing.WORDS | buffer_words.WORDS | card.WORDS | KINEMATIC_WORDS | status.WORDS | systems.WORDS | values.WORDS
+    addressing.WORDS
+    | buffer_words.WORDS
+    | card.WORDS
+    | KINEMATIC_WORDS
+    | status.WORDS
+    | systems.WORDS
+    | values.WORDS
 )
 """Words that are never stored, even while a buffer is open."""
 

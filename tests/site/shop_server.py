@@ -18,7 +18,7 @@ ACCOUNT = "postgres"
 MODEL = "shop_model"
 OWNER, SHIPPER, READER = "shop_owner", "lathe_shipper", "shop_reader"
 START_S = 30
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).parents[2]
 
 
 @cache

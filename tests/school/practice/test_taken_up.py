@@ -17,7 +17,7 @@ from console.session.station.state import Activity
 from drivers.cutting.planning import Strategy
 from drivers.placed import Placed, placed_of, placed_text
 from tests.console.floor import Floor, open_floor
-from tests.console.test_debrief import JOB, Pupil
+from tests.school.test_debrief import JOB, Pupil
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,8 @@ from console.school.training.tries import left_files, tries
 from console.text.catalogue import load
 from profiles.problem import ProfileError
 from tests.console.floor import open_floor
-from tests.console.test_debrief import Pupil
-from tests.console.test_fault_lessons import a_cut_that_fails, homes
+from tests.school.test_debrief import Pupil
+from tests.school.test_fault_lessons import a_cut_that_fails, homes
 
 OWN = Path("/nonexistent")
 

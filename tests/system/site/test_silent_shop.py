@@ -19,8 +19,8 @@ from console.site.shop.following import follow
 from console.site.shop.shipping import Sent, ship
 from profiles.problem import Problem
 from tests.preloaded import completed
-from tests.shop_server import SHIPPER, ShopServer, needs_postgresql, shop_server
-from tests.system.lathe_records import assert_all_there, record_runs
+from tests.site.shop_server import SHIPPER, ShopServer, needs_postgresql, shop_server
+from tests.system.site.lathe_records import assert_all_there, record_runs
 
 pytestmark = [pytest.mark.system, needs_postgresql]
 

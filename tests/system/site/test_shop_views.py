@@ -15,7 +15,7 @@ from console.session.data.records import RunRecord
 from console.site.shop.shipping import ship
 from profiles.metrology.process_statistics import capability_below, capability_within, run_chart
 from tests.console.test_run_reader import RUN, part
-from tests.shop_server import READER, ROOT, SHIPPER, ShopServer, documented_sql, needs_postgresql, shop_server
+from tests.site.shop_server import READER, ROOT, SHIPPER, ShopServer, documented_sql, needs_postgresql, shop_server
 
 pytestmark = [pytest.mark.system, needs_postgresql]
 

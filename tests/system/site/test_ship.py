@@ -26,8 +26,8 @@ from console.site.shop.identity import lathe_identity
 from console.site.shop.shipping import MOST_ROWS, Sent, ship
 from profiles.problem import Problem
 from tests.record_clock import set_dates
-from tests.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql, shop_server
-from tests.system.lathe_records import (
+from tests.site.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql, shop_server
+from tests.system.site.lathe_records import (
     assert_all_there,
     copied_lathes,
     multiply,

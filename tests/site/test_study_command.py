@@ -26,7 +26,7 @@ from console.site.study.results import TABLE, write_table
 from console.site.study.running import Progress, carry_out
 from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError
-from tests.console.dying_cells import DIES, make_or_die
+from tests.site.dying_cells import DIES, make_or_die
 
 Console = Callable[..., Any]
 

@@ -13,8 +13,8 @@ import pytest
 from console.session.errors import SessionError
 from console.site.shop.connection import connected
 from console.site.shop.shipping import ship
-from tests.shop_server import OWNER, SHIPPER, ShopServer, as_server_account, needs_postgresql, shop_server
-from tests.system.lathe_records import record_runs
+from tests.site.shop_server import OWNER, SHIPPER, ShopServer, as_server_account, needs_postgresql, shop_server
+from tests.system.site.lathe_records import record_runs
 
 pytestmark = [
     pytest.mark.system,

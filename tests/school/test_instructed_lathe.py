@@ -30,7 +30,7 @@ from console.session.station.state import Activity
 from drivers.clock import TrainingClock
 from drivers.cutting.planning import Strategy
 from tests.console.floor import Floor, experiment_1, open_floor
-from tests.console.test_debrief import Pupil, part_lesson
+from tests.school.test_debrief import Pupil, part_lesson
 
 JOB = experiment_1()
 

@@ -1,6 +1,6 @@
 """Every bundled lesson at a real terminal of 80 x 24, by three scripted trainees, in both languages.
 
-`python -m tests.walk_lessons` walks them all, some at the same time, and prints a table of the scores; with
+`python -m tests.school.walk_lessons` walks them all, some at the same time, and prints a table of the scores; with
 `--write` the scores are put into docs/training.md. Names choose lessons, `--trainee` and `--lang` the others.
 Each takes as long as a trainee: a minute or two.
 """
@@ -24,8 +24,8 @@ from console.school.training.tries import tries
 from drivers.simulator.plant.presets import plant_named
 from profiles.store import load_job, load_machine
 from tests.compact import save_compact
-from tests.lesson_plays import PLAYS, careless
-from tests.lesson_pupil import Pupil
+from tests.school.lesson_plays import PLAYS, careless
+from tests.school.lesson_pupil import Pupil
 from tests.terminal import Terminal
 
 LANGUAGES = ("en", "ko")
@@ -34,7 +34,7 @@ TRAINEES = (PERFECT, CARELESS, LUCKY, UNLUCKY)
 OF_LUCK = ("feed-hold", "thin-ring", "read-a-plot")
 """Lessons in which it counts where jaw 1 is, or what is wrong: they tell luck from skill."""
 
-PAGE = Path(__file__).parent.parent / "docs" / "training.md"
+PAGE = Path(__file__).parents[2] / "docs" / "training.md"
 BEGIN, END = "<!-- scores -->", "<!-- end of scores -->"
 CUTS_MM = {"lee-2001-experiment-1": 3.0, "thin-ring-3-jaws": 2.0}
 WHOLE = ("drive-fails", "no-answer", "cable-cut")

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 
-from tests.lesson_pupil import Pupil
+from tests.school.lesson_pupil import Pupil
 
 Play = Callable[[Pupil, int], None]
 """A lesson to its last step; the number is that of the right answer, from 0."""

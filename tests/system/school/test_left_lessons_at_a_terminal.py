@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.system.test_lessons_at_a_terminal import LANGUAGES, begins, debriefed, kept, lesson_at
+from tests.system.school.test_lessons_at_a_terminal import LANGUAGES, begins, debriefed, kept, lesson_at
 from tests.trainee import Trainee
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(180)]

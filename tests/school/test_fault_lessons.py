@@ -26,7 +26,7 @@ from console.session.station.commands import (
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from tests.console.floor import open_floor
-from tests.console.test_debrief import JOB, Pupil
+from tests.school.test_debrief import JOB, Pupil
 
 LONG = replace(JOB, cut_length_mm=6.0)
 Play = Callable[[Pupil], None]

@@ -9,7 +9,7 @@ import pytest
 
 from console.school.practising import machine_recorded, work_recorded
 from profiles.store import load_machine, save_job
-from tests.console.practice.test_recorded_events import OWN, fails_in_a_cut
+from tests.school.practice.test_recorded_events import OWN, fails_in_a_cut
 from tests.tui.stage import lathe
 
 

@@ -15,7 +15,7 @@ from console.session.data.record_file import FILE_NAME
 from console.site.shop.identity import lathe_identity
 from console.site.shop.tables import SENT
 from tests.console.test_run_reader import RUN, part
-from tests.shop_server import ShopServer
+from tests.site.shop_server import ShopServer
 
 Rows = list[tuple[Any, ...]]
 

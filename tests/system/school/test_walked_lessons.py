@@ -1,12 +1,12 @@
-"""Lessons walked at a real terminal by scripted trainees; `python -m tests.walk_lessons` walks all of them."""
+"""Lessons walked at a real terminal by scripted trainees; `python -m tests.school.walk_lessons` walks all."""
 
 from __future__ import annotations
 
 import pytest
 
 from console.school.training.lesson import FOLDER
-from tests.lesson_plays import PLAYS
-from tests.walk_lessons import CARELESS, LUCKY, PERFECT, UNLUCKY, Walk, score
+from tests.school.lesson_plays import PLAYS
+from tests.school.walk_lessons import CARELESS, LUCKY, PERFECT, UNLUCKY, Walk, score
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(300)]
 
