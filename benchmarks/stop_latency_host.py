@@ -25,6 +25,7 @@ from console.flight.notes import Inbox
 from console.flight.recorded_control import RecordedControl
 from console.flight.recorded_forms import Moment, work_of
 from console.flight.recorder import Recorder
+from console.screens.start import SWITCH_INTERVAL_S
 from console.session.feed.observed import Observed
 from console.session.feed.server import FeedServer
 from console.session.station.commands import Command, Control
@@ -34,7 +35,6 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
-from console.tui.start import SWITCH_INTERVAL_S
 from console.tui.theme import COLOUR
 from drivers.clock import RealClock
 from drivers.lathe.lathe import Lathe

@@ -23,8 +23,8 @@ if TYPE_CHECKING:
 
 DONE, FAILED, WRONG_USAGE = 0, 1, 2
 OUTPUT_FAULTS = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO, errno.EBADF)
-SCREEN = "console.tui.start"
-PLOTTED = {"reproduce": "console.tui.plot.paper_figures", "replay": "console.flight.replay.start"}
+SCREEN = "console.screens.start"
+PLOTTED = {"reproduce": "console.screens.paper_figures", "replay": "console.flight.replay.start"}
 """Modules that draw for a command: `reproduce` with `--plot`, `replay` always; only the screens can draw."""
 
 

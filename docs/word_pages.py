@@ -14,8 +14,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 from console.text.catalogue import load
-from console.text.units import METRIC
 from console.tui.glossary import TERMS
+from console.units import METRIC
 from profiles.words.sentences import SINGULAR, entries_in, words_of
 
 FOLDER = Path(__file__).parent

@@ -40,7 +40,7 @@ _COMMANDS = {
     "doctor": "console.cli.machine.doctor",
     "machines": "console.cli.site.machines",
     "config": "console.cli.site.config",
-    "terminal": "console.tui.terminal.key_display",
+    "terminal": "console.screens.key_display",
     "backup": "console.cli.site.backup",
     "restore": "console.cli.site.restore",
     "ship": "console.site.cli.ship",

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from console.text.catalogue import Catalogue
+from console.text.checks import MARKS
 from console.text.columns import table
 from console.text.forces import span_words
 from profiles.chucking.advice import force_span
@@ -14,8 +15,6 @@ from profiles.chucking.holding import holding_of, torque_or_none_n_m
 from profiles.findings import Finding, Severity
 from profiles.job import Job
 from profiles.machine import MachineProfile
-
-MARKS = {Severity.OK: "✓", Severity.NOTICE: "·", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
 
 
 def finding_lines(findings: Iterable[Finding], text: Catalogue) -> list[str]:

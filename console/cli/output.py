@@ -9,8 +9,8 @@ from dataclasses import asdict
 from io import TextIOWrapper
 from typing import Any, TextIO
 
+from console.escaping import can_write, encodable, escaped, spelled
 from console.text.catalogue import Catalogue
-from console.text.escaping import can_write, encodable, escaped, spelled
 from drivers.clock import OLD_S
 from profiles.own_values import renamed
 from profiles.problem import Problem

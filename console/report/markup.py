@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from html import escape
 
-from console.text.escaping import escaped
+from console.escaping import escaped
 
 VOID = frozenset({"meta", "br", "hr", "col"})
 

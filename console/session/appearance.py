@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from console.text.units import UNITS
+from console.units import UNITS
 
 THEMES = ("dark", "light", "contrast", "16-colour", "colour-blind")
 GLYPHS = ("unicode", "ascii")

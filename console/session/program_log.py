@@ -18,7 +18,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import NoReturn
 
-from console.text.escaping import escaped
+from console.escaping import escaped
 from profiles.files import make_private_folder, open_regular
 from profiles.folder_rights import rights_in
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from console.session.typed_number import plain_number, typed_number
-from console.text.units import Units
+from console.units import Units
 
 
 def stored_length(text: str, key: str, limit: str, unit: str, units: Units) -> str:

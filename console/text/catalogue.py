@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
-from console.text.units import METRIC, Units
+from console.units import METRIC, Units
 from profiles.words.sentences import LANGUAGES, Sentences, entries_in, words_of
 
 __all__ = ["LANGUAGES", "Catalogue", "LiveCatalogue", "choose_language", "load"]

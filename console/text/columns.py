@@ -5,7 +5,7 @@ from __future__ import annotations
 import unicodedata
 from collections.abc import Sequence
 
-from console.text.escaping import escaped_line
+from console.escaping import escaped_line
 
 
 def cell_width(text: str) -> int:

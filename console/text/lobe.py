@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from console.text.units import METRIC, Units
+from console.units import METRIC, Units
 from profiles.job import NO_LOBE, Job
 
 NOT_YET = "–"

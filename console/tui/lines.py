@@ -13,7 +13,7 @@ from textual.geometry import Region
 from textual.strip import Strip
 from textual.widget import Widget
 
-from console.text.escaping import escaped_line
+from console.escaping import escaped_line
 from console.tui.theme import Palette, Token
 
 Piece = tuple[str, Token]

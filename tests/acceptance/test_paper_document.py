@@ -11,7 +11,7 @@ from functools import cache
 import pytest
 
 from console.cli.measured.comparison import ACCEPTANCE, counted, head, title
-from console.tui.plot.paper_figures import figure_lines
+from console.screens.paper_figures import figure_lines
 from profiles.paper.experiments import lee_2001
 from profiles.paper.record import Section
 from profiles.paper.reproduction import sections

@@ -10,8 +10,8 @@ from pathlib import Path
 
 import pytest
 
-from console.text.units import METRIC
 from console.tui.keymap import ACTIONS
+from console.units import METRIC
 from profiles.words.sentences import SINGULAR, entries_of
 
 ROOT = Path(__file__).parents[2]

@@ -52,7 +52,7 @@ def of_self(folder: Path) -> set[str]:
 
 
 def test_what_is_read_of_a_base_class_is_there() -> None:
-    assert of_self(ROOT / "console" / "tui") == {"_driver", "_limit_size", "_writer_thread"}
+    assert of_self(ROOT / "console" / "tui") == {"_app", "_driver", "_limit_size", "_writer_thread"}
     assert "self._driver" in inspect.getsource(App)
     assert "self._writer_thread" in inspect.getsource(LinuxDriver) and "self._queue" in inspect.getsource(
         WriterThread

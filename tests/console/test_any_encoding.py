@@ -21,8 +21,8 @@ from hypothesis import strategies as st
 import console.tui as tui
 from console.__main__ import main
 from console.cli.output import EscapedOutput, print_json
+from console.escaping import encodable, escaped, escaped_line
 from console.text.columns import cell_width
-from console.text.escaping import encodable, escaped, escaped_line
 from console.tui.lines import Sheet, plain
 from console.tui.theme import MONO, Token
 from profiles.store import load_job, save_job

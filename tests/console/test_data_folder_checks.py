@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from console.cli.machine.check_report import check_fields
 from console.cli.machine.data_folder_checks import data_folder_checks
 from console.text.catalogue import LANGUAGES, load
+from console.text.checks import check_fields
 
 
 def said(data: Path, language: str = "en") -> list[tuple[str, str, str]]:

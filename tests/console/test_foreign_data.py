@@ -20,6 +20,7 @@ import pytest
 
 from console.cli.machine.data_folder_checks import data_folder_checks
 from console.cli.machine.doctor_checks import library_checks, loses_wal_reset
+from console.escaping import csv_table
 from console.flight.ring import whole_lines
 from console.session.data import restore
 from console.session.data.backup import back_up
@@ -32,7 +33,6 @@ from console.session.errors import SessionError
 from console.session.program_log import FILE, FOLDER, LOCK, note
 from console.session.station.owning import LOG_NAME
 from console.site.study.journal import NAME, journal
-from console.text.escaping import csv_table
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import MOST_DEPTH, remove_all_left
 from profiles.findings import Severity

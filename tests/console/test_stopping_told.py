@@ -10,11 +10,11 @@ from typing import Any, cast
 import pytest
 
 from console.cli.machine.stopping import END_WITHIN_S, TICK_S, Stopping
+from console.screens import start
 from console.session.signals import LEAVE_WITHIN_S, Interruption
 from console.session.station.link_thread import LinkThread
 from console.session.station.reaching import guard, leave
 from console.text.catalogue import LANGUAGES, load
-from console.tui import start
 from drivers.errors import DriverError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standstill import COAST_TIMEOUT_S
@@ -214,7 +214,7 @@ def test_the_screens_of_a_silent_machine_end_in_time_behind_a_signal(
             now[0] += timeout_s
             return False
 
-    monkeypatch.setattr("console.tui.start.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("console.screens.start.time.monotonic", lambda: now[0])
     ending = start._Ending(cast("Any", Never()), cast("Any", None))
     ending.reason, ending.came_s = "SIGTERM", 1000.0
     monkeypatch.setattr(ending, "ignore", lambda: None)

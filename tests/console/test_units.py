@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from console.session.typed_length import stored_length, typed_length
 from console.text.catalogue import load
-from console.text.units import METRIC, Units
 from console.tui.pages.fields import FORM, entry_of, judge, limit_of, written
+from console.units import METRIC, Units
 from profiles.problem import Problem, ProfileError
 from tests.tui.stage import experiment
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from console.cli.machine.check_report import check_lines
 from console.text.catalogue import load
+from console.text.checks import check_lines
 from drivers.commissioning.card_state import CardState, state_checks
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.stops import after_abort, after_jog_stop

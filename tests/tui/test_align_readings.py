@@ -22,10 +22,10 @@ from console.session.station.commands import (
 from console.session.station.state import StationState
 from console.session.work import edited
 from console.text.catalogue import load
-from console.text.units import Units
 from console.tui.align.answers import clamp_answer, clamp_lines
 from console.tui.align.asked import Asked, Question
 from console.tui.pages.align import AlignPage
+from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
 from tests.tui.machine_states import JAW

@@ -29,7 +29,7 @@ HEAVY = (
     ),
     *("drivers.pmac", "profiles.rules", "console.session.station.commands"),
 )
-FIRST_PAGE = "import console.__main__, console.tui.start, console.tui.pages.jobs"
+FIRST_PAGE = "import console.__main__, console.screens.start, console.tui.pages.jobs"
 
 
 def test_the_first_page_imports_nothing_heavy() -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import pytest
 
 from console.text.catalogue import load
-from console.text.units import METRIC
 from console.tui.pages.fields import (
     FORM,
     bounds,
@@ -16,6 +15,7 @@ from console.tui.pages.fields import (
     with_unit,
     written,
 )
+from console.units import METRIC
 from tests.tui.stage import LANGUAGES, experiment
 
 FIELDS = {field.key: field for field in FORM}

@@ -12,12 +12,12 @@ import pytest
 
 from console.session.appearance import Appearance
 from console.text.catalogue import LiveCatalogue
-from console.text.units import METRIC, Units
 from console.tui.calibrating.calibration_lines import point_lines
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.calibrating.draft import Draft, value_of
 from console.tui.keymap import PageName
 from console.tui.scope.set_up import ROWS, changed, setup_lines
+from console.units import METRIC, Units
 from drivers.requests.scope_setup import ScopeSetup, Trigger
 from profiles.calibration.table import COLUMNS, CalibrationKind
 from profiles.problem import ProfileError

@@ -12,11 +12,11 @@ import pytest
 
 from console.session.data.run_reader import PartPoint
 from console.text.catalogue import load
-from console.text.units import METRIC
 from console.tui.lines import plain, width_of
 from console.tui.plot.run_chart_view import chart_cells
 from console.tui.records.job_chart import Figure, JobChart, JobParts, NoClaim, job_chart
 from console.tui.records.panels import chart_lines, chart_picture
+from console.units import METRIC
 from tests.tui.stage import LANGUAGES
 
 POINT = PartPoint(

@@ -18,12 +18,12 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
-from console.text.units import METRIC
 from console.tui.lines import plain
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
 from console.tui.pages.preview_lines import Margin, margin_lines, margins, strategy_lines
 from console.tui.theme import Token
 from console.tui.ui_context import View
+from console.units import METRIC
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.preview.preview import Preview, preview
 from drivers.preview.program_prediction import Prediction, followed, predict

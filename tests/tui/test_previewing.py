@@ -18,12 +18,12 @@ from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import Activity
 from console.session.work import Work, edited, opened, undone, with_strategy
 from console.text.catalogue import load
-from console.text.units import METRIC
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.preview_lines import margin_lines, margins, strategy_lines
 from console.tui.previewing import Previewer
+from console.units import METRIC
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.preview import preview as session_preview
 from drivers.preview.outlook import outlook

@@ -10,11 +10,11 @@ from console.cli.backups.way_back import kept_before, read_whole, sending, sent_
 from console.cli.library import profile_of, refuse_unsigned
 from console.cli.machine import card_access
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
-from console.cli.machine.check_report import check_fields, check_lines
 from console.cli.output import agreed, show
 from console.cli.part.check_program_report import finding_fields, finding_lines, finding_sentence
 from console.cli.part.program_file import checked_file, read_file
 from console.text.catalogue import Catalogue
+from console.text.checks import check_fields, check_lines
 from console.text.columns import broken
 from drivers.commissioning.check import Check
 from drivers.commissioning.downloadable import badly_formed, refusals

@@ -9,9 +9,9 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from console.cli.machine.card_access import Card
+from console.escaping import encodable, escaped, spelled
 from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
-from console.text.escaping import encodable, escaped, spelled
 from drivers.commissioning.reading import expected_work, requests_of_words, whole_card, work_done, work_of_words
 from drivers.commissioning.user_buffer import Seen
 

@@ -11,13 +11,13 @@ from console.cli.backups.reading_progress import reading_shown
 from console.cli.backups.way_back import kept_before, read_whole, sending, sent_then_read, undo_command
 from console.cli.library import data_of, refuse_unsigned
 from console.cli.machine.card_access import Card, card_fields, card_line, with_control
-from console.cli.machine.check_report import check_fields, check_lines, summary_line
 from console.cli.machine.doctor_checks import signature_checks
 from console.cli.output import agreed, show
 from console.session.data.controller_backups import backup_path, compare_backup, load_backup, write_backup
 from console.session.data.kept_files import make_folder
 from console.session.tuning.explained import explained_checks
 from console.text.catalogue import Catalogue
+from console.text.checks import check_fields, check_lines, summary_line
 from drivers.commissioning.backup import Backup
 from drivers.commissioning.check import Check
 from drivers.commissioning.configuration import Configuration

@@ -22,10 +22,10 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.library import data_of
     from console.cli.machine import doctor_checks
     from console.cli.machine.card_access import card_fields, card_line, opened_card
-    from console.cli.machine.check_report import check_fields, check_lines, summary_line
     from console.cli.machine.data_folder_checks import data_folder_checks
     from console.cli.output import agreed, show
     from console.session.tuning.explained import explained_checks
+    from console.text.checks import check_fields, check_lines, summary_line
     from drivers.commissioning.verification import in_order, verify
     from profiles.findings import Severity, worst
 

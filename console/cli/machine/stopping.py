@@ -14,9 +14,9 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 
+from console.escaping import escaped_line
 from console.session.signals import Interruption
 from console.text.catalogue import Catalogue
-from console.text.escaping import escaped_line
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from console.cli.library import data_of
 from console.cli.measured.records_report import filters_of, row_fields, story_fields
 from console.cli.output import SCHEMA, show, tell
+from console.escaping import csv_table
 from console.session.data.kept_files import make_folder, there
 from console.session.data.run_reader import RunFilters, RunRow, RunStory, Telemetry, runs, story
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
-from console.text.escaping import csv_table
 from profiles.files import printable, write_atomically
 from profiles.problem import Problem
 

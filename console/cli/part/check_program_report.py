@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
-from console.cli.judgement import MARKS
 from console.cli.output import fields_of
 from console.text.catalogue import Catalogue
+from console.text.checks import MARKS
 from console.text.columns import broken, table
 from drivers.pmac.analysis.findings import ProgramFinding, Sentence, Value
 from drivers.pmac.analysis.moves import Fold, MotorMove, MoveAnalysis, fold

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 from console.cli.library import data_of
 from console.cli.output import show
 from console.cli.parser import Parser
+from console.escaping import csv_table
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from console.text.escaping import csv_table
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:

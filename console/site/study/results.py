@@ -7,8 +7,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
+from console.escaping import csv_table
 from console.site.study.cells import COLUMNS, Row, Value
-from console.text.escaping import csv_table
 from profiles.files import write_atomically
 
 TABLE, PARQUET = "results.csv", "results.parquet"

@@ -8,9 +8,9 @@ from enum import StrEnum
 from console.session.cut.alignment import Alignment
 from console.session.station.state import StationState
 from console.session.typed_length import typed_length
-from console.text.units import METRIC, Units
 from console.tui.align.clamp_typing import NOTHING_TYPED, ClampTyping
 from console.tui.lines import Line, dim, fitted
+from console.units import METRIC, Units
 from drivers.lathe.snapshot import AxisName
 from profiles.job import Job
 from profiles.machine import MachineProfile

@@ -11,7 +11,7 @@ from console.session.data.kept_files import folder_name, make_folder, utc_now
 from console.session.learning.chuck_calibrating import stated_number
 from console.session.typed_length import stored_length
 from console.session.work import entered_number
-from console.text.units import METRIC, Units
+from console.units import METRIC, Units
 from profiles.calibration.table import CAP_BYTES, COLUMNS, CalibrationKind, MeasuredTable, parse_table
 from profiles.fields import Field, fault
 from profiles.files import printable, read_regular_file, write_atomically

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from console.text.units import METRIC, Units
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Mark, Series, TracePicture
 from console.tui.theme import Token
+from console.units import METRIC, Units
 from profiles.arrays import Floats, floats
 from profiles.calibration.deflection import DeflectionFit
 from profiles.calibration.wrench import WrenchFit

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.cli.judgement import MARKS
 from console.session.data.controller_backups import backup_path, compare_backup, write_backup
 from console.session.time_left import fraction_done, seconds_left
 from console.text.catalogue import Catalogue
+from console.text.checks import MARKS
 from console.tui.controller.errand import Errand
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
 from console.tui.theme import Token
@@ -74,8 +74,8 @@ class ConfigurationReader:
 
     def verify(self) -> Result:
         """Judge the controller by its profile and the rules of commissioning, as `console controller verify`."""
-        from console.cli.machine.check_report import check_fields, summary_line
         from console.session.tuning.explained import explained_checks
+        from console.text.checks import check_fields, summary_line
         from drivers.commissioning.verification import in_order, verify
 
         with self._side.working(reading=True):
@@ -93,7 +93,7 @@ class ConfigurationReader:
 
     def diff(self, path: Path) -> Result:
         """Compare the controller with a backup, as `console controller diff`."""
-        from console.cli.machine.check_report import check_fields
+        from console.text.checks import check_fields
 
         with self._side.working(reading=True):
             compared = compare_backup(self.client, self.client.dialect, self._machine, path)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from console.text.escaping import escaped_line
+from console.escaping import escaped_line
 from console.tui.controller.errand import Errand
 from console.tui.lines import Line, dim, hanging, line
 from console.tui.theme import Token

@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
 
+from console.escaping import escaped_line
 from console.session.data.kept_files import make_folder
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.text.catalogue import Catalogue
-from console.text.escaping import escaped_line
 from console.tui.log.log_lines import entry_words
 from profiles.files import write_atomically
 

@@ -28,7 +28,6 @@ from console.session.cut.jaw_by_indicator import (
 from console.session.station.jogging import clears_tables, counts_per_unit, over_part, tool_in_part, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.text.units import Units
 from console.tui.align.left_part import left_word
 from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
@@ -50,6 +49,7 @@ from console.tui.pages.fields import named
 from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
 from console.tui.ui_context import waiting
+from console.units import Units
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import MEASURED

@@ -8,8 +8,8 @@ from console.session.station.state import StationState
 from console.session.typed_length import stored_length
 from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
-from console.text.units import Units
 from console.tui.ui_context import locked
+from console.units import Units
 from profiles.fields import Field, Kind
 from profiles.job import JOB_FIELDS, Job
 from profiles.problem import Problem, ProfileError

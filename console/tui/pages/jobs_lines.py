@@ -12,10 +12,10 @@ from rich.cells import cell_len
 from console.session.data.history import LastResult, LastResults
 from console.text.catalogue import Catalogue
 from console.text.lobe import lobe_number
-from console.text.units import Units
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, fitted, hanging, line, name_among, wrapped
 from console.tui.pages.fields import provenance
 from console.tui.theme import Token
+from console.units import Units
 from drivers.cutting.strategy import UNCOMPENSATED
 from profiles.files import printable
 from profiles.job import NO_LOBE, Job

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 from console.session.cut.alignment import Alignment
 from console.text.catalogue import Catalogue
-from console.text.units import METRIC, Units
 from console.tui.lines import BLANK, NOTHING, Line, clipped, dim, hanging, line, ranged, wrapped
 from console.tui.theme import Token
+from console.units import METRIC, Units
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
 from drivers.preview.closed_form import ClosedForm, closed_form

@@ -8,10 +8,10 @@ from datetime import datetime
 
 from console.session.data.run_reader import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
-from console.text.units import Units
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
 from console.tui.records.listing import Listing, Wanted
 from console.tui.theme import Token
+from console.units import Units
 from profiles.files import printable
 
 _SELECTED, _MARKED = "▸", "*"

@@ -14,7 +14,6 @@ from textual.widget import Widget
 
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import part_words
-from console.text.units import Units
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -45,6 +44,7 @@ from console.tui.records.reading import Opened
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
+from console.units import Units
 from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
 from profiles.own_values import number

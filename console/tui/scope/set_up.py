@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import TypeVar
 
 from console.text.catalogue import Catalogue
-from console.text.units import METRIC, Units
 from console.tui.lines import Line, dim, fitted, line
 from console.tui.theme import Token
+from console.units import METRIC, Units
 from drivers.requests.scope_setup import (
     CHANNELS,
     LENGTHS_S,

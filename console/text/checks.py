@@ -6,14 +6,13 @@ from collections import Counter
 from collections.abc import Iterable
 from itertools import groupby
 
-from console.cli.judgement import MARKS
-from console.cli.output import fields_of
 from console.text.catalogue import Catalogue
 from console.text.columns import broken
 from drivers.commissioning.check import Check
 from profiles.findings import Severity
 
 WIDTH = 80
+MARKS = {Severity.OK: "✓", Severity.NOTICE: "·", Severity.WARNING: "!", Severity.REFUSAL: "✗"}
 
 _OUTCOMES = {Severity.OK: "holds", Severity.NOTICE: "noted", Severity.WARNING: "warned", Severity.REFUSAL: "fails"}
 """JSON names of the severities of checks."""
@@ -26,7 +25,7 @@ def check_fields(checks: Iterable[Check], text: Catalogue) -> list[dict[str, obj
             "group": check.group.value,
             "code": check.code,
             "outcome": _OUTCOMES[check.severity],
-            **fields_of(check, "subject", "setting", "variable", "found", "wanted"),
+            **{name: getattr(check, name) for name in ("subject", "setting", "variable", "found", "wanted")},
             "facts": dict(check.facts),
             "text": _sentence(check, text),
         }

@@ -18,6 +18,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, Protocol
 
 from console.cli.library import data_of, machine_of, simulated_address
+from console.escaping import CELLS
 from console.flight.notes import Inbox, Kind
 from console.flight.recorded_control import RecordedControl
 from console.rings import SCHOOL
@@ -32,7 +33,6 @@ from console.session.station.state import StationState
 from console.session.station.whereabouts import address_of
 from console.session.terminal_place import remote_client
 from console.text.catalogue import Catalogue
-from console.text.escaping import CELLS
 from console.tui.app import ConsoleApp
 from console.tui.driver import StopDriver
 from console.tui.keymap import PageName
