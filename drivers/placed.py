@@ -37,7 +37,7 @@ def placed_text(placed: Placed) -> str:
 def placed_of(text: str) -> Placed:
     """Return what such a line says. Raises ValueError, TypeError, KeyError and `ProfileError` of any other."""
     from profiles.job import job_from_table
-    from profiles.own_values import from_json, number
+    from profiles.strict_values import from_json, number
 
     found: Mapping[str, Any] = from_json(text)
     axes = found["axes"]

@@ -12,8 +12,8 @@ from typing import Any, TextIO
 from console.escaping import can_write, encodable, escaped, spelled
 from console.text.catalogue import Catalogue
 from drivers.clock import OLD_S
-from profiles.own_values import renamed
 from profiles.problem import Problem
+from profiles.strict_values import renamed
 
 SCHEMA = 1
 """Of every JSON object on stdout; a value that is taken away, or changes its meaning, makes it 2."""

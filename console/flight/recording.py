@@ -21,8 +21,8 @@ from console.flight.recorded_forms import Moment
 from console.flight.typed_values import Typed, machine_of, patched
 from profiles.files import printable, read_regular_file
 from profiles.machine import MachineProfile
-from profiles.own_values import from_json, number, whole
 from profiles.problem import Problem, ProfileError
+from profiles.strict_values import from_json, number, whole
 
 MOST_PACKED, MOST_BYTES = 40_000_000, 120_000_000  # far above any recording; a bomb ends here
 MOST_LINES = 400_000

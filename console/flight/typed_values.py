@@ -7,19 +7,17 @@ from __future__ import annotations
 
 from base64 import b64decode
 from collections.abc import Callable, Mapping
-from dataclasses import is_dataclass
-from enum import Enum
 from functools import cache
 from pathlib import Path
-from types import MappingProxyType, NoneType, UnionType
-from typing import Any, Union, get_args, get_origin, get_type_hints
+from types import MappingProxyType
+from typing import Any, get_origin, get_type_hints
 
-from console.flight.plain_values import ARRAY, DROPPED, LONGEST_TEXT, names_of
+from console.flight.plain_values import ARRAY, DROPPED, LONGEST_TEXT
 from console.flight.recorded_forms import names
 from profiles.job import Job, job_from_table
 from profiles.machine import OF_CALIBRATION, MachineProfile, machine_from_table
-from profiles.own_values import number, text, whole
 from profiles.problem import ProblemError
+from profiles.strict_values import StrictReader, brief, flag, number, text, whole
 
 LARGEST = 1e15  # no position, time or count of a lathe is larger
 MOST_NUMBERS = 200_000  # in an array: a trace of a part has some thousand
@@ -29,21 +27,35 @@ _ARRAYS = ("ndarray", "NDArray")
 """What a field of samples is annotated with, by its name: from 2.5 on that of numpy is an alias that stays one."""
 
 
-class Typed:
-    """Reader of values. A part that was read is the same object wherever the same part of the JSON is."""
+class Typed(StrictReader):
+    """Reader of a recording. A part that was read is the same object wherever the same part of the JSON is."""
+
+    most_entries = MOST_ENTRIES
+    complete = True
+    table = MappingProxyType
 
     def __init__(self) -> None:
+        self.plain = _PLAIN
         self._known: dict[tuple[int, Any], tuple[object, Any]] = {}
 
     def read(self, hint: Any, value: Any) -> Any:
         """Return the value of a type. Raises ValueError, TypeError: of another type, out of bounds, unknown."""
         if not isinstance(value, dict | list):
-            return _read(self, hint, value)
+            return self._read(hint, value)
         found = self._known.get((id(value), hint))
         if found is None:
             # The JSON is kept as well: its identity must not be used again.
-            found = self._known[(id(value), hint)] = (value, _read(self, hint, value))
+            found = self._known[(id(value), hint)] = (value, self._read(hint, value))
         return found[1]
+
+    def _read(self, hint: Any, value: Any) -> Any:
+        if hint is Job and isinstance(value, dict):
+            return _of_its_file(job_from_table, value)
+        return _array(value) if getattr(get_origin(hint), "__name__", "") in _ARRAYS else super().read(hint, value)
+
+    def hints(self, kind: type) -> Mapping[str, Any]:
+        """Return the type of each field."""
+        return _hints(kind)
 
 
 def patched(tree: dict[str, Any], changed: Mapping[str, Any]) -> dict[str, Any]:
@@ -87,49 +99,6 @@ def _bytes(value: Any) -> bytes:
     return found
 
 
-def _read(typed: Typed, hint: Any, value: Any) -> Any:  # noqa: C901 - one branch a case
-    if hint in _PLAIN:
-        return _PLAIN[hint](value)
-    if hint is Job and isinstance(value, dict):
-        return _of_its_file(job_from_table, value)
-    if is_dataclass(hint) and isinstance(hint, type):
-        return _record(typed, hint, value)
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return hint(value)
-    origin, inner = get_origin(hint), get_args(hint)
-    if origin in (UnionType, Union):
-        (other,) = (each for each in inner if each is not NoneType)
-        return None if value is None else typed.read(other, value)
-    if origin in (tuple, frozenset) and isinstance(value, list):
-        kinds = [inner[0]] * len(value) if origin is frozenset or inner[1:] == (...,) else list(inner)
-        if len(kinds) != len(value) or len(value) > MOST_ENTRIES:
-            raise ValueError(f"{len(value)} values in the place of {len(kinds)}")
-        return origin(typed.read(kind, each) for kind, each in zip(kinds, value, strict=True))
-    if isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, dict):
-        if len(value) > MOST_ENTRIES:
-            raise ValueError(f"{len(value)} entries")
-        return MappingProxyType({_text(key): typed.read(inner[1], each) for key, each in value.items()})
-    if getattr(origin, "__name__", "") in _ARRAYS:
-        return _array(value)
-    raise TypeError(f"{_shown(value)} is no {getattr(hint, '__name__', hint)}")
-
-
-def _record(typed: Typed, kind: type, value: Any) -> Any:
-    if not isinstance(value, dict):
-        raise TypeError(f"{_shown(value)} is no {kind.__name__}")
-    if value.keys() != {*names_of(kind)}:
-        strange = sorted(value.keys() ^ {*names_of(kind)})
-        raise ValueError(f"{kind.__name__}: {', '.join(map(_shown, strange[:3]))}")
-    hints = _hints(kind)
-    found = {}
-    for name, each in value.items():
-        try:
-            found[name] = typed.read(hints[name], each)
-        except (TypeError, ValueError, OverflowError) as error:
-            raise ValueError(f"{name}: {error}") from error
-    return kind(**found)
-
-
 @cache
 def _hints(kind: type) -> Mapping[str, Any]:
     return get_type_hints(kind, None, dict(names()))
@@ -151,14 +120,8 @@ def _whole(value: Any) -> int:
 def _text(value: Any) -> str:
     found = text(value)
     if len(found) > LONGEST_TEXT or not found.isprintable():
-        raise ValueError(f"a text that cannot be shown: {_shown(found)}")
+        raise ValueError(f"a text that cannot be shown: {brief(found)}")
     return found
-
-
-def _flag(value: Any) -> bool:
-    if not isinstance(value, bool):
-        raise TypeError(f"{_shown(value)} is neither true nor false")
-    return value
 
 
 def _complex(value: Any) -> complex:
@@ -199,15 +162,10 @@ def _stated(value: Any) -> Any:
     return [_stated(each) for each in value] if isinstance(value, list) else value
 
 
-def _shown(value: Any) -> str:
-    words = repr(value)
-    return words if len(words) <= 60 else f"{words[:59]}…"
-
-
 _PLAIN: Mapping[Any, Any] = {
     float: _number,
     int: _whole,
-    bool: _flag,
+    bool: flag,
     str: _text,
     complex: _complex,
     Path: lambda value: Path(_text(value)),

@@ -15,7 +15,7 @@ from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
 from profiles.forecast import forecast_um
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
-from profiles.own_values import number_or_none
+from profiles.strict_values import number_or_none
 
 
 def debriefed(run: ReportedRun, text: Catalogue) -> Markup | None:

@@ -8,8 +8,8 @@ from dataclasses import dataclass, replace
 
 from profiles.compensations.force_null import AGREES_DEG, MIRRORED_DEG, SURE, ForceNull, Sign, Why
 from profiles.job import Job
-from profiles.own_values import from_json, number, text, whole
 from profiles.problem import Problem
+from profiles.strict_values import from_json, number, text, whole
 
 FORCE = "force_null"
 _COMPLEX = ("force_n", "right_n", "wrong_n", "ratio")

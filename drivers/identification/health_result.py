@@ -7,7 +7,7 @@ from typing import Any
 
 from drivers.identification.result import IdentifiedPoint, Origin
 from profiles.axis.step_figures import ErrorFigures, StepFigures
-from profiles.own_values import positive, read_own
+from profiles.strict_values import positive, read_own
 
 SCHEMA = 1
 

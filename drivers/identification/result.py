@@ -13,8 +13,8 @@ from drivers.pmac.dialect import dialect_of
 from profiles.axis.response import ServoResponse, identified_response
 from profiles.axis.servo_gains import complete_settings, stated_settings
 from profiles.machine import MachineProfile
-from profiles.own_values import positive, read_own
 from profiles.problem import Problem
+from profiles.strict_values import positive, read_own
 
 SCHEMA = 1
 

@@ -10,8 +10,8 @@ from typing import Any
 from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.job import Job
 from profiles.machine import Chuck, MachineProfile, Spindle, ToolAxis
-from profiles.own_values import read_own, renamed
 from profiles.problem import Problem
+from profiles.strict_values import read_own, renamed
 
 SCHEMA = 6
 READ = (1, 2, 3, 4, 5, SCHEMA)

@@ -29,9 +29,9 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.calibration.wrench import fit_wrench
 from profiles.compensations.learned import LearnedCompensation, PartRead
 from profiles.compensations.path import CutPath, PathHarmonic, target_path
-from profiles.own_values import DEPTH_CAP, from_json
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
+from profiles.strict_values import DEPTH_CAP, from_json
 from tests.console.test_identified_store import RESPONSE
 
 Console = Callable[..., Any]

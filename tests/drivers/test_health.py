@@ -13,9 +13,9 @@ from drivers.identification.health_result import HealthResult, as_table, from_ta
 from drivers.lathe.stop import StoppedError
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile
-from profiles.own_values import renamed
 from profiles.problem import ProblemError
 from profiles.store import load_machine
+from profiles.strict_values import renamed
 from tests.drivers.families import machine as machine  # both families
 from tests.drivers.identification_bench import Stand, ready
 

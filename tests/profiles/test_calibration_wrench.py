@@ -10,8 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from profiles.calibration.wrench import WrenchFit, fit_wrench
-from profiles.own_values import record
 from profiles.problem import ProfileError
+from profiles.strict_values import record
 
 Floats = NDArray[np.float64]
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 
-from profiles.own_values import from_json, record
 from profiles.problem import Problem
+from profiles.strict_values import from_json, record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

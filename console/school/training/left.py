@@ -18,7 +18,7 @@ from console.school.training.lesson import Lesson
 from console.school.training.tries import LEFT, UNREADABLE, trainee_folder
 from console.session.data.kept_files import file_error, folder_name, kept, make_folder
 from profiles.files import printable, write_atomically
-from profiles.own_values import read_own
+from profiles.strict_values import read_own
 
 SCHEMA = 1
 

@@ -14,8 +14,8 @@ from console.school.training.debrief import FULL, Debrief, Mark
 from console.school.training.happened import Happening
 from console.session.data.kept_files import file_error, folder_name, keep, kept
 from profiles.files import printable
-from profiles.own_values import read_own, record
 from profiles.problem import Problem, ProfileError
+from profiles.strict_values import read_own, record
 
 FOLDER = "training"
 LEFT = "left"  # in the folder of a trainee: tries that were left, by lesson

@@ -14,7 +14,7 @@ from pathlib import Path, PurePosixPath
 
 from console.session.data.record_file import BESIDE_RECORDS
 from profiles.files import MOST_DEPTH, is_temporary
-from profiles.own_values import from_json
+from profiles.strict_values import from_json
 
 SCHEMA = 1
 MANIFEST = "trilobe-backup.json"

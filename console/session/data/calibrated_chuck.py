@@ -26,9 +26,9 @@ from profiles.fields import fault, spelled
 from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.machine_fields import SECTIONS
-from profiles.own_values import number, number_or_none, record
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine, load_machine
+from profiles.strict_values import number, number_or_none, record
 
 if TYPE_CHECKING:
     from profiles.calibration.deflection import DeflectionFit

@@ -25,9 +25,9 @@ from console.session.data.kept_files import (
 )
 from profiles.files import printable
 from profiles.job import Job, copy_of
-from profiles.own_values import read_own
 from profiles.problem import Problem, ProfileError
 from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, save_job
+from profiles.strict_values import read_own
 
 FOLDER = "calibrations"
 SCHEMA = 1

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 
-from profiles.own_values import from_json, number, text
 from profiles.problem import ProblemError
+from profiles.strict_values import from_json, number, text
 
 RECENT = 20  # parts of a job that are kept one by one
 LOCK_TIMEOUT_S = 0.1  # how long to wait for a writer; a list of jobs is not worth more

@@ -15,8 +15,8 @@ from console.session.data.home import account_name, home_of
 from console.session.errors import SessionError
 from drivers.clock import boot_s
 from profiles.files import make_private_folder, printable, read_regular_file, write_atomically
-from profiles.own_values import from_json
 from profiles.problem import Problem, ProfileError
+from profiles.strict_values import from_json
 
 CAP_BYTES = 1_000_000
 

@@ -17,8 +17,8 @@ from drivers.simulator.plant.which_lathe import LATHE, WHICH
 from profiles.compensations.force_null import ForceNull
 from profiles.compensations.learned import HoldsFor
 from profiles.files import printable
-from profiles.own_values import from_json, number, number_or_none, text, whole
 from profiles.problem import Problem
+from profiles.strict_values import from_json, number, number_or_none, text, whole
 
 LOCK_TIMEOUT_S = 1.0
 MOST_NAMED = 3  # simulated lathes in a message

@@ -9,7 +9,7 @@ from __future__ import annotations
 import sqlite3
 from collections.abc import Callable, Iterator
 
-from profiles.own_values import from_json, number
+from profiles.strict_values import from_json, number
 
 SCHEMA = 2
 

@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 from enum import StrEnum
 from typing import Any
 
-from profiles.own_values import from_json, number_or_none
 from profiles.problem import Problem
+from profiles.strict_values import from_json, number_or_none
 
 MODEL = "none"
 """Name of the compensation where nothing learned was used."""

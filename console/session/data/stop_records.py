@@ -28,8 +28,8 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
-from profiles.own_values import from_json, read_own
 from profiles.problem import Problem, ProfileError
+from profiles.strict_values import from_json, read_own
 
 FOLDER = "stops"
 SCHEMA = 3

@@ -16,7 +16,7 @@ from console.session.feed.observed import RUN, SCREENS
 from console.session.feed.request import SCHEMA
 from console.session.station.state import Activity
 from profiles.files import printable
-from profiles.own_values import from_json, record
+from profiles.strict_values import from_json, record
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

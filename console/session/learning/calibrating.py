@@ -15,9 +15,9 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import CONDITIONS, NAMES
 from profiles.machine import MachineProfile
-from profiles.own_values import renamed
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob, load_job
+from profiles.strict_values import renamed
 from profiles.traces import Trace
 
 LOBE_TAKEN = "lobe_taken"

@@ -15,7 +15,7 @@ from profiles.axis.notch import is_coefficient
 from profiles.axis.sampled_loop import AxisPlant, FlexibleMode
 from profiles.axis.servo_gains import is_filter
 from profiles.files import printable, write_atomically
-from profiles.own_values import read_own
+from profiles.strict_values import read_own
 
 FOLDER, SCHEMA = "trials", 1
 MOST_SETTING = 8_388_607  # 24 bits with their sign: what a controller can have

@@ -16,8 +16,8 @@ from console.session.data.kept_files import file_error
 from console.session.errors import SessionError
 from console.site.study.cells import COLUMNS, Row
 from profiles.files import open_regular, printable
-from profiles.own_values import from_json
 from profiles.problem import Problem
+from profiles.strict_values import from_json
 
 NAME = "journal.jsonl"
 

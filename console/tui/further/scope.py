@@ -29,8 +29,8 @@ from drivers.requests.side_line import SideLine
 from profiles.arrays import Floats
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.machine import MachineProfile
-from profiles.own_values import DAMAGED_AT
 from profiles.problem import Problem, ProfileError
+from profiles.strict_values import DAMAGED_AT
 
 COARSE = 20  # part of the picture that PgUp and PgDn move a cursor by
 _SETS = {"scope.up": -1, "scope.down": 1}

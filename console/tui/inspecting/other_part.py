@@ -10,9 +10,9 @@ from console.session.station.state import MeasuredPart
 from console.tui.records.beside import Beside, Problems
 from console.tui.records.opened_run import traced
 from profiles.files import printable
-from profiles.own_values import number_or_none
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult, evaluate
+from profiles.strict_values import number_or_none
 from profiles.traces import Trace
 
 MOST_PARTS = 200

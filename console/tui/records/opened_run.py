@@ -17,10 +17,10 @@ from console.session.learning.imported import on_the_spindle, one_turn
 from console.session.learning.run_debrief import RunDebrief, run_debrief
 from profiles.arrays import Floats
 from profiles.job import Job, job_from_table
-from profiles.own_values import number_or_none
 from profiles.problem import Problem, ProblemError, ProfileError
 from profiles.roundness import centred_profile
 from profiles.store import LoadedMachine, list_jobs, load_job
+from profiles.strict_values import number_or_none
 from profiles.trace_files.header import header_of
 from profiles.traces import Trace, parse_trace
 

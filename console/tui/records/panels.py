@@ -47,7 +47,7 @@ from console.tui.ui_context import UiContext
 from console.units import Units
 from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
-from profiles.own_values import number
+from profiles.strict_values import number
 
 Found = Listing | Opened | JobChart | Problems | None
 _PAGE_LEAST = 1

@@ -28,7 +28,7 @@ from console.tui.records.opened_run import JobNow, OpenedRun
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.forecast import forecast_um
-from profiles.own_values import number_or_none
+from profiles.strict_values import number_or_none
 
 _LABEL = 15
 _WIDEST = 60

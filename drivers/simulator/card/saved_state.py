@@ -25,8 +25,8 @@ from drivers.simulator.card.plc_programs import PlcPrograms
 from drivers.simulator.card.program_buffer import Password
 from drivers.simulator.card.table_memory import TableMemory
 from profiles.files import printable, read_regular_file, write_atomically
-from profiles.own_values import from_json, read_own
 from profiles.problem import Problem, ProfileError
+from profiles.strict_values import from_json, read_own
 
 SCHEMA = 1
 UNREADABLE = "file.unreadable"

@@ -28,8 +28,8 @@ from drivers.simulator.hosts.frozen import GoOn, freeze
 from drivers.simulator.hosts.real_time import Pace
 from drivers.simulator.machine import SimulatedLathe
 from profiles.job import job_from_table
-from profiles.own_values import from_json, positive, whole
 from profiles.problem import ProfileError
+from profiles.strict_values import from_json, positive, whole
 
 
 async def converse(

@@ -31,8 +31,8 @@ from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
-from profiles.own_values import from_json, record
 from profiles.problem import Problem
+from profiles.strict_values import from_json, record
 
 if TYPE_CHECKING:
     from profiles.traces import Trace

@@ -7,12 +7,12 @@ not a truth value, 2.7 not a whole number, "1e3" not a number, and neither are i
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import MISSING, fields, is_dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import MISSING, Field, fields, is_dataclass
 from datetime import date
 from enum import Enum
 from types import NoneType, UnionType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
 from profiles.files import printable
 from profiles.problem import refused
@@ -100,7 +100,8 @@ def text(value: object) -> str:
     return value
 
 
-def _flag(value: object) -> bool:
+def flag(value: object) -> bool:
+    """Return a truth value. Raises `TypeError` of anything else."""
     if not isinstance(value, bool):
         raise TypeError(f"{value!r} is neither true nor false")
     return value
@@ -141,45 +142,87 @@ def record(kind: type[Record], table: Mapping[str, Any]) -> Record:
 
     Raises `TypeError`, `ValueError`: a value of another type, a key that is missing, or one that is unknown.
     """
-    hints = get_type_hints(kind)
-    own = fields(kind)  # type: ignore[arg-type]
-    known = {each.name for each in own}
-    if strange := table.keys() - known:
-        raise TypeError(f"unknown {', '.join(sorted(map(str, strange)))}")
-    needed = {each.name for each in own if each.default is MISSING and each.default_factory is MISSING}
-    if missing := needed - table.keys():
-        raise TypeError(f"{', '.join(sorted(missing))} missing")
-    return kind(**{name: _typed(hints[name], value) for name, value in table.items()})
+    return StrictReader().record(kind, table)
 
 
-def _typed(hint: Any, value: object) -> Any:
-    """Return a value of a type: plain, None beside one, a tuple, a mapping or a dataclass of them, or a choice."""
-    if hint is Any:
-        return value
-    if hint in _PLAIN:
-        return _PLAIN[hint](value)
-    if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, Mapping):
-        return record(hint, value)
-    origin, inner = get_origin(hint), get_args(hint)
-    if origin is UnionType:
-        (other,) = (each for each in inner if each is not NoneType)
-        return None if value is None else _typed(other, value)
-    if origin is tuple and isinstance(value, list | tuple):
-        kinds = [inner[0]] * len(value) if inner[1:] == (...,) else list(inner)
-        if len(kinds) != len(value):
+class StrictReader:
+    """Reads plain values as what a type hint says: dataclasses, choices, tuples, sets and tables of plain types.
+
+    `plain` has a reader for each plain type. Lists and tables have at most `most_entries`. With `complete` a field
+    that has a default may not be missing either. `table` is what a mapping becomes.
+    """
+
+    plain: Mapping[Any, Callable[[Any], Any]]
+    most_entries: float = math.inf
+    complete = False
+    table: type = dict
+
+    def __init__(self) -> None:
+        self.plain = PLAIN
+
+    def read(self, hint: Any, value: Any) -> Any:
+        """Return the value of a type. Raises ValueError, TypeError: of another type, out of bounds, unknown."""
+        if hint in self.plain:
+            return self.plain[hint](value)
+        if is_dataclass(hint) and isinstance(hint, type) and isinstance(value, Mapping):
+            return self.record(hint, value)
+        if isinstance(hint, type) and issubclass(hint, Enum):
+            return hint(value)
+        origin, inner = get_origin(hint), get_args(hint)
+        if origin in (UnionType, Union):
+            (other,) = (each for each in inner if each is not NoneType)
+            return None if value is None else self.read(other, value)
+        if origin in (tuple, frozenset) and isinstance(value, list | tuple):
+            return self._listed(origin, inner, value)
+        if isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
+            if len(value) > self.most_entries:
+                raise ValueError(f"{len(value)} entries")
+            return self.table({self.plain[str](key): self.read(inner[1], each) for key, each in value.items()})
+        raise TypeError(f"{brief(value)} is no {getattr(hint, '__name__', hint)}")
+
+    def _listed(self, origin: Any, inner: tuple[Any, ...], value: Sequence[Any]) -> Any:
+        kinds = [inner[0]] * len(value) if origin is frozenset or inner[1:] == (...,) else list(inner)
+        if len(kinds) != len(value) or len(value) > self.most_entries:
             raise ValueError(f"{len(value)} values in the place of {len(kinds)}")
-        return tuple(_typed(kind, each) for kind, each in zip(kinds, value, strict=True))
-    if isinstance(origin, type) and issubclass(origin, Mapping) and isinstance(value, Mapping):
-        return {text(key): _typed(inner[1], each) for key, each in value.items()}
-    if isinstance(hint, type) and issubclass(hint, Enum):
-        return hint(value)
-    raise TypeError(f"{value!r} is no {hint}")
+        return origin(self.read(kind, each) for kind, each in zip(kinds, value, strict=True))
+
+    def record(self, kind: type[Record], table: Mapping[str, Any]) -> Record:
+        """Return a dataclass; raises as `read`, with the name of the field."""
+        own = fields(kind)  # type: ignore[arg-type]
+        if strange := sorted(map(str, table.keys() - {each.name for each in own})):
+            raise TypeError(f"unknown {', '.join(brief(each) for each in strange[:3])}")
+        needed = {each.name for each in own if self.complete or _has_no_default(each)}
+        if missing := needed - table.keys():
+            raise TypeError(f"{', '.join(sorted(missing))} missing")
+        hints = self.hints(kind)
+        found = {}
+        for name, value in table.items():
+            try:
+                found[name] = self.read(hints[name], value)
+            except (TypeError, ValueError, OverflowError) as error:
+                raise type(error)(f"{name}: {error}") from error
+        return kind(**found)
+
+    def hints(self, kind: type) -> Mapping[str, Any]:
+        """Return the type of each field."""
+        return get_type_hints(kind)
 
 
-_PLAIN: Mapping[Any, Callable[[object], Any]] = {
+def _has_no_default(field: Field[Any]) -> bool:
+    return field.default is MISSING and field.default_factory is MISSING
+
+
+def brief(value: object) -> str:
+    """Return a value as Python writes it, cut short."""
+    words = repr(value)
+    return words if len(words) <= 60 else f"{words[:59]}…"
+
+
+PLAIN: Mapping[Any, Callable[[Any], Any]] = {
+    Any: lambda value: value,
     float: number,
     int: whole,
-    bool: _flag,
+    bool: flag,
     str: text,
     date: lambda value: date.fromisoformat(text(value)),
 }
