@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import signal
 import sys
 from collections import Counter
 from collections.abc import Generator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -52,14 +54,32 @@ remember()
 ALL_BUT_LONG = pytest.StashKey[bool]()
 
 
+ABSENT = tuple(ring for ring in RINGS if not is_installed(ring))
+PAGES = frozenset({"train", "more", "settings"})
+
+
 def pytest_ignore_collect(collection_path: Path) -> bool | None:
     """Leave out what tests a ring that is not installed: the core passes its tests without."""
-    absent = [ring for ring in RINGS if not is_installed(ring)]
-    if not absent or collection_path.suffix != ".py":
-        return None
-    room = {ring.rpartition(".")[2] for ring in absent} & set(collection_path.parts)
-    named = any(ring in collection_path.read_text(encoding="utf-8") for ring in absent)
-    return True if room or named else None
+    return True if ABSENT and collection_path.suffix == ".py" and _names_a_ring(collection_path) else None
+
+
+def _is_of_a_ring(item: pytest.Item) -> bool:
+    """Whether a case is about a page of a ring, or about one that shows which pages there are."""
+    case = getattr(item, "callspec", None)
+    return case is not None and not PAGES.isdisjoint(map(str, case.params.values()))
+
+
+@cache
+def _names_a_ring(path: Path) -> bool:
+    """Whether a test, or one that it imports, names a ring that is not installed or stands in its room."""
+    if not path.is_file():
+        return False
+    text = path.read_text(encoding="utf-8")
+    if {ring.rpartition(".")[2] for ring in ABSENT} & set(path.parts) or any(ring in text for ring in ABSENT):
+        return True
+    used = re.findall(r"^(?:from tests\.([\w.]+) import|import tests\.([\w.]+))", text, re.MULTILINE)
+    files = (Path(__file__).parent.joinpath(*(one or other).split(".")) for one, other in used)
+    return any(_names_a_ring(each.with_suffix(".py")) for each in files)
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -111,6 +131,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     The longest come first, then those that share what their file has started, which stay together. Where all tests
     are run, those marked `long` are left out; a file or a name of them, or `-m long`, runs them.
     """
+    if ABSENT:
+        items[:] = [item for item in items if not item.get_closest_marker("rings") and not _is_of_a_ring(item)]
     _mark_further_cases(items)
     _mark_second_cases(items)
     if config.stash[ALL_BUT_LONG]:

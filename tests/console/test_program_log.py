@@ -68,6 +68,7 @@ def test_a_reader_that_has_gone_as_behind_head_is_no_fault(command: str, logged:
     assert logged in text and "fault" not in text and "Traceback" not in text
 
 
+@pytest.mark.rings
 @pytest.mark.parametrize(
     "given",
     [("--shop", "host=x password=geheim"), ("--shop=postgresql://a:geheim@x/shop",), ("--sho", "password=geheim")],
@@ -79,6 +80,7 @@ def test_no_password_of_a_shop_is_in_it(console: Console, tmp_path: Path, given:
     assert "geheim" not in text and ("begin  ship" in text or given[0] == "--sho")
 
 
+@pytest.mark.rings
 def test_nor_where_the_program_fails(console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def broken(*_: object) -> int:
         raise RuntimeError("broken")

@@ -98,6 +98,7 @@ TELLS |= {"screen.job_entry_dropped", "screen.log_exported"}
 """Answers to keys that did something."""
 
 
+@pytest.mark.rings
 @pytest.mark.long
 def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -411,6 +412,7 @@ def test_it_fits_with_the_reason_of_the_selected_action_in_full(
     play(tmp_path, scene, work=experiment(), language=language, size=size)
 
 
+@pytest.mark.rings
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_the_key_of_each_page_says_what_that_page_is(language: str) -> None:
     """Alone, as in Settings and in the palette; in the lists of `?` one key shares the words of another."""

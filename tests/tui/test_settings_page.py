@@ -91,6 +91,7 @@ async def every_page(app: ConsoleApp, pilot: Pilot[None]) -> dict[PageName, tupl
 CHANGED = [Appearance(language="ko", theme="light", glyphs="ascii"), Appearance(theme="16-colour")]
 
 
+@pytest.mark.rings
 @pytest.mark.long
 @pytest.mark.parametrize("target", CHANGED, ids=["ko-light-ascii", "16-colour"])
 def test_after_a_change_every_page_looks_as_if_the_console_had_been_started_so(
