@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -16,7 +17,7 @@ from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
-from drivers.pmac.reserved import ECHO
+from drivers.pmac.reserved import ECHO, LOST, OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
@@ -235,3 +236,32 @@ def test_no_drive_is_enabled_while_a_stop_is_in_force(machine: MachineProfile) -
     with pytest.raises(StoppedError):
         made.lathe.enable()
     assert not any(motor.amplifier_enabled for motor in made.sim.controller.motors.values())
+
+
+@pytest.mark.parametrize(
+    ("waited_s", "line", "lapses"),
+    [
+        (0.0, "", False),  # the line was held up on its way: the controller still counts down from 300 ms
+        (0.2, "", False),  # 100 ms are left of its watchdog, enough for a renewal
+        (0.27, "", True),  # 30 ms are left, fewer than the 50 ms between two renewals
+        (0.0, f"P{LOST}=1", True),
+        (0.0, f"P{OWNER}=4711", True),
+    ],
+)
+def test_a_late_host_renews_only_a_watchdog_that_is_armed_and_its_own(
+    kept: Kept, waited_s: float, line: str, lapses: bool
+) -> None:
+    """By its own clock it is 0.4 s late. Ended motions stay ended, and those of another console are its own."""
+    late: Any = SimpleNamespace(s=0.0, wait=kept.sim.wait)
+    late.now_s = lambda: kept.sim.now_s() + late.s
+    heartbeat = Heartbeat(kept.client, late, kept.lathe.machine)
+    heartbeat.prepare()
+    kept.client.request(heartbeat.jog(line), lines=0)
+    kept.sim.wait(waited_s)
+    late.s = 0.4
+    if not lapses:
+        assert heartbeat.renewal()
+        return
+    with pytest.raises(DriverError) as failed:
+        heartbeat.renewal()
+    assert (code(failed), heartbeat.guarding) == ("heartbeat.lapsed", False)

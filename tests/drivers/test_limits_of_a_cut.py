@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -17,11 +18,13 @@ from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
 from drivers.cutting.sampling import BatchGather
-from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.drift import rest_limits
+from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import run_through
@@ -220,6 +223,39 @@ def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
     assert queried.queries == 0
 
 
+@pytest.mark.parametrize(
+    "ask",
+    [
+        lambda program: program.override.command(90),
+        lambda program: program.hold.ask(),
+        lambda program: program.live_trim.ask(Trim(gain_percent=5.0)),
+        lambda program: program.end_after_turn(),
+        lambda program: program.trim(1.0 + 0.0j),
+    ],
+)
+@pytest.mark.parametrize("lost", [1, 2])
+def test_what_only_sets_a_value_of_a_running_cut_is_sent_twice_at_most(
+    machine: MachineProfile, ask: Any, lost: int
+) -> None:
+    """A key that the line has lost still acts; a line that answers nothing is told and not asked for ever."""
+    sim = SimulatedLathe(machine)
+    link = MemoryLink(sim.connect(), sim)
+    client, sent = PmacClient(link, sim), list[str]()
+    lathe = Lathe(client, machine, sim, StopPath(link))
+    lathe.connect()
+
+    def request(line: str, _: float) -> list[str]:
+        sent.append(line)
+        if len(sent) <= lost:
+            raise LinkTimeoutError(Problem(code="link.timeout"))
+        return []
+
+    client.request = request  # type: ignore[method-assign, assignment]
+    with pytest.raises(LinkTimeoutError) if lost == 2 else nullcontext():
+        ask(lathe.program)
+    assert len(sent) == 2 and sent[0] == sent[1]
+
+
 def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
     """The clock of a program that the spindle drives is stretched whole: acceleration, S-curve and move."""
     text = read_program("OPEN PROG 1\nCLEAR\nINC TA100 TS40 TM500\nX300\nCLOSE")
@@ -247,6 +283,43 @@ def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
     gather.give_back()
     gather.give_back()
     assert sent == ["ENDGATHER", "DELETE GATHER"]
+
+
+def test_after_a_lost_batch_gathering_is_ended_before_the_next_one_and_three_in_a_row_are_told(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Whether the lost one still fills its buffer is unknown; the next one defines that buffer anew."""
+    sim = SimulatedLathe(machine)
+    client, sent = PmacClient(MemoryLink(sim.connect(), sim), sim), list[str]()
+    client.connect()
+    request = client.request
+
+    def lose_listings(line: str, *rest: Any, **more: Any) -> list[str]:
+        sent.append(" ".join(line.split()[:2]))
+        if line.startswith("LIST"):
+            raise LinkTimeoutError(Problem(code="link.timeout"))
+        return request(line, *rest, **more)
+
+    client.request = lose_listings  # type: ignore[method-assign]
+    plan, gather = plan_cut(experiment(1), machine, Strategy.PVT), BatchGather(client, machine, sim, lambda: 0.0)
+    gather.prepare(plan, 100, 0.1, lambda _: None)
+    setup = plan.setup
+    in_part = polled(tool=commanded(setup.surface + setup.depth), carriage=commanded(setup.carriage_middle))
+
+    def see_batch() -> list[str]:
+        sent.clear()
+        gather.see(in_part)
+        sim.wait(0.2)
+        gather.see(in_part)
+        gather.see(in_part)
+        return list(sent)
+
+    batch = ["DEFINE GATHER", "GATHER", "ENDGATHER", "LIST GATHER"]
+    assert see_batch() == batch
+    assert see_batch() == ["ENDGATHER", *batch]
+    with pytest.raises(DriverError) as failed:
+        see_batch()
+    assert failed.value.problems[0].code == "gather.failed"
 
 
 def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:

@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from random import Random
 
 import pytest
 
+from drivers.cutting.bounds import Trim
 from drivers.errors import RefusedError
+from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.standing import Standing
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
+from drivers.pmac.program_text import read_program
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
+from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine
 
 
@@ -81,3 +88,77 @@ def test_a_console_that_died_and_came_back_is_another_one(sim: SimulatedLathe) -
     console(sim, 1).claim()
     with pytest.raises(RefusedError):
         console(sim, 3).claim()
+
+
+def apart(sim: SimulatedLathe, machine: MachineProfile, *, claim: bool) -> tuple[Lathe, list[str]]:
+    """Return a lathe with closed loops whose console may command or not, and what it sends beside its polls."""
+    link = MemoryLink(sim.connect(), sim)
+    client, sent = PmacClient(link, sim), list[str]()
+    heartbeat, ownership = Heartbeat(client, sim, machine), Ownership(client, Random(1))
+    lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=heartbeat, ownership=ownership)
+    lathe.connect()
+    client.request("#1J/ #2J/ #3J/")
+    if claim:
+        lathe.claim()
+    send = link.send
+
+    def record(data: bytes) -> None:
+        line = data.decode().strip()
+        if line and line != lathe.poll_line:
+            sent.append(line)
+        send(data)
+
+    link.send = record  # type: ignore[method-assign]
+    return lathe, sent
+
+
+COMMANDS: dict[str, Callable[[Lathe], object]] = {
+    "load": lambda lathe: lathe.program.load(read_program("OPEN PROG 3\nCLEAR\nDWELL0\nCLOSE")),
+    "start": lambda lathe: lathe.program.start(3, 0.0),
+    "end after this turn": lambda lathe: lathe.program.end_after_turn(),
+    "trim": lambda lathe: lathe.program.trim(1.0 + 0.0j),
+    "override": lambda lathe: lathe.program.override.command(80),
+    "feed hold": lambda lathe: lathe.program.hold.ask(),
+    "live trim": lambda lathe: lathe.program.live_trim.ask(Trim(gain_percent=1.0)),
+    "look for tables": lambda lathe: lathe.program.tables_left(),
+    "switch tables off": lambda lathe: lathe.program.switch_tables_off(),
+    "clear tables": lambda lathe: lathe.program.clear_tables(),
+    "begin the witness": lambda lathe: lathe.begin_witness((0.0, 1.0)),
+    "enable": lambda lathe: lathe.enable(),
+    "disable": lambda lathe: lathe.switch_off(),
+}
+
+
+@ON_ONE
+@pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
+def test_a_console_that_looks_on_sends_no_command_of_a_cut(
+    sim: SimulatedLathe, machine: MachineProfile, command: Callable[[Lathe], object]
+) -> None:
+    lathe, sent = apart(sim, machine, claim=False)
+    with pytest.raises(RefusedError) as refused:
+        command(lathe)
+    assert (refusal(refused), sent) == ("owner.observer", [])
+
+
+@ON_ONE
+def test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command(
+    sim: SimulatedLathe, machine: MachineProfile
+) -> None:
+    """At the end of every cut: where nothing was changed, nothing is sent."""
+    lathe, sent = apart(sim, machine, claim=True)
+    lathe.program.put_back()
+    assert sent == []
+    lathe.program.override.command(80)
+    lathe.program.load(read_program("OPEN PROG 3\nCLEAR\nDWELL0\nCLOSE"), restore=("P12=34",))
+    assert lathe.ownership is not None
+    lathe.ownership.see(4711)
+    sent.clear()
+    with pytest.raises(RefusedError):
+        lathe.program.put_back()
+    assert sent == []
+    lathe.ownership.standing = Standing.OWNER
+    lathe.program.put_back()
+    assert sent == ["&1%100", "P12=34"]
+    lathe.program.override.command(80)
+    lathe.program.put_back()
+    assert sent[2:] == ["&1%80", "&1%100"]
