@@ -256,6 +256,22 @@ def test_what_only_sets_a_value_of_a_running_cut_is_sent_twice_at_most(
     assert len(sent) == 2 and sent[0] == sent[1]
 
 
+@pytest.mark.parametrize(
+    ("p47", "state"),
+    [(0.0, HoldState.CUTS), (1.0, HoldState.GOES_OUT), (2.0, HoldState.HELD), (3.0, HoldState.COMES_IN)],
+)
+def test_a_hold_is_what_the_program_reports_of_it(p47: float, state: HoldState) -> None:
+    """340 segments of 34 a turn were held, after 12 turns that were cut."""
+    answers = {"P46": 1.0, "P47": p47, "P49": 340.0, "P32": 34.0}
+    client = SimpleNamespace(
+        request=lambda *_: [], numbers=lambda *items, **_: [answers.get(each, 12.0) for each in items]
+    )
+    hold = FeedHold(cast(Any, client), cast(Any, SimpleNamespace(refuse_unless_owner=lambda: None)))
+    hold.ask()
+    hold.read()
+    assert hold.report == HoldReport(asked=True, state=state, turns=10, cut_turns=12.0)
+
+
 def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
     """The clock of a program that the spindle drives is stretched whole: acceleration, S-curve and move."""
     text = read_program("OPEN PROG 1\nCLEAR\nINC TA100 TS40 TM500\nX300\nCLOSE")

@@ -97,6 +97,7 @@ def test_the_bound_is_the_last_percent_that_every_limit_allows(
         return replace(machine, controller=replace(machine.controller, variables=variables))
 
     assert trim_bounds(plan, job, limited_to(1.0455), 100) == (4, 5.0)
+    assert trim_bounds(plan, job, limited_to(1.0955), 100) == (9, 5.0)
     assert trim_bounds(plan, job, limited_to(1.0455), 104) == (0, 0.0)
     # 27.5 um of lobe in a cut of 29 um: 5 % more, and the tool would leave the part.
     thin = replace(job, depth_of_cut_mm=0.029)

@@ -88,6 +88,7 @@ def test_what_shapes_the_path_of_the_tool_most_comes_before_its_limits() -> None
     places = [place for place, item in enumerate(of.table.schedule) if "I130" in item.names]
     limits = [place for place, item in enumerate(of.table.schedule) if "I111" in item.names]
     assert len(places) >= 3 * len(limits)
+    assert "I8000" in {name for item in loaded("turbo", Strategy.PVT).table.first for name in item.names}
 
 
 def test_the_whole_table_comes_round() -> None:
