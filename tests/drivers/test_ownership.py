@@ -12,13 +12,14 @@ from drivers.errors import RefusedError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.ownership import Ownership
+from drivers.lathe.snapshot import AxisName
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.program_text import read_program
-from drivers.pmac.reserved import OWNER
+from drivers.pmac.reserved import ECHO, OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.families import ON_ONE
@@ -94,7 +95,8 @@ def apart(sim: SimulatedLathe, machine: MachineProfile, *, claim: bool) -> tuple
     """Return a lathe with closed loops whose console may command or not, and what it sends beside its polls."""
     link = MemoryLink(sim.connect(), sim)
     client, sent = PmacClient(link, sim), list[str]()
-    heartbeat, ownership = Heartbeat(client, sim, machine), Ownership(client, Random(1))
+    ownership = Ownership(client, Random(1))
+    heartbeat = Heartbeat(client, sim, machine, owner_seen=ownership.see)
     lathe = Lathe(client, machine, sim, StopPath(link), heartbeat=heartbeat, ownership=ownership)
     lathe.connect()
     client.request("#1J/ #2J/ #3J/")
@@ -162,3 +164,25 @@ def test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command(
     lathe.program.override.command(80)
     lathe.program.put_back()
     assert sent[2:] == ["&1%80", "&1%100"]
+
+
+def test_a_console_that_was_pushed_aside_behind_its_last_poll_starts_nothing(
+    sim: SimulatedLathe, machine: MachineProfile
+) -> None:
+    """What is read of the heartbeat right before a motion also says who owns the machine by then."""
+    lathe, sent = apart(sim, machine, claim=True)
+    lathe.enable()
+    here = lathe.snapshot().carriage.position
+    send = lathe._client.link.send
+
+    def take_over(data: bytes) -> None:
+        if f"P{ECHO}".encode() in data:
+            sim.controller.variables.set(VariableKind.P, OWNER, 4711.0)
+        send(data)
+
+    lathe._client.link.send = take_over  # type: ignore[method-assign]
+    sent.clear()
+    with pytest.raises(RefusedError) as refused:
+        lathe.jog_to(AxisName.CARRIAGE, here + 500.0)
+    assert refusal(refused) == "owner.held"
+    assert not [line for line in sent if "J" in line]
