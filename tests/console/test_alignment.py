@@ -156,6 +156,16 @@ def test_behind_another_console_nothing_is_aligned() -> None:
     assert codes(after)[:2] == ["alignment.handed_over", "alignment.no_clamping"]
 
 
+@pytest.mark.parametrize("stamp", ["clamping", "jaw", "touch_off"])
+def test_behind_another_console_the_only_stamp_is_gone_as_well(stamp: str) -> None:
+    after = handed_over(replace(Alignment(), **{stamp: getattr(COMPLETE, stamp)}), "09:20")
+    assert (getattr(after, stamp), codes(after).count("alignment.handed_over")) == (None, 1)
+
+
+def test_who_had_found_nothing_loses_nothing_to_another_console() -> None:
+    assert handed_over(Alignment(), "09:20") == Alignment()
+
+
 def test_lost_zeros_take_jaw_and_touch_off_with_them_and_say_when() -> None:
     after = observed(COMPLETE, drives_on=True, homed=False, at="09:10")
     assert (after.jaw, after.touch_off) == (None, None)

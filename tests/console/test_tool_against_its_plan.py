@@ -15,6 +15,7 @@ from console.session.cut.recording import TelemetryRows
 from console.session.cut.tool_error import ToolError, fit_tool_error
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.snapshot import AxisState, Snapshot
+from drivers.pmac.witness import WitnessReport
 from profiles.arrays import Floats, floats
 from profiles.store import load_job
 from tests.system.lathe_sites import compact
@@ -120,6 +121,8 @@ def verdict(
     from_turn: int = 0,
     uneven_deg: float = 0.0,
     brief_um: float = 0.0,
+    witness: WitnessReport | None = None,
+    unheld: bool = True,
 ) -> CutVerdict:
     """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
 
@@ -155,7 +158,17 @@ def verdict(
                 carriage=axes[2],
             )
         )
-    return polls.verdict()
+    return polls.verdict(witness, unheld=unheld)
+
+
+def test_the_polls_of_a_cut_without_a_hold_are_what_the_following_error_of_its_witness_is_judged_by() -> None:
+    """A feed hold moves the tool out and in: what the witness has seen then, the polls of the cut have not."""
+    extremes = {"bias": (0.0, 0.0), "compensation": (0.0, 0.0), "following_error": (-300.0, 300.0)}
+    report = WitnessReport(before={}, first={}, extremes=extremes)
+    found = verdict(witness=report)
+    assert [each.code for each in found.changes] == ["cut.witness_following_error"]
+    assert found.judgement is CutJudgement.DISTURBED
+    assert verdict(witness=report, unheld=False).changes == ()
 
 
 def test_a_tool_on_its_path_is_as_planned() -> None:

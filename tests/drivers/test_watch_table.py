@@ -91,6 +91,15 @@ def test_what_shapes_the_path_of_the_tool_most_comes_before_its_limits() -> None
     assert "I8000" in {name for item in loaded("turbo", Strategy.PVT).table.first for name in item.names}
 
 
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM])
+def test_a_correction_is_watched_unless_a_table_moves_it(strategy: Strategy) -> None:
+    """A table of the program moves that of the tool, one that was on before the cut may move any."""
+    of, words = loaded("pmac", strategy), ["Y:$46", "Y:$82", "Y:$BE"]
+    assert [word in of.names for word in words] == [strategy is Strategy.PVT, True, True]
+    table = watch_table(of.machine, of.program, tables_on=True)
+    assert not {name for item in table.items for name in item.names} & set(words)
+
+
 def test_the_whole_table_comes_round() -> None:
     of = loaded("turbo", Strategy.CAM)
     watch, seen = CutWatch(of.table, of.watch._answers), set[WatchItem]()
