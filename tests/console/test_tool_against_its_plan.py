@@ -121,6 +121,7 @@ def verdict(
     from_turn: int = 0,
     uneven_deg: float = 0.0,
     brief_um: float = 0.0,
+    late_um: float = 0.0,
     witness: WitnessReport | None = None,
     unheld: bool = True,
 ) -> CutVerdict:
@@ -128,7 +129,7 @@ def verdict(
 
     A table reads the spindle one servo cycle late: its command is that of the angle before. The spindle is ahead
     of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off for one turn, in
-    three polls.
+    three polls. One poll is interrupted for 40 ms, and its tool is read `late_um` too deep.
     """
     setup, chance, per_um = plan(strategy).setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     late_turns = 0.0 if strategy is Strategy.PVT else 1e-3 * MACHINE.controller.servo_period_ms / TURN_S
@@ -140,7 +141,8 @@ def verdict(
         wave = np.exp(2j * np.pi * order * turn)
         commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns)) + (command * wave).real
         commanded_um += brief_um * (20.0 < turn < 21.0)
-        off_um = (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
+        late = bool(late_um) and number == 80
+        off_um = (tool * wave).real + deeper_um + late * late_um + chance.normal(0.0, scatter_um)
         tool_um = plan(strategy).target.at_um(360.0 * turn) + off_um
         at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
         ahead = uneven_deg / 360.0 * np.sin(4.0 * np.pi * turn)
@@ -150,7 +152,7 @@ def verdict(
         polls.see(
             Snapshot(
                 asked_s=at_s,
-                at_s=at_s + 0.005,
+                at_s=at_s + (0.045 if late else 0.005),
                 program_running=True,
                 runtime_error=False,
                 tool=axes[0],
@@ -256,6 +258,23 @@ def test_the_event_is_plain_json() -> None:
     assert said["cut_verdict"] == "tool_error"
     wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
     assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
+    assert wave["crest_deg"] == pytest.approx(0.0, abs=2.0)
+
+
+def test_the_crest_of_a_wave_is_told_in_degrees_of_the_spindle() -> None:
+    """A third of a turn is a lobe: 60 degrees of its phase are 20 of the spindle."""
+    said = verdict(tool=2.5 * np.exp(-1j * np.pi / 3.0)).event()
+    (wave,) = (each for each in said["tool"]["orders"] if each["n"] == 3)  # type: ignore[index]
+    assert wave["crest_deg"] == pytest.approx(20.0, abs=2.0)
+
+
+def test_a_poll_that_was_interrupted_is_not_judged() -> None:
+    """Its values are not of one instant."""
+    found, usual = verdict(late_um=100.0), verdict()
+    assert found.tool is not None and usual.tool is not None
+    assert found.tool.polls == usual.tool.polls - 1
+    assert found.judgement is CutJudgement.AS_PLANNED
+    assert found.tool.roundness_um == pytest.approx(usual.tool.roundness_um, abs=0.05)
 
 
 @pytest.mark.parametrize("past_mm", [-1.2, 0.0, 1.2])
