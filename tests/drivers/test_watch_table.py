@@ -67,6 +67,8 @@ def test_the_table_has_what_is_compared_at_arming_and_settings_that_the_program_
     kept = {each.name for each in of.program.constants if each.kept}
     assert kept <= of.names
     assert {"#1->", "#2->", "#3->", "I10", "I103", "I108", "I168"} <= of.names
+    entries = {"I8000", "I8001", "I8002"} if family == "turbo" else {"Y:$720", "Y:$721", "Y:$722"}
+    assert entries <= of.names, "the encoder conversion of each motor"
     assert ("I193" if family == "pmac" else "I5193") in of.names
 
 
