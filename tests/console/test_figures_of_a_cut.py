@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from console.session.cut.run import plan_run
 from console.session.cut.telemetry import CutFigures, Telemetry, is_leaving
+from console.session.stages import Stage
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import AxisState, Snapshot
 from profiles.store import load_job
@@ -75,3 +77,14 @@ def test_a_tool_leaves_where_it_is_off_by_twice_what_it_was_before_and_by_2_um(
     error_um: float, peak_um: float, leaves: bool
 ) -> None:
     assert bool(is_leaving(error_um, np.float64(peak_um))) is leaves
+
+
+@pytest.mark.parametrize(
+    ("stage", "left_um_pp"), [(Stage.AIR, None), (Stage.PARTIAL, (27.5, 82.5)), (Stage.FULL, None)]
+)
+def test_the_half_stage_alone_tells_what_it_leaves_with_the_right_sign_and_with_the_wrong_one(
+    stage: Stage, left_um_pp: tuple[float, float] | None
+) -> None:
+    """Of 55 um the half, or as much more."""
+    told = plan_run(JOB, MACHINE, Strategy.PVT, stage=stage, simulated=True).expected
+    assert (None if told is None else (told.right_um_pp, told.wrong_um_pp)) == left_um_pp

@@ -108,6 +108,8 @@ def test_the_whole_table_comes_round() -> None:
     for _ in of.table.schedule:
         seen.update(watch.next_items(1.0))
     assert seen == set(of.table.items)
+    again = [watch.next_items(1.0) for _ in of.table.schedule]
+    assert {item for items in again for item in items} == seen, "and on to the end of the feed"
 
 
 def test_a_difference_from_the_beginning_is_told_and_a_setting_that_deviated_then_is_not() -> None:
