@@ -310,7 +310,7 @@ def test_after_a_lost_batch_gathering_is_ended_before_the_next_one_and_three_in_
     client.connect()
     request = client.request
 
-    def lose_listings(line: str, *rest: Any, **more: Any) -> list[str]:
+    def lose_listings(line: str, *rest: Any, **more: Any) -> tuple[str, ...]:
         sent.append(" ".join(line.split()[:2]))
         if line.startswith("LIST"):
             raise LinkTimeoutError(Problem(code="link.timeout"))
@@ -355,3 +355,7 @@ def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:
     assert (found.at_s, found.at_s - found.asked_s) == pytest.approx((0.78, 0.005))
     assert ledger.turns == 5
     assert ledger.held_s == pytest.approx(0.3)
+    assert see(20.0, replace(held, turns=8)) is None
+    found = see(28.0, replace(held, asked=False, state=HoldState(0), turns=8))
+    assert found is not None and found.spindle.position == pytest.approx(12_000.0 * 20.0)
+    assert (found.at_s, ledger.turns, ledger.held_s) == pytest.approx((1.2, 8, 0.48)), "three more"
