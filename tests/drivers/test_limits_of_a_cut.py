@@ -17,7 +17,7 @@ from drivers.cutting.live_trim import LiveTrim
 from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
-from drivers.cutting.sampling import BatchGather
+from drivers.cutting.sampling import Batch, BatchGather
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.lathe import Lathe
@@ -336,6 +336,27 @@ def test_after_a_lost_batch_gathering_is_ended_before_the_next_one_and_three_in_
     with pytest.raises(DriverError) as failed:
         see_batch()
     assert failed.value.problems[0].code == "gather.failed"
+
+
+def test_a_batch_is_where_the_carriage_was_halfway_through_it(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Polled 0.1 mm before the middle of the cut and 0.5 mm behind it: 0.2 mm behind it."""
+    sim = SimulatedLathe(machine)
+    client, batches = PmacClient(MemoryLink(sim.connect(), sim), sim), list[Batch]()
+    client.connect()
+    plan, gather = plan_cut(experiment(1), machine, Strategy.PVT), BatchGather(client, machine, sim, lambda: 0.0)
+    gather.prepare(plan, 100, 0.1, batches.append)
+    setup, per_mm = plan.setup, machine.carriage.counts_per_mm
+    for past_mm in (-0.1, 0.5):
+        carriage = commanded(setup.carriage_middle + past_mm * per_mm)
+        gather.see(polled(tool=commanded(setup.surface + setup.depth), carriage=carriage))
+        sim.wait(0.2)
+    gather.finish()
+    (batch,) = batches
+    assert batch.past_middle_mm == pytest.approx(0.2)
+    assert batch.thrust_n.size == 0 and batch.angle_deg.size == batch.infeed_um.size > 100
+    assert batch.infeed_um == pytest.approx(-setup.surface * machine.tool.count_um), "it stands at its zero"
 
 
 def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:
