@@ -188,14 +188,14 @@ _CUTTING: tuple[Mutation, ...] = (
         file="drivers/lathe/heartbeat.py",
         old="self._owner_seen(self._owner)",
         new="pass",
-        test=f"{OWNERSHIP}::test_a_console_that_was_pushed_aside_behind_its_last_poll_starts_nothing",
+        test=f"{OWNERSHIP}::test_a_console_that_lost_control_after_its_last_poll_starts_nothing",
     ),
     Mutation(
-        rule="A console that looks on ends no cut.",
+        rule="An observer ends no cut.",
         file="drivers/cutting/cut_program.py",
         old="        self._sending.refuse_unless_owner()\n        self.held = True",
         new="        self.held = True",
-        test=f"{OWNERSHIP}::test_a_console_that_looks_on_sends_no_command_of_a_cut",
+        test=f"{OWNERSHIP}::test_an_observer_sends_no_command_of_a_cut",
     ),
     Mutation(
         rule="After a cut the override is 100 % again.",

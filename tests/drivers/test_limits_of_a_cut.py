@@ -13,12 +13,10 @@ from drivers.cutting.bounds import Trim
 from drivers.cutting.corrected import with_spindle
 from drivers.cutting.feed_hold import FeedHold, HoldLedger, HoldReport, HoldState
 from drivers.cutting.guarding import cut_guard
-from drivers.cutting.live_trim import LiveTrim
-from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
 from drivers.cutting.sampling import Batch, BatchGather
-from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
+from drivers.errors import DriverError, LinkError, LinkTimeoutError
 from drivers.lathe.drift import rest_limits
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import SLOW_LINE_S
@@ -201,26 +199,6 @@ def test_a_missing_reply_is_left_to_the_next_round_and_a_lost_link_is_not(code: 
     for _ in range(13):
         read()
     assert queried.queries == 2
-
-
-@pytest.mark.parametrize(
-    "ask",
-    [
-        lambda client, sending, stop: FeedOverride(client, sending, stop).command(90),
-        lambda client, sending, _: FeedHold(client, sending).ask(),
-        lambda client, sending, stop: LiveTrim(client, sending, stop).ask(Trim(gain_percent=5.0)),
-    ],
-)
-def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
-    """Neither its speed nor its end nor its trim: nothing reaches the controller."""
-    queried, stop = Queried(), SimpleNamespace(check=lambda: None)
-
-    def refuse_unless_owner() -> None:
-        raise RefusedError(Problem(code="owner.observer"))
-
-    with pytest.raises(RefusedError):
-        ask(queried, SimpleNamespace(refuse_unless_owner=refuse_unless_owner), stop)
-    assert queried.queries == 0
 
 
 @pytest.mark.parametrize(

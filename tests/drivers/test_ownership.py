@@ -91,7 +91,7 @@ def test_a_console_that_died_and_came_back_is_another_one(sim: SimulatedLathe) -
         console(sim, 3).claim()
 
 
-def apart(sim: SimulatedLathe, machine: MachineProfile, *, claim: bool) -> tuple[Lathe, list[str]]:
+def lathe_of(sim: SimulatedLathe, machine: MachineProfile, *, claim: bool) -> tuple[Lathe, list[str]]:
     """Return a lathe with closed loops whose console may command or not, and what it sends beside its polls."""
     link = MemoryLink(sim.connect(), sim)
     client, sent = PmacClient(link, sim), list[str]()
@@ -133,10 +133,10 @@ COMMANDS: dict[str, Callable[[Lathe], object]] = {
 
 @ON_ONE
 @pytest.mark.parametrize("command", COMMANDS.values(), ids=COMMANDS)
-def test_a_console_that_looks_on_sends_no_command_of_a_cut(
+def test_an_observer_sends_no_command_of_a_cut(
     sim: SimulatedLathe, machine: MachineProfile, command: Callable[[Lathe], object]
 ) -> None:
-    lathe, sent = apart(sim, machine, claim=False)
+    lathe, sent = lathe_of(sim, machine, claim=False)
     with pytest.raises(RefusedError) as refused:
         command(lathe)
     assert (refusal(refused), sent) == ("owner.observer", [])
@@ -147,7 +147,7 @@ def test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command(
     sim: SimulatedLathe, machine: MachineProfile
 ) -> None:
     """At the end of every cut: where nothing was changed, nothing is sent."""
-    lathe, sent = apart(sim, machine, claim=True)
+    lathe, sent = lathe_of(sim, machine, claim=True)
     lathe.program.put_back()
     assert sent == []
     lathe.program.override.command(80)
@@ -166,11 +166,11 @@ def test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command(
     assert sent[2:] == ["&1%80", "&1%100"]
 
 
-def test_a_console_that_was_pushed_aside_behind_its_last_poll_starts_nothing(
+def test_a_console_that_lost_control_after_its_last_poll_starts_nothing(
     sim: SimulatedLathe, machine: MachineProfile
 ) -> None:
     """What is read of the heartbeat right before a motion also says who owns the machine by then."""
-    lathe, sent = apart(sim, machine, claim=True)
+    lathe, sent = lathe_of(sim, machine, claim=True)
     lathe.enable()
     here = lathe.snapshot().carriage.position
     send = lathe._client.link.send
