@@ -265,3 +265,22 @@ def test_a_late_host_renews_only_a_watchdog_that_is_armed_and_its_own(
     with pytest.raises(DriverError) as failed:
         heartbeat.renewal()
     assert (code(failed), heartbeat.guarding) == ("heartbeat.lapsed", False)
+
+
+def test_a_pause_takes_its_time_and_renews_the_watchdog_every_50_ms(
+    kept: Kept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heartbeat = Heartbeat(kept.client, kept.sim, kept.lathe.machine)
+    heartbeat.prepare()
+    began_s = kept.sim.now_s()
+    heartbeat.pause(0.5)
+    assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.01), "nothing is guarded"
+    kept.client.request(heartbeat.jog(""), lines=0)
+    request, sent = kept.client.request, list[str]()
+    monkeypatch.setattr(
+        kept.client, "request", lambda *line, **more: sent.append(line[0]) or request(*line, **more)
+    )
+    began_s = kept.sim.now_s()
+    heartbeat.pause(0.5)
+    assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.05)
+    assert len(sent) == pytest.approx(10, abs=1) and len(set(sent)) == 1
