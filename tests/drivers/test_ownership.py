@@ -186,3 +186,11 @@ def test_a_console_that_lost_control_after_its_last_poll_starts_nothing(
         lathe.jog_to(AxisName.CARRIAGE, here + 500.0)
     assert refusal(refused) == "owner.held"
     assert not [line for line in sent if "J" in line]
+
+
+@ON_ONE
+def test_an_observer_says_that_it_has_stopped_the_machine(sim: SimulatedLathe, machine: MachineProfile) -> None:
+    lathe, _ = lathe_of(sim, machine, claim=False)
+    assert lathe.ownership is not None
+    lathe.say_stopped()
+    assert lathe.program.end().stopped_by == lathe.ownership.number

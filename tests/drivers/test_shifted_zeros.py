@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 
 import pytest
@@ -79,3 +80,22 @@ def test_a_zero_that_is_set_on_an_axis_that_nothing_holds_is_found_and_a_hand_is
         assert not axis.closed
         held.judged(replace(polled(carriage=axis), program_running=False), ours=True)
     assert (set(held.shifted) == {AxisName.CARRIAGE}) is shifted
+
+
+@pytest.mark.parametrize(("by", "shifted"), [("us", False), ("the controller", False), ("somebody", True)])
+def test_what_this_console_moves_or_the_controller_ends_is_no_shift(
+    machine: MachineProfile, by: str, shifted: bool
+) -> None:
+    """A lost cut was taken out of the part by the controller itself."""
+    held = HeldPositions(machine)
+    flags = frozenset({"activated", "amplifier_enabled", "home_complete", "desired_velocity_zero"})
+
+    def see(place_mm: float, lost: int = 0) -> None:
+        axis = AxisState(place_mm * machine.carriage.counts_per_mm, following_error=0.0, flags=flags)
+        held.judged(replace(polled(carriage=axis), program_running=False, lost=lost), ours=True)
+
+    for _ in range(3):
+        see(5.0)
+    with held.commanding() if by == "us" else nullcontext():
+        see(3.0, lost=2 if by == "the controller" else 0)
+    assert (AxisName.CARRIAGE in held.shifted) is shifted
