@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.guards import unguarded
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -284,3 +286,41 @@ def test_a_pause_takes_its_time_and_renews_the_watchdog_every_50_ms(
     heartbeat.pause(0.5)
     assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.05)
     assert len(sent) == pytest.approx(10, abs=1) and len(set(sent)) == 1
+
+
+@pytest.mark.parametrize(
+    ("policy", "ends_early", "reason"),
+    [
+        ("stop", False, "heartbeat.plc_silent"),
+        ("retract", True, "program: 3 s"),  # the program of this test knows no early end: its time runs out
+        ("finish", False, "program: 3 s"),
+    ],
+)
+def test_a_cut_whose_plc_falls_silent_is_ended_by_its_policy(
+    machine: MachineProfile, policy: str, ends_early: bool, reason: str
+) -> None:
+    kept = Kept(replace(machine, heartbeat=replace(machine.heartbeat, policy=policy)))
+    kept.lathe.enable()
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
+    other = kept.sim.connect()
+    kept.on_look = lambda: other.receive(b"DISABLE PLC20\r")
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.program.follow(lambda _: None, 3.0)
+    assert code(failed) == "heartbeat.plc_silent"
+    assert (kept.lathe.program.held, kept.stop.reason) == (ends_early, reason)
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+def test_the_polls_of_a_cut_are_uneven_so_that_every_angle_is_seen(kept: Kept, guarded: bool) -> None:
+    """23 ms on average, spread by 60 % either way; a program that is no cut has nothing to be seen at an angle."""
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW.replace("60000", "2000")))
+    kept.lathe.program.start(3, 0.0)
+    polls: list[Snapshot] = []
+    kept.lathe.program.follow(polls.append, 60.0, (lambda _: ()) if guarded else unguarded)
+    asked_s = [poll.asked_s for poll in polls if poll.moving]
+    apart_s = sorted(after - before for before, after in pairwise(asked_s))
+    tenth = len(apart_s) // 10
+    assert (apart_s[-tenth] - apart_s[tenth] > 0.015) is guarded

@@ -80,6 +80,13 @@ def test_a_running_cut_may_leave_its_plan_by_its_margins(
             assert [problem.code for problem in found] == codes, (axis, way, beyond)
 
 
+@pytest.mark.parametrize("axis", AxisName)
+def test_a_machine_stands_still_when_no_axis_has_moved_by_more_than_two_counts(axis: AxisName) -> None:
+    first = polled(0.0, **{axis.value: commanded(5000.0)})
+    for counts, still in ((4998.0, True), (5002.0, True), (5002.5, False), (-5000.0, False)):
+        assert polled(0.2, **{axis.value: commanded(counts)}).still(first, 2.0) is still
+
+
 def test_a_tool_near_its_end_does_not_end_the_move_of_another_axis() -> None:
     """The tool alone may lag, by its band and for its time: 50 counts, 1 s."""
     rest, lag = RESTING | {"in_position"}, RESTING
