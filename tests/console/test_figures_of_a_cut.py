@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+from typing import Any
+
 import numpy as np
 import pytest
 
+from console.session.cut.engine import _before
 from console.session.cut.run import plan_run
 from console.session.cut.telemetry import CutFigures, Telemetry, is_leaving
 from console.session.stages import Stage
@@ -88,3 +92,12 @@ def test_the_half_stage_alone_tells_what_it_leaves_with_the_right_sign_and_with_
     """Of 55 um the half, or as much more."""
     told = plan_run(JOB, MACHINE, Strategy.PVT, stage=stage, simulated=True).expected
     assert (None if told is None else (told.right_um_pp, told.wrong_um_pp)) == left_um_pp
+
+
+def test_a_lost_cut_may_have_gone_on_unseen_for_a_turn_and_as_long_as_the_controller_takes_to_end_it() -> None:
+    """6.3 s at 1000 rpm are 105 turns."""
+    lathe: Any = SimpleNamespace(ends_within_s=6.3, machine=MACHINE)
+    before = _before(lathe, PLAN, touched_mm=2.5)
+    assert before is not None and before.to_mm == 2.5
+    assert before.unseen_mm == pytest.approx(106.0 * JOB.feed_mm_per_rev)
+    assert _before(lathe, PLAN, touched_mm=0.0) is None

@@ -277,6 +277,43 @@ def test_a_poll_that_was_interrupted_is_not_judged() -> None:
     assert found.tool.roundness_um == pytest.approx(usual.tool.roundness_um, abs=0.05)
 
 
+@pytest.mark.parametrize(
+    ("mean_um", "mean_se_um", "where"),
+    [
+        (1.2, 0.2, "3/rev"),  # larger, and less than 0.5 um and six of its standard errors
+        (5.0, 0.5, "Ø"),
+    ],
+)
+def test_of_what_a_command_is_off_its_plan_that_is_told_which_is_furthest_beyond_its_scatter(
+    mean_um: float, mean_se_um: float, where: str
+) -> None:
+    """At three a turn it is off by 0.9 um, known to 0.05: an uncertain figure hides it not."""
+    command = replace(
+        known_error(0.01),
+        mean_um=mean_um,
+        mean_se_um=mean_se_um,
+        slope_um=0.0,
+        slope_se_um=0.0,
+        orders={3: 0.9 + 0j},
+        orders_se_um={3: 0.05},
+    )
+    found = CutVerdict(command=command)
+    assert found.judgement is CutJudgement.DISTURBED
+    assert found.command_problem is not None and found.command_problem.where == where
+
+
+def test_the_record_counts_time_and_turns_from_the_first_poll_and_has_the_speed_of_the_last_second() -> None:
+    setup, per_turn = plan().setup, MACHINE.spindle.counts_per_rev
+    polls = [
+        (7.0 + 0.2 * k, setup.surface + 500.0, (40.0 + 3.0 * k) * per_turn, setup.carriage_middle, 0.0)
+        for k in range(11)
+    ]
+    rows = TelemetryRows(plan(), JOB, MACHINE)(polls)
+    assert rows[:, 0] == pytest.approx(0.2 * np.arange(11))
+    assert rows[:, 1] == pytest.approx(3.0 * np.arange(11))
+    assert np.isnan(rows[0, 3]) and rows[1:, 3] == pytest.approx(900.0), "3 turns in 0.2 s"
+
+
 @pytest.mark.parametrize("past_mm", [-1.2, 0.0, 1.2])
 def test_the_record_has_the_error_of_a_tool_whose_lobe_grows_along_the_part(past_mm: float) -> None:
     """A tenth a millimetre: on its path 1.2 mm behind the middle it is in by 12 % more of its lobe."""

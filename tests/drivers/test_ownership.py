@@ -43,9 +43,7 @@ def refusal(error: pytest.ExceptionInfo[RefusedError]) -> str:
 
 def test_the_first_owns_and_the_second_looks_on(sim: SimulatedLathe) -> None:
     first, second = console(sim, 1), console(sim, 2)
-    began_s = sim.now_s()
     first.claim()
-    assert sim.now_s() - began_s < 0.1, "by one line and its answer"
     first.refuse_unless_owner()
     with pytest.raises(RefusedError) as refused:
         second.claim()
