@@ -18,9 +18,11 @@ from console.session.cut.run import CutOutcome, roundness_of
 from console.session.stages import Stage
 from console.session.station.progress import CutPhase, PhaseClock, planned_phases
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.errors import RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
 from profiles.job import Job
+from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.compact import compact_machine
@@ -134,6 +136,21 @@ def test_a_part_that_is_clamped_is_not_clamped_anew_and_what_it_ran_into_is_told
     assert mounted == ([] if clamped else [job.name])
     assert outcome.collisions == (mark,)
     assert outcome.trace is not None
+
+
+def test_a_machine_that_does_not_admit_a_cut_is_left_as_it_was() -> None:
+    """Another console controls it, say: no program is loaded, and no drive enabled."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    context, sim = simulated_context(compact_machine().machine)
+
+    def admit() -> None:
+        raise RefusedError(Problem(code="owner.held"))
+
+    plan = plan_cut(job, compact_machine().machine, Strategy.NONE, watchdog=context.lathe.program.watchdog)
+    with pytest.raises(RefusedError):
+        run_module.cut_part(replace(context, admit=admit), job, plan, lambda *_: None)
+    assert context.lathe.program.reports() is None and not context.lathe.has_moved
+    assert not any(motor.amplifier_enabled for motor in sim.controller.motors.values())
 
 
 @pytest.mark.parametrize(

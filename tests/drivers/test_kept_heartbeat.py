@@ -279,9 +279,12 @@ def test_a_pause_takes_its_time_and_renews_the_watchdog_every_50_ms(
     assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.01), "nothing is guarded"
     kept.client.request(heartbeat.jog(""), lines=0)
     request, sent = kept.client.request, list[str]()
-    monkeypatch.setattr(
-        kept.client, "request", lambda *line, **more: sent.append(line[0]) or request(*line, **more)
-    )
+
+    def record(line: str, *rest: Any, **more: Any) -> tuple[str, ...]:
+        sent.append(line)
+        return request(line, *rest, **more)
+
+    monkeypatch.setattr(kept.client, "request", record)
     began_s = kept.sim.now_s()
     heartbeat.pause(0.5)
     assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.05)
