@@ -205,6 +205,20 @@ _CUTTING: tuple[Mutation, ...] = (
         test=f"{OWNERSHIP}::test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command",
     ),
     Mutation(
+        rule="A cut whose heartbeat PLC is silent is ended by its policy.",
+        file="drivers/lathe/motion.py",
+        old="if not in_cut or heartbeat.policy is Policy.STOP:",
+        new="if not in_cut:",
+        test="tests/drivers/test_kept_heartbeat.py::test_a_cut_whose_plc_falls_silent_is_ended_by_its_policy",
+    ),
+    Mutation(
+        rule="What shapes a cut is read again and again until its feed ends.",
+        file="drivers/cutting/watch_table.py",
+        old="                turn.append(item)",
+        new="                pass",
+        test="tests/drivers/test_watch_table.py::test_the_whole_table_comes_round",
+    ),
+    Mutation(
         rule="A hold that the line has lost is asked for again.",
         file="drivers/cutting/feed_hold.py",
         old="        except LinkTimeoutError:\n            self._client.request",
