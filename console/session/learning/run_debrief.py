@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
@@ -60,7 +59,7 @@ class Advice(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """One thing that happened, `at_s` s after the start: an event, or an alarm that was `raised` or `seen`."""
+    """One thing that happened, `at_s` s (machine time) after the start: an event, an alarm `raised` or `seen`."""
 
     at_s: float
     event: RunEvent | None = None
@@ -183,17 +182,13 @@ def _off_um(part: RecordedPart | None) -> float | None:
 
 
 def _happened(story: RunStory) -> Iterator[Told]:
-    began = next((event.at for event in story.events if event.kind == "started"), story.row.started)
-
-    def since(at: datetime) -> float:
-        return (at - began).total_seconds()
-
-    found = [Told(at_s=since(event.at), event=event) for event in story.events if _is_told(event)]
+    began_s = next((event.at_s for event in story.events if event.kind == "started"), 0.0)
+    found = [Told(at_s=event.at_s - began_s, event=event) for event in story.events if _is_told(event)]
     for alarm in story.alarms:
-        found.append(Told(at_s=since(alarm.raised), raised=alarm.problem))
-        if alarm.acknowledged is not None:
-            unseen_s = (alarm.acknowledged - alarm.raised).total_seconds()
-            found.append(Told(at_s=since(alarm.acknowledged), seen=alarm.problem, unseen_s=unseen_s))
+        found.append(Told(at_s=alarm.raised_s - began_s, raised=alarm.problem))
+        if alarm.acknowledged_s is not None:
+            unseen_s = alarm.acknowledged_s - alarm.raised_s
+            found.append(Told(at_s=alarm.acknowledged_s - began_s, seen=alarm.problem, unseen_s=unseen_s))
     yield from sorted(found, key=lambda each: each.at_s)
 
 
