@@ -27,6 +27,7 @@ from console.session.training.lesson import load_lesson
 from console.text.catalogue import LANGUAGES, load
 from console.text.run_debrief import debrief_sections
 from console.tui.records.opened_run import opened_run
+from console.tui.records.panels import trace_caption
 from console.tui.records.run_lines import story_lines
 from profiles.compensations.causes import CauseKind
 from profiles.job import Job
@@ -243,3 +244,34 @@ def test_events_without_a_machine_time_are_told_by_their_dates(
         add_to_run(tmp_path, run.run_id, kind, {})
     debrief = run_debrief(story(tmp_path, run.run_id), tmp_path)
     assert times_of(debrief) == {"started": 0.0, "cut": 40.0, "measured": 80.0}
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        ({"reason": "SIGTERM", "stopped": True, "by": "SIGTERM"}, "stop: SIGTERM"),
+        ({"reason": "the tool has not found its home flag"}, "has not found its home flag"),
+        ({"reason": "killed"}, "console killed"),
+    ],
+)
+def test_a_run_that_ended_while_homing_tells_why_instead_of_asking_for_nothing(
+    end: dict[str, object], words: str, tmp_path: Path
+) -> None:
+    run = RunRecord(tmp_path, described(JOB))
+    run.add("planned", {})
+    run.add("ended", end)
+    run.close()
+    found = story(tmp_path, run.run_id)
+    debrief = run_debrief(found, tmp_path)
+    assert [told.event.kind for told in debrief.happened if told.event] == ["ended"]
+    assert list(debrief.advice) == [Advice.STOPPED]
+    said = dict(debrief_sections(debrief, load("en")))
+    assert words in said["What happened, from the start"][0] and words in said["Next time"][0]
+
+
+@pytest.mark.parametrize(("setup", "jaw"), [('{"jaw_1_deg": 12.63}', "jaw 1 at 12.6"), ("{}", "")])
+def test_a_stopped_run_has_jaw_1_from_its_alignment_or_not_at_all(setup: str, jaw: str, tmp_path: Path) -> None:
+    found = recorded(tmp_path, None, tell=stops, setup=setup)
+    run = opened_run(tmp_path, found.row.run_id, lathe())
+    said = "".join(words for each in trace_caption(run, 1.0, load("en"), 60) for words, _ in each)
+    assert jaw in said and "unknown" not in said and ("jaw" in said) is bool(jaw)

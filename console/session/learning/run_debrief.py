@@ -50,6 +50,7 @@ class Advice(StrEnum):
     CAUSES = "causes"
     PLAIN = "plain"
     ENDED = "ended"
+    STOPPED = "stopped"
     DIAMETER = "diameter"
     STOPS = "stops"
     ALARMS = "alarms"
@@ -112,7 +113,8 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         unknown=tuple(unknown),
         advice=(),
     )
-    return replace(found, advice=tuple(_advice(story, found)) or (Advice.NONE,))
+    stopped = story.row.ended.how in FAILED_HOW - {How.HELD}
+    return replace(found, advice=tuple(_advice(story, found)) or (Advice.STOPPED if stopped else Advice.NONE,))
 
 
 def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...]:
@@ -195,8 +197,6 @@ def _happened(story: RunStory) -> Iterator[Told]:
 def _is_told(event: RunEvent) -> bool:
     if event.kind == "step":
         return event.data.get("step") == "cut"
-    if event.kind == "ended":
-        return bool(event.data.get("stopped"))
     return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
 
 
