@@ -11,7 +11,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import os
-from collections.abc import Callable, MutableMapping
+from collections.abc import MutableMapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -72,7 +72,7 @@ def list_machines(user_folder: Path | None = None) -> tuple[LibraryEntry, ...]:
 
 def load_job(reference: str | LibraryEntry, user_folder: Path | None = None) -> LoadedJob:
     """Return the job that `reference` names, or raise `ProfileError` with every problem of it."""
-    path, name = _find(reference, list_jobs, user_folder, "job.unknown")
+    path, name = _find(reference, list_jobs(user_folder), "job.unknown")
     content, table = read_toml(path)
     job = job_from_table(table, where=printable(str(path)))
     _refuse_other_name("job.name_differs", path, name, job.name)
@@ -81,7 +81,7 @@ def load_job(reference: str | LibraryEntry, user_folder: Path | None = None) -> 
 
 def load_machine(reference: str | LibraryEntry, user_folder: Path | None = None) -> LoadedMachine:
     """Return the machine that `reference` names, or raise `ProfileError` with every problem of it."""
-    path, name = _find(reference, list_machines, user_folder, "machine.unknown")
+    path, name = _find(reference, list_machines(user_folder), "machine.unknown")
     content, table = read_toml(path)
     machine = machine_from_table(table, where=printable(str(path)))
     _refuse_other_name("machine.name_differs", path, name, machine.name)
@@ -189,18 +189,12 @@ def _refuse_other_name(code: str, path: Path, name: str | None, found: str) -> N
         raise refused(code, where=printable(str(path)), value=printable(name or ""), limit=found)
 
 
-def _find(
-    reference: str | LibraryEntry,
-    listed: Callable[[Path | None], tuple[LibraryEntry, ...]],
-    user_folder: Path | None,
-    code: str,
-) -> tuple[Path, str | None]:
+def _find(reference: str | LibraryEntry, entries: tuple[LibraryEntry, ...], code: str) -> tuple[Path, str | None]:
     """Return the file of a profile, and the name that the profile in it must have, None for a path."""
     if isinstance(reference, LibraryEntry):
         return reference.path, reference.name
     if _is_path(reference):
         return Path(reference), None
-    entries = listed(user_folder)
     for entry in entries:
         if entry.name == reference:
             return entry.path, entry.name
