@@ -1,7 +1,9 @@
 """Find, load and save profiles: the bundled library, overlaid by the operator's own folder.
 
-A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first)
-or a path, which contains a separator or ends in `.toml`. Bundled profiles are never written.
+A reference is the name of a saved profile (its file name without `.toml`; the operator's folder comes first),
+an entry of the library, or a path, which contains a separator or ends in `.toml`. A name is that of the file and
+of the profile in it, by which its records are found: else `job.name_differs`, `machine.name_differs`. Bundled
+profiles are never written.
 """
 
 from __future__ import annotations
@@ -68,24 +70,21 @@ def list_machines(user_folder: Path | None = None) -> tuple[LibraryEntry, ...]:
     return _entries(BUNDLED_MACHINES, user_folder)
 
 
-def load_job(reference: str, user_folder: Path | None = None) -> LoadedJob:
+def load_job(reference: str | LibraryEntry, user_folder: Path | None = None) -> LoadedJob:
     """Return the job that `reference` names, or raise `ProfileError` with every problem of it."""
-    path = _find(reference, list_jobs(user_folder), "job.unknown")
+    path, name = _find(reference, list_jobs(user_folder), "job.unknown")
     content, table = read_toml(path)
     job = job_from_table(table, where=printable(str(path)))
+    _refuse_other_name("job.name_differs", path, name, job.name)
     return LoadedJob(job=job, path=path, sha256=hash_of_job(content), text=_text(content))
 
 
-def load_machine(reference: str, user_folder: Path | None = None) -> LoadedMachine:
-    """Return the machine that `reference` names, or raise `ProfileError` with every problem of it.
-
-    A name is that of the file and of the machine in it, by which its records are found: `machine.name_differs`.
-    """
-    path = _find(reference, list_machines(user_folder), "machine.unknown")
+def load_machine(reference: str | LibraryEntry, user_folder: Path | None = None) -> LoadedMachine:
+    """Return the machine that `reference` names, or raise `ProfileError` with every problem of it."""
+    path, name = _find(reference, list_machines(user_folder), "machine.unknown")
     content, table = read_toml(path)
     machine = machine_from_table(table, where=printable(str(path)))
-    if not _is_path(reference) and machine.name != reference:
-        raise refused("machine.name_differs", where=printable(str(path)), value=reference, limit=machine.name)
+    _refuse_other_name("machine.name_differs", path, name, machine.name)
     return LoadedMachine(machine=machine, path=path, sha256=_sha256(content), text=_text(content))
 
 
@@ -185,12 +184,20 @@ def _is_path(reference: str) -> bool:
     return os.sep in reference or reference.endswith(".toml")
 
 
-def _find(reference: str, entries: tuple[LibraryEntry, ...], code: str) -> Path:
+def _refuse_other_name(code: str, path: Path, name: str | None, found: str) -> None:
+    if name not in (None, found):
+        raise refused(code, where=printable(str(path)), value=printable(name or ""), limit=found)
+
+
+def _find(reference: str | LibraryEntry, entries: tuple[LibraryEntry, ...], code: str) -> tuple[Path, str | None]:
+    """Return the file of a profile, and the name that the profile in it must have, None for a path."""
+    if isinstance(reference, LibraryEntry):
+        return reference.path, reference.name
     if _is_path(reference):
-        return Path(reference)
+        return Path(reference), None
     for entry in entries:
         if entry.name == reference:
-            return entry.path
+            return entry.path, entry.name
     known = " | ".join(printable(entry.name) for entry in entries)
     raise refused(code, value=spelled(reference), limit=known)
 

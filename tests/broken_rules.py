@@ -173,6 +173,97 @@ _STOPPING: tuple[Mutation, ...] = (
     ),
 )
 
+OWNERSHIP, PLANNED = "tests/drivers/test_ownership.py", "tests/console/test_tool_against_its_plan.py"
+_CUTTING: tuple[Mutation, ...] = (
+    Mutation(
+        rule="A late host does not renew the watchdog of another console.",
+        file="drivers/lathe/heartbeat.py",
+        old="not lost and owner == self._owner and watchdog",
+        new="not lost and watchdog",
+        test="tests/drivers/test_kept_heartbeat.py::"
+        "test_a_late_host_renews_only_a_watchdog_that_is_armed_and_its_own",
+    ),
+    Mutation(
+        rule="What is read right before a motion says who owns the machine.",
+        file="drivers/lathe/heartbeat.py",
+        old="self._owner_seen(self._owner)",
+        new="pass",
+        test=f"{OWNERSHIP}::test_a_console_that_lost_control_after_its_last_poll_starts_nothing",
+    ),
+    Mutation(
+        rule="An observer ends no cut.",
+        file="drivers/cutting/cut_program.py",
+        old="        self._sending.refuse_unless_owner()\n        self.held = True",
+        new="        self.held = True",
+        test=f"{OWNERSHIP}::test_an_observer_sends_no_command_of_a_cut",
+    ),
+    Mutation(
+        rule="After a cut the override is 100 % again.",
+        file="drivers/cutting/cut_program.py",
+        old="if self._to_restore or self.override.commanded != REAL_TIME:",
+        new="if self._to_restore:",
+        test=f"{OWNERSHIP}::test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command",
+    ),
+    Mutation(
+        rule="A cut whose heartbeat PLC is silent is ended by its policy.",
+        file="drivers/lathe/motion.py",
+        old="if not in_cut or heartbeat.policy is Policy.STOP:",
+        new="if not in_cut:",
+        test="tests/drivers/test_kept_heartbeat.py::test_a_cut_whose_plc_falls_silent_is_ended_by_its_policy",
+    ),
+    Mutation(
+        rule="What shapes a cut is read again and again until its feed ends.",
+        file="drivers/cutting/watch_table.py",
+        old="                turn.append(item)",
+        new="                pass",
+        test="tests/drivers/test_watch_table.py::test_the_whole_table_comes_round",
+    ),
+    Mutation(
+        rule="A hold that the line has lost is asked for again.",
+        file="drivers/cutting/feed_hold.py",
+        old="        except LinkTimeoutError:\n            self._client.request",
+        new="        except LinkTimeoutError:\n            str",
+        test=f"{LIMITS}::test_what_only_sets_a_value_of_a_running_cut_is_sent_twice_at_most",
+    ),
+    Mutation(
+        rule="After a hold the turns in which the tool finds less of the chip are not judged.",
+        file="drivers/cutting/feed_hold.py",
+        old="return TURNS_BACK + 1.5 * way_mm / OUT_SPEED_MM_S * plan.spindle_speed_rpm / 60.0",
+        new="return TURNS_BACK",
+        test="tests/drivers/test_planned_bounds.py::"
+        "test_after_a_hold_as_many_turns_are_not_judged_as_the_way_out_took_and_two",
+    ),
+    Mutation(
+        rule="A zero that is set on an axis in open loop is no home.",
+        file="drivers/lathe/held_positions.py",
+        old="still = seen is not None and abs(at - seen) <= self._bands[axis]",
+        new="still = False",
+        test="tests/drivers/test_shifted_zeros.py::"
+        "test_a_zero_that_is_set_on_an_axis_that_nothing_holds_is_found_and_a_hand_is_not_taken_for_it",
+    ),
+    Mutation(
+        rule="In a cut a correction stays that no table of its program moves.",
+        file="drivers/cutting/watch_table.py",
+        old="corrected = tables_on or any(table.definition.target == motor for table in program.tables)",
+        new="corrected = tables_on or bool(program.tables)",
+        test="tests/drivers/test_watch_table.py::test_a_correction_is_watched_unless_a_table_moves_it",
+    ),
+    Mutation(
+        rule="The following error that the witness has seen is judged by that of the polls.",
+        file="console/session/cut/cut_verdict.py",
+        old="if unheld and len(rows) >= LEAST_POLLS:",
+        new="if not unheld:",
+        test=f"{PLANNED}::test_the_polls_of_a_cut_without_a_hold_are_what_the_following_error_of_its_witness_is_judged_by",
+    ),
+    Mutation(
+        rule="After another console has had control no stamp of the alignment is left.",
+        file="console/session/cut/alignment.py",
+        old="if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:",
+        new="if alignment.jaw is None and alignment.touch_off is None:",
+        test="tests/console/test_alignment.py::test_behind_another_console_the_only_stamp_is_gone_as_well",
+    ),
+)
+
 LINEAR, PIECES = "drivers/pmac/trajectory/linear.py", "drivers/pmac/trajectory/pieces.py"
 BLENDING = "tests/drivers/trajectory/test_linear_blending.py"
 EXPRESSIONS = "tests/drivers/language/test_pmac_expressions.py"
@@ -396,6 +487,7 @@ _SCIENCE: tuple[Mutation, ...] = (
 
 GROUPS: Mapping[str, tuple[Mutation, ...]] = {
     "Stop path and interlocks": _STOPPING,
+    "A running cut": _CUTTING,
     "Trajectories and language": _TRAJECTORIES,
     "Science": _SCIENCE,
 }

@@ -12,7 +12,7 @@ from pathlib import Path
 from console.session.data.kept_files import file_error, jobs_folder, make_folder, there
 from profiles.files import TOML_CAP_BYTES, printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
-from profiles.store import load_job
+from profiles.store import LibraryEntry, load_job
 
 DELETED, IMPORT, EXPORTED = "deleted", "import", "exported-jobs"
 MOST_OFFERED = 500
@@ -84,7 +84,7 @@ def import_job(data: Path, source: Path) -> Path:
 
     Raises ProfileError: every problem of the job, `file.exists`, `file.not_writable`.
     """
-    content = load_job(str(source)).text.encode("utf-8")
+    content = load_job(LibraryEntry(name=source.stem, path=source, bundled=False)).text.encode("utf-8")
     folder = jobs_folder(data)
     make_folder(folder)
     path = folder / source.name

@@ -63,7 +63,7 @@ def _sentence(check: Check, text: Catalogue) -> str:
         "what": _what(check, subject, text),
         "subject": subject,
         "variable": check.variable,
-        "found": text.words(check.found) if check.code.endswith("_faults") else check.found,
+        "found": text.words(check.found) if check.code.endswith(("_faults", "_lost")) else check.found,
         "wanted": check.wanted,
         **check.facts,
     }

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from console.session.data.run_rows import ENDS
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
@@ -23,9 +24,11 @@ LONGEST = 300
 
 def debrief_sections(debrief: RunDebrief, text: Catalogue) -> list[Section]:
     """Return what it cost, what to do next time, what happened when, and what the record does not have."""
+    ends = [told.event for told in debrief.happened if told.event is not None and told.event.kind in ENDS]
+    ended = _event_words(ends[-1], text) if ends else text("records_page.ending.stopped")
     found = [
         ("cost", cost_words(debrief, text)),
-        ("next", [text(f"debrief.run.next.{each}") for each in debrief.advice]),
+        ("next", [text(f"debrief.run.next.{each}", words=printable(ended, LONGEST)) for each in debrief.advice]),
         ("happened", [told_words(each, text) for each in debrief.happened]),
         ("unknown", [text.problem(each) for each in debrief.unknown]),
     ]
@@ -75,7 +78,10 @@ def _event_words(event: RunEvent, text: Catalogue) -> str:
         case "command":
             return order_words(str(data.get("command", "")), text)
         case "stopped" | "ended":
-            words = text("debrief.what.stop", words=text.reason(str(data.get("reason", ""))))
+            reason = str(data.get("reason", ""))
+            told = text("records.how.killed") if reason == "killed" else text.reason(reason)
+            stopped = event.kind == "stopped" or data.get("stopped")
+            words = text("debrief.what.stop", words=told) if stopped else told
         case "collision":
             return text("debrief.what.met", words=_met(str(data.get("met", "")), text))
         case "fault":

@@ -10,6 +10,8 @@ from drivers.commissioning.judged import Judged
 from drivers.commissioning.reading import out_of_step
 from drivers.controller import Controller
 from drivers.pmac.dialect import Dialect, Scope
+from drivers.pmac.heartbeat.arming import activity_name
+from drivers.pmac.reserved import HEARTBEAT_PLC, LOST
 from drivers.pmac.status import BitTable, decode
 from profiles.findings import Severity
 
@@ -43,11 +45,12 @@ Flags = frozenset[str]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CardState:
-    """The status bits that are set, by name; of systems and motors by number."""
+    """The status bits that are set, by name; of systems and motors by number; and what the heartbeat has ended."""
 
     card: Flags
     systems: dict[int, Flags]
     motors: dict[int, Flags]
+    lost: float = 0.0
 
     @property
     def running(self) -> tuple[int, ...]:
@@ -66,8 +69,10 @@ def read_state(client: Controller, dialect: Dialect) -> CardState:
     systems, motors = list(dialect.numbers(Scope.SYSTEM)), list(dialect.numbers(Scope.MOTOR))
     of_systems = _flags(client, [f"&{number}??" for number in systems], dialect.system_bits)
     of_motors = _flags(client, [f"#{number}?" for number in motors], dialect.motor_bits)
+    (lost,) = client.numbers(f"P{LOST}", again=True)
     return CardState(
         card=card,
+        lost=lost,
         systems=dict(zip(systems, of_systems, strict=True)),
         motors=dict(zip(motors, of_motors, strict=True)),
     )
@@ -79,6 +84,9 @@ def state_checks(state: CardState, judged: Judged) -> list[Check]:
         _check(Group.CARD, "card_faults", (name for name in CARD_FAULTS if name in state.card)),
         _check(Group.PROGRAMS, "running", (f"&{number}" for number in state.running)),
     ]
+    if state.lost and HEARTBEAT_PLC in judged.configuration.plcs:
+        name, found = f"P{LOST}", activity_name(state.lost)
+        checks.append(Check(Group.PROGRAMS, "heartbeat_lost", Severity.REFUSAL, variable=name, found=found))
     for axis in judged.axes:
         flags = state.motors.get(axis.motor, frozenset())
         faults = (name for name in MOTOR_FAULTS if name in flags)

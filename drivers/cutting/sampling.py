@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
 
@@ -59,8 +59,8 @@ class Batch:
     angle_deg: Floats
     infeed_um: Floats
     past_middle_mm: float
-    thrust_n: Floats = field(default_factory=lambda: np.empty(0))
-    face_deg: float = 0.0
+    thrust_n: Floats
+    face_deg: float
 
 
 class BatchGather:

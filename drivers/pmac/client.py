@@ -19,7 +19,7 @@ from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import DRAIN_LIMIT_S, Exchange
 from drivers.pmac.expected_replies import expected_replies, replied_number
-from drivers.pmac.framing import LinkFaults
+from drivers.pmac.framing import QUIET_S, LinkFaults
 from drivers.pmac.language.errors import ErrorCode
 from profiles.problem import Problem
 
@@ -31,19 +31,23 @@ HANDSHAKE = "I3=2 I6=1"
 CHECKSUMS_OFF = "I4=0"
 LONGEST_ECHO = 200  # bytes; the answer to a question has some twenty
 LATE_S = 1.0  # how late a controller may answer to the first lines
+LEAST_LATE_S, LATEST_S = 0.5, 4.0  # within which an answer is reported as late, not as missing
+UNCLEAR = ("link.silent", "link.not_a_pmac", "link.not_in_step")  # what an answer that comes late looks like, too
 _MARK_MESSAGES = 64
 """The I-variable that marks unsolicited program messages, where the family has it."""
 
 REFUSALS = frozenset((0, *ErrorCode))  # The error numbers that have an explanation
 
 _VERSION = re.compile(r"\d+\.\d+")
+_TWICE = re.compile(rb"(\d+\.\d+[^\r]*)\r\n?\1\r")
+"""The reply to VERSION VERSION, which is none to any line before."""
 
 
 class PmacClient:
     """Communicates with one controller over one link."""
 
     def __init__(self, link: Link, clock: Clock) -> None:
-        self.link = link
+        self.link, self._clock = link, clock
         self._exchange = Exchange(link, clock)
         self._dialect: Dialect | None = None
         self.requests_sent = self.reply_lines = 0  # how far a long reading is
@@ -84,9 +88,9 @@ class PmacClient:
         """Drain the line, set up the handshake, and return version and type as the controller reports them.
 
         Raises:
-            LinkError: `link.silent`, nothing replies; `link.not_a_pmac`, something else does; `link.echoes`,
-                `link.line_feeds`, the line changes what is sent; `link.unknown_type`, a controller of another
-                family; `link.not_in_step`; `controller.buffer_open`; `link.lost`.
+            LinkError: `link.silent`, nothing replies; `link.late`, it does, too late; `link.not_a_pmac`, something
+                else does; `link.echoes`, `link.line_feeds`, the line changes what is sent; `link.unknown_type`, a
+                controller of another family; `link.not_in_step`; `controller.buffer_open`; `link.lost`.
         """
         exchange = self._exchange
         self._dialect = None
@@ -97,6 +101,15 @@ class PmacClient:
         if endless := exchange.drain():
             value = f"{endless} bytes in {DRAIN_LIMIT_S:g} s, without a pause"
             raise LinkError(Problem(code="link.not_a_pmac", where=self.link.address, value=value))
+        try:
+            return self._prove()
+        except LinkError as error:
+            if error.problems[0].code not in UNCLEAR:
+                raise
+            raise self._of_the_line(error) from None
+
+    def _prove(self) -> tuple[str, str]:
+        """Return version and type of the controller, once it is proven to be in step."""
         version, kind = self._identified()
         self._dialect = dialect = dialect_of(kind)
         if dialect is None:
@@ -105,9 +118,9 @@ class PmacClient:
                 Problem(code="link.unknown_type", where=self.link.address, value=kind[:40], limit=limit)
             )
         marked = [f"I{_MARK_MESSAGES}=1"] if _MARK_MESSAGES in dialect.ranges else []
-        exchange.prove(" ".join([HANDSHAKE, CHECKSUMS_OFF, *marked]))
+        self._exchange.prove(" ".join([HANDSHAKE, CHECKSUMS_OFF, *marked]))
         if not self.link.checks_bytes:
-            exchange.learn_checksums()
+            self._exchange.learn_checksums()
         return version, kind
 
     def resynchronise(self, timeout_s: float = REPLY_TIMEOUT_S) -> None:
@@ -262,23 +275,28 @@ class PmacClient:
             return self._identify()
         except LinkTimeoutError:
             raise first from None
-        except LinkError as error:
-            raise self._of_the_line(error) from None
 
     def _of_the_line(self, error: LinkError) -> LinkError:
-        """Return what the line does to a question, an echo or line ends of its own; else the same error."""
+        """Return what the line does to a question: late, an echo, or line ends of its own; else the same error."""
         self._exchange.drain(quiet_s=LATE_S)
         self._exchange.forget()
-        self.link.send(b"VERSION\r")
-        said = b""
-        while len(said) < LONGEST_ECHO and (came := self.link.receive(LATE_S)):
+        self.link.send(b"VERSION VERSION\r")
+        began_s, said, late_s, waits_s = self._clock.now_s(), b"", 0.0, LATEST_S
+        while len(said) < LONGEST_ECHO and waits_s > 0.0 and (came := self.link.receive(waits_s)):
             said += came
-        code = ""
+            passed_s = self._clock.now_s() - began_s
+            late_s = late_s or (passed_s if _TWICE.search(said) else 0.0)
+            waits_s = QUIET_S if late_s else LATEST_S - passed_s
+        code = value = ""
         if said.startswith(b"VERSION"):
             code = "link.echoes"
         elif _VERSION.match(said.split(b"\r")[0].decode("ascii", "replace").strip()) and b"\r\n" in said:
             code = "link.line_feeds"
-        return LinkError(Problem(code=code, where=self.link.address)) if code else error
+        elif late_s > LEAST_LATE_S:
+            code, value = "link.late", f"{late_s:.1f} s"
+        elif said and not late_s and error.problems[0].code == "link.silent":
+            code, value = "link.late", f"> {REPLY_TIMEOUT_S:g} s"
+        return LinkError(Problem(code=code, where=self.link.address, value=value)) if code else error
 
     def _identify(self) -> tuple[str, str]:
         try:

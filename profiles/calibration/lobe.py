@@ -82,7 +82,7 @@ def find_lobe(
         phase_assumed=phase_deg is not None and not from_index and not _jaw_known(job),
         reasons=(
             *_of_cut(trace.meta, simulated and not practice),
-            *unit_doubt(_ront_um(trace), trace.meta),
+            *unit_doubt(_ront_um(trace), trace.meta, plane=trace.centre_mm is not None),
             *_reasons(fit, header, job, phase_deg),
         ),
         warnings=(*unusable, *_warnings(fit, header, job)),

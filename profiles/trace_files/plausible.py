@@ -20,6 +20,7 @@ LEAST_RONT_UM = 0.25
 MOST_RONT_UM = 1000.0
 """The largest lobe that a job may state: nobody turns a part that is further from round."""
 
+LEAST_POINTS_MM, MOST_POINTS_MM = 1.0, 1000.0  # diameter of what a chuck of this kind clamps (choice)
 MOST_OFF_SIZE_MM = 0.5  # on the radius: more is another part, or a diameter in place of a radius (choice)
 CHECKED = ("units_checked", "yes")  # header line by which a person states that the unit is right
 DIAMETER_STATED = "lobe.diameter_stated"
@@ -27,10 +28,20 @@ _STEP = 1000.0  # from one unit to the next: nm, um, mm
 _SIMULATED = ("simulated", "yes")  # an ideal lathe is rounder than any real one
 
 
-def unit_doubt(ront_um: float, meta: Mapping[str, str]) -> tuple[Problem, ...]:
-    """Return why the unit of a trace with these header lines is probably wrong; nothing where it may be right."""
+def unit_doubt(ront_um: float, meta: Mapping[str, str], *, plane: bool = False) -> tuple[Problem, ...]:
+    """Return why the unit of a trace with these header lines is probably wrong; nothing where it may be right.
+
+    Points in the `plane` have a size, which tells their unit better than RONt does.
+    """
     if any(meta.get(key) == value for key, value in (CHECKED, _SIMULATED)):
         return ()
+    if plane:
+        diameter_mm = 2.0 * float(meta["radius_mm"])
+        if LEAST_POINTS_MM <= diameter_mm <= MOST_POINTS_MM:
+            return ()
+        other_mm = diameter_mm / _STEP if diameter_mm > MOST_POINTS_MM else diameter_mm * _STEP
+        value, limit = f"D {diameter_mm:.4g} mm", f"D {other_mm:.4g} mm"
+        return (Problem(code="trace.unit_doubtful_points", key="x_mm,y_mm", value=value, limit=limit),)
     if ront_um < LEAST_RONT_UM and ront_um * _STEP >= LEAST_RONT_UM:
         code, other_um, unit = "trace.unit_doubtful", ront_um * _STEP, "deviation_mm"
     elif ront_um > MOST_RONT_UM and ront_um / _STEP <= MOST_RONT_UM:

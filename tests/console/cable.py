@@ -32,15 +32,19 @@ TRIES = 400
 
 
 class Cable:
-    """All that goes through is `heard`. `cut` ends the connection; none is made before `mend`."""
+    """All that goes through is `heard`. `cut` ends the connection; none is made before `mend`.
 
-    def __init__(self, sim: SimulatedLathe, line: HeardPort) -> None:
-        self.sim, self.line, self.whole, self.cuts = sim, line, True, 0
+    Nothing comes back on the first `dead` connections.
+    """
+
+    def __init__(self, sim: SimulatedLathe, line: HeardPort, dead: int = 0) -> None:
+        self.sim, self.line, self.whole, self.cuts, self.dead, self.made = sim, line, True, 0, dead, 0
 
     def connect(self) -> MemoryLink:
         if not self.whole:
             raise LinkError(Problem(code="link.refused", where=ADDRESS, value="Connection refused"))
         self.line.port = self.sim.connect()
+        self.made += 1
         return _Piece(self)
 
     def cut(self) -> None:
@@ -56,7 +60,7 @@ class _Piece(MemoryLink):
 
     def __init__(self, cable: Cable) -> None:
         super().__init__(cable.line, cable.sim)
-        self._cable, self._cuts = cable, cable.cuts
+        self._cable, self._cuts, self._dead = cable, cable.cuts, cable.made <= cable.dead
 
     def _check(self) -> None:
         if self._cuts != self._cable.cuts:
@@ -72,14 +76,17 @@ class _Piece(MemoryLink):
 
     def receive(self, timeout_s: float) -> bytes:
         self._check()
-        return super().receive(timeout_s)
+        came = super().receive(timeout_s)
+        return b"" if self._dead else came
 
 
-def cabled(sim: SimulatedLathe, data: Path, loaded: LoadedMachine | None = None) -> tuple[WithStation, Cable]:
+def cabled(
+    sim: SimulatedLathe, data: Path, loaded: LoadedMachine | None = None, *, dead: int = 0
+) -> tuple[WithStation, Cable]:
     """A console with a station at the end of a cable; it claims the machine, or looks on."""
     loaded = loaded or compact_machine()
     line = HeardPort(port=sim.connect())
-    cable = Cable(sim, line)
+    cable = Cable(sim, line, dead)
     link = RenewableLink(cable.connect())
     client, stop = PmacClient(link, sim), StopPath(link)
     looks: list[Callable[[Snapshot], None]] = []
@@ -116,7 +123,7 @@ def cabled(sim: SimulatedLathe, data: Path, loaded: LoadedMachine | None = None)
         context=context,
         station=station,
     )
-    assert station.connect()
+    assert station.connect() is (dead == 0)
     return made, cable
 
 

@@ -156,6 +156,16 @@ def test_behind_another_console_nothing_is_aligned() -> None:
     assert codes(after)[:2] == ["alignment.handed_over", "alignment.no_clamping"]
 
 
+@pytest.mark.parametrize("stamp", ["clamping", "jaw", "touch_off"])
+def test_behind_another_console_the_only_stamp_is_gone_as_well(stamp: str) -> None:
+    after = handed_over(replace(Alignment(), **{stamp: getattr(COMPLETE, stamp)}), "09:20")
+    assert (getattr(after, stamp), codes(after).count("alignment.handed_over")) == (None, 1)
+
+
+def test_who_had_found_nothing_loses_nothing_to_another_console() -> None:
+    assert handed_over(Alignment(), "09:20") == Alignment()
+
+
 def test_lost_zeros_take_jaw_and_touch_off_with_them_and_say_when() -> None:
     after = observed(COMPLETE, drives_on=True, homed=False, at="09:10")
     assert (after.jaw, after.touch_off) == (None, None)
@@ -199,3 +209,16 @@ def test_a_table_that_adds_something_is_cleared_another_way_without_a_home(
 ) -> None:
     """One that is only switched on adds nothing, and is switched off wherever the axes are."""
     assert [problem.code for problem in tables_told(tables, homed=homed)] == codes
+
+
+def test_the_lobe_of_a_job_is_where_jaw_1_was_found_and_not_where_that_of_another_machine_was() -> None:
+    """20 degrees behind a jaw at 350 is at 10."""
+    job, jaw = (
+        replace(JOB, lobe_phase_deg=77.0, lobe_past_jaw_deg=20.0),
+        JawAngle(angle_deg=350.0, jaws=3, at="08:45"),
+    )
+    aligned = replace(COMPLETE, jaw=jaw)
+    assert aligned_job(job, aligned).lobe_phase_deg == pytest.approx(10.0)
+    assert aligned_job(replace(job, lobe_past_jaw_deg=None), aligned).lobe_phase_deg == pytest.approx(350.0)
+    for without in (replace(aligned, jaw=None), replace(aligned, jaw=replace(jaw, jaws=4))):
+        assert aligned_job(job, without) == job

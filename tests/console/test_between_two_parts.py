@@ -15,12 +15,15 @@ from console.session.cut.engine import cut, load
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import part_record
 from console.session.cut.run import CutOutcome, roundness_of
+from console.session.errors import SessionError
 from console.session.stages import Stage
 from console.session.station.progress import CutPhase, PhaseClock, planned_phases
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.errors import RefusedError
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath, StoppedError
 from profiles.job import Job
+from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.compact import compact_machine
@@ -134,6 +137,40 @@ def test_a_part_that_is_clamped_is_not_clamped_anew_and_what_it_ran_into_is_told
     assert mounted == ([] if clamped else [job.name])
     assert outcome.collisions == (mark,)
     assert outcome.trace is not None
+
+
+def test_a_machine_that_does_not_admit_a_cut_is_left_as_it_was() -> None:
+    """Another console controls it, say: no program is loaded, and no drive enabled."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    context, sim = simulated_context(compact_machine().machine)
+
+    def admit() -> None:
+        raise RefusedError(Problem(code="owner.held"))
+
+    plan = plan_cut(job, compact_machine().machine, Strategy.NONE, watchdog=context.lathe.program.watchdog)
+    with pytest.raises(RefusedError):
+        run_module.cut_part(replace(context, admit=admit), job, plan, lambda *_: None)
+    assert context.lathe.program.reports() is None and not context.lathe.has_moved
+    assert context.lathe.stop.reason is None
+    assert not any(motor.amplifier_enabled for motor in sim.controller.motors.values())
+
+
+def test_an_error_of_the_console_in_mid_cut_stops_the_machine() -> None:
+    """Nothing else had stopped it: the program would go on without being watched."""
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+    context, _ = simulated_context(compact_machine().machine)
+    lathe = context.lathe
+
+    def see(snapshot: Snapshot) -> None:
+        if snapshot.program_running:
+            raise SessionError(Problem(code="session.nothing_seen"))
+
+    beside: Any = SimpleNamespace(begin=lambda _: None, see=see)
+    plan = plan_cut(job, compact_machine().machine, Strategy.NONE, watchdog=lathe.program.watchdog)
+    with pytest.raises(SessionError) as failed:
+        run_module.cut_part(context, job, plan, lambda *_: None, beside)
+    assert failed.value.problems[0].code == lathe.stop.reason == "session.nothing_seen"
+    assert lathe.stop.proven and lathe.snapshot().at_rest
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from console.session.cut.engine import CutContext
-from console.session.cut.force_watch import ForceWatch
+from console.session.cut.force_watch import MOST_SAMPLES, ForceWatch
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, plan_run, run_once
 from console.session.stages import Stage
@@ -247,3 +247,6 @@ def test_five_turns_of_air_and_six_of_a_full_chip_are_gathered(monkeypatch: pyte
     assert 1.0 < air_turns <= 5.0 + 0.15 / 0.060 + 1e-9
     assert prepared["seconds"] == pytest.approx((air_turns + 2.0 + 6.0) * 0.060, rel=0.002)
     assert (prepared["samples"], prepared["thrust"]) == (135, True)
+    ForceWatch(context.lathe, plan.job).begin(replace(plan.cut, spindle_speed_rpm=100.0))
+    turns = prepared["seconds"] / 0.6
+    assert 0.5 * MOST_SAMPLES < prepared["samples"] * turns <= MOST_SAMPLES, "a slow cut gathers less often"

@@ -41,14 +41,19 @@ def test_a_file_name_that_is_no_text_is_listed(console: Console, own_jobs: Path)
     assert console("jobs", "--json").code == 0
 
 
-def test_json_has_the_name_of_the_file_and_the_title_inside(console: Console, own_jobs: Path) -> None:
+def test_a_plain_copy_is_listed_with_why_it_is_not_cut(console: Console, own_jobs: Path) -> None:
+    """Its runs and learned versions would be those of the job that it was copied from."""
     (own_jobs / "copy.toml").write_bytes(bundled())
     jobs = {job["name"]: job for job in console("jobs", "--json").json["jobs"]}
-    assert jobs["copy"]["title"] == "lee-2001-experiment-1"
+    assert "title" not in jobs["copy"] and any('name = "copy"' in said for said in jobs["copy"]["problems"])
+    assert jobs["lee-2001-experiment-1"]["title"] == "lee-2001-experiment-1"
+    said = console("run", "copy", "--sim")
+    assert said.code == 1 and 'name = "copy"' in said.err
 
 
 def test_with_a_machine_each_job_is_judged_by_its_rules(console: Console, own_jobs: Path) -> None:
     thick = bundled().replace(b"wall_thickness_mm = 2.5", b"wall_thickness_mm = 99.0")
+    thick = thick.replace(b'name = "lee-2001-experiment-1"', b'name = "thick"')
     (own_jobs / "thick.toml").write_bytes(thick)
     said = console("jobs", "--machine", "lee-2001-lathe")
     assert said.code == 0 and "lee-2001-lathe" in said.out.splitlines()[-1]

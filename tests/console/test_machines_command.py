@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,7 +11,7 @@ import pytest
 
 from console.cli.library import refuse_unsigned
 from profiles.problem import ProfileError
-from profiles.store import load_machine
+from profiles.store import BUNDLED_MACHINES, load_machine
 from tests.console.conftest import Said
 
 Console = Callable[..., Said]
@@ -53,6 +54,16 @@ def test_nothing_is_overwritten_or_written_elsewhere(console: Console, data_fold
     run = console("machines", "copy", "turbo-ethernet-lathe", name)
     assert run.code == 1 and run.err.startswith("console: ") and run.err.count("\n") == 1
     assert {path: path.read_bytes() for path in data_folder.rglob("*.toml")} == before
+
+
+def test_a_plain_copy_is_listed_with_why_it_is_refused(console: Console, data_folder: Path) -> None:
+    folder = data_folder / "trilobe" / "machines"
+    folder.mkdir(parents=True)
+    shutil.copy(BUNDLED_MACHINES / "lee-2001-lathe.toml", folder / "lathe-3.toml")
+    said = console("machines")
+    assert rows(said)["lathe-3"] == ["cannot", "be", "read", "own"] and 'name = "lathe-3"' in said.out
+    (copy,) = (each for each in console("machines", "--json").json["machines"] if each["name"] == "lathe-3")
+    assert copy["problems"] and "signed_for" not in copy
 
 
 def test_a_profile_that_cannot_be_read_is_listed_with_its_reason(console: Console, data_folder: Path) -> None:

@@ -65,6 +65,17 @@ def test_an_eccentric_and_oval_blank_is_not_called_a_lag_while_its_samples_are_f
     assert out == 0
 
 
+def test_of_enough_samples_what_the_blank_adds_once_twice_and_six_times_a_turn_is_no_part_of_the_phase() -> None:
+    """60 of them, of a tool 0.7 degrees late: the phase is known as without the blank."""
+    angle = np.sort(np.random.default_rng(3).uniform(0.0, 7200.0, 60))
+    waves = ((6.0, 1, 10.0), (4.0, 2, 50.0), (2.0, 6, 20.0))
+    pushed = sum(um * np.cos(order * np.radians(angle - crest_deg)) for um, order, crest_deg in waves)
+    infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 0.7 - 40.0)) + pushed
+    found = phase_of(np.stack([angle, infeed], axis=1), WANTED)
+    assert found is not None and found.error_deg == pytest.approx(0.7, abs=1e-6)
+    assert found.within_deg < 1e-6
+
+
 def test_without_a_lobe_there_is_no_phase() -> None:
     looks = np.stack([np.linspace(0.0, 360.0, 60), np.full(60, 100.0)], axis=1)
     assert phase_of(looks, WANTED) is None

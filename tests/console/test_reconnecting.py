@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import threading
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -19,8 +21,11 @@ from console.session.station.commands import (
     TakeJaw,
     TakeTouchOff,
 )
+from console.session.station.link_thread import CONNECT_AGAIN_S
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
+from console.text.catalogue import load
+from console.tui.link.lost_lines import lost_step
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import NOBODY, Standing
@@ -28,7 +33,7 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from tests.compact import compact_machine
-from tests.console.cable import Cable, cabled, until_back
+from tests.console.cable import TRIES, Cable, cabled, until_back
 from tests.console.consoles import STOP_CHARACTERS, WithStation
 from tests.console.floor import experiment_1
 
@@ -358,3 +363,44 @@ def test_a_reset_in_mid_cut_leaves_the_last_values_of_the_cut_and_its_mark(site:
     assert state.touched is not None and state.stop is not None and state.stop.tool_in_part is None
     (mark_mm,) = state.marks_mm
     assert mark_mm == pytest.approx(state.cut.z_mm, abs=0.1)
+
+
+def asked_until(console: WithStation, condition: Callable[[], bool]) -> None:
+    """Ask a machine that has never answered, as the link thread does."""
+    moment = threading.Event()
+    for _ in range(TRIES):
+        if condition():
+            return
+        console.station.connect()
+        moment.wait(0.001)  # an attempt has a thread of its own, in real time
+        console.sim.wait(CONNECT_AGAIN_S)
+    raise AssertionError(console.state)
+
+
+@pytest.mark.parametrize("dead", [1, 3])
+def test_a_connection_that_was_accepted_and_never_answers_is_opened_again(dead: int, tmp_path: Path) -> None:
+    """Half of it is dead: the other side, restarted meanwhile, knows nothing of it."""
+    sim = SimulatedLathe(compact_machine().machine)
+    console, cable = cabled(sim, tmp_path, dead=dead)
+    assert activity(console) is Activity.LOST and console.alarms == ["link.silent"]
+    asked_until(console, lambda: activity(console) is Activity.READY)
+    assert cable.made == dead + 1 and console.alarms == [] and console.state.lost_link is None
+    assert not console.lathe.has_moved and harmless(console.hear().partition(b"P1000=")[0])
+
+
+def test_while_it_is_opened_again_it_is_said_how_often_and_why(tmp_path: Path) -> None:
+    console, cable = cabled(SimulatedLathe(compact_machine().machine), tmp_path, dead=TRIES)
+    cable.cut()
+    asked_until(console, lambda: console.state.lost_link is not None and console.state.lost_link.attempts > 1)
+    lost = console.state.lost_link
+    assert lost is not None and lost.problem is not None and lost.problem.code == "link.refused"
+    said = lost_step(load("en"), console.state)
+    assert "opens the link again" in said and f"attempts: {lost.attempts}" in said
+
+
+def test_a_stop_while_it_is_opened_again_is_in_force_once_it_is(tmp_path: Path) -> None:
+    console, _ = cabled(SimulatedLathe(compact_machine().machine), tmp_path, dead=1)
+    console.stop.stop("space")
+    asked_until(console, lambda: bool(console.state.controller))
+    console.look()
+    assert activity(console) is Activity.STOPPED and not console.station.post(EnableDrives())

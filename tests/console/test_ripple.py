@@ -30,6 +30,14 @@ def swinging(mean: Floats, share: float, per_turn: int, turn: float = TURN) -> F
     return np.column_stack([position, mean - position])
 
 
+@pytest.mark.parametrize("per_turn", range(1, 7))
+def test_a_swing_of_one_percent_is_told_from_once_to_six_times_a_turn(per_turn: int) -> None:
+    """Belts, jaws, gears and poles, of 240 looks."""
+    mean = np.sort(np.random.default_rng(per_turn).uniform(0.0, 100.0 * TURN, 240))
+    told = spindle_ripple(swinging(mean, 0.01, per_turn), TURN)
+    assert told is not None and told.percent == pytest.approx(2.0, abs=0.2)
+
+
 @given(
     st.floats(0.0, 0.05),
     st.sampled_from(ORDERS),

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from console.school.training.lesson import load_lesson
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.made_parts import MadeWith, tool_event
-from console.session.data.records import RunRecord
+from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_reader import RunStory, runs, story
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
 from console.session.stages import Stage
@@ -26,12 +27,14 @@ from console.session.station.commands import Measure, Start
 from console.text.catalogue import LANGUAGES, load
 from console.text.run_debrief import debrief_sections
 from console.tui.records.opened_run import opened_run
+from console.tui.records.panels import trace_caption
 from console.tui.records.run_lines import story_lines
 from profiles.compensations.causes import CauseKind
 from profiles.job import Job
 from profiles.store import LoadedJob, job_text
 from profiles.traces import Trace
 from tests.console.floor import open_floor
+from tests.record_clock import set_dates
 from tests.school.test_debrief import JOB as CUT
 from tests.school.test_debrief import Pupil
 from tests.tui.records_stage import ANGLES_DEG, META, described, telemetry
@@ -43,6 +46,7 @@ JOB: Job = replace(experiment().job, name="flange-52")
 
 MADE = MadeWith(compensation="none", strategy="pvt", stage="full", inverted="model")
 LATE_DEG = 2.0
+BEGAN = datetime(2026, 5, 4, 8, 0, tzinfo=UTC)
 
 
 def turned(late_deg: float = LATE_DEG) -> Trace:
@@ -181,3 +185,93 @@ def test_while_a_machine_moves_the_causes_are_left_for_later(tmp_path: Path) -> 
     found = recorded(tmp_path, turned())
     debrief = run_debrief(found, tmp_path, explains=False)
     assert debrief.fails_round and debrief.causes == () and "later" in codes(debrief)
+
+
+def times_of(debrief: RunDebrief) -> dict[str, float]:
+    """When the first event of each kind was, s after the start."""
+    events = ((told.event, told.at_s) for told in reversed(debrief.happened))
+    return {event.kind: at_s for event, at_s in events if event is not None}
+
+
+def test_a_cut_that_a_simulated_lathe_makes_in_a_moment_is_told_in_machine_time(tmp_path: Path) -> None:
+    floor = open_floor(tmp_path)
+    floor.set_up(CUT)
+    assert floor.arm(CUT, stage=Stage.AIR).armed is not None, floor.state.refusals
+    floor.do(Start())
+    floor.context.end_record()
+    (row,) = runs(tmp_path)
+    found = story(tmp_path, row.run_id)
+    (polled,) = (each for each in found.telemetry if each.kind == "poll")
+    cut_s = float(polled.column("time_s")[-1])
+    # The polls carry the time of the controller; on this clock, the cut takes far less.
+    assert times_of(run_debrief(found, tmp_path))["cut"] == pytest.approx(cut_s, abs=3.0) and cut_s > 5.0
+
+
+@pytest.mark.parametrize("speed", [0.25, 4.0, 1000.0])
+def test_an_alarm_stands_unseen_for_machine_time(speed: float, tmp_path: Path) -> None:
+    now = [100.0]
+    run = RunRecord(tmp_path, described(JOB), now_s=lambda: now[0])
+    for seconds, kind in ((0.0, "started"), (3.0, "alarm_raised"), (90.0, "alarm_acknowledged")):
+        now[0] = 100.0 + speed * seconds
+        run.log.event(kind, {"code": "cut.out_of_phase", "priority": "medium"})
+    run.close()
+    debrief = run_debrief(story(tmp_path, run.run_id), tmp_path)
+    (raised,) = (told for told in debrief.happened if told.raised)
+    (seen,) = (told for told in debrief.happened if told.seen)
+    assert (raised.at_s, seen.at_s, seen.unseen_s) == (3.0 * speed, 90.0 * speed, 87.0 * speed)
+
+
+def test_parts_on_new_machines_follow_each_other_in_machine_time(console: Console, data_folder: Path) -> None:
+    assert console("run", "lee-2001-experiment-1", "--sim").code == 0
+    (row,) = runs(data_folder / "trilobe")
+    found = story(data_folder / "trilobe", row.run_id)
+    events = [event for event in found.events if event.kind == "part" or event.data.get("step") == "cut"]
+    polled = {each.part: float(each.column("time_s")[-1]) for each in found.telemetry if each.kind == "poll"}
+    cut, measured, cut_again, measured_again = (event.at_s for event in events)
+    assert 0.0 < cut < measured < cut_again < measured_again
+    for part, at_s in (("before", measured - cut), ("after", measured_again - cut_again)):
+        assert at_s == pytest.approx(polled[part], abs=2.0)
+
+
+def test_events_without_a_machine_time_are_told_by_their_dates(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    second = iter(range(0, 1000, 40))
+    set_dates(monkeypatch, lambda: (BEGAN + timedelta(seconds=next(second))).isoformat())
+    run = RunRecord(tmp_path, described(JOB))
+    run.close()
+    for kind in ("started", "cut", "measured"):  # as an older console has written them
+        add_to_run(tmp_path, run.run_id, kind, {})
+    debrief = run_debrief(story(tmp_path, run.run_id), tmp_path)
+    assert times_of(debrief) == {"started": 0.0, "cut": 40.0, "measured": 80.0}
+
+
+@pytest.mark.parametrize(
+    ("end", "words"),
+    [
+        ({"reason": "SIGTERM", "stopped": True, "by": "SIGTERM"}, "stop: SIGTERM"),
+        ({"reason": "the tool has not found its home flag"}, "has not found its home flag"),
+        ({"reason": "killed"}, "console killed"),
+    ],
+)
+def test_a_run_that_ended_while_homing_tells_why_instead_of_asking_for_nothing(
+    end: dict[str, object], words: str, tmp_path: Path
+) -> None:
+    run = RunRecord(tmp_path, described(JOB))
+    run.add("planned", {})
+    run.add("ended", end)
+    run.close()
+    found = story(tmp_path, run.run_id)
+    debrief = run_debrief(found, tmp_path)
+    assert [told.event.kind for told in debrief.happened if told.event] == ["ended"]
+    assert list(debrief.advice) == [Advice.STOPPED]
+    said = dict(debrief_sections(debrief, load("en")))
+    assert words in said["What happened, from the start"][0] and words in said["Next time"][0]
+
+
+@pytest.mark.parametrize(("setup", "jaw"), [('{"jaw_1_deg": 12.63}', "jaw 1 at 12.6"), ("{}", "")])
+def test_a_stopped_run_has_jaw_1_from_its_alignment_or_not_at_all(setup: str, jaw: str, tmp_path: Path) -> None:
+    found = recorded(tmp_path, None, tell=stops, setup=setup)
+    run = opened_run(tmp_path, found.row.run_id, lathe())
+    said = "".join(words for each in trace_caption(run, 1.0, load("en"), 60) for words, _ in each)
+    assert jaw in said and "unknown" not in said and ("jaw" in said) is bool(jaw)

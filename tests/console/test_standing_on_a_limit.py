@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
+from console.session.cut.retracting import retracted_by_distance
 from console.session.station.commands import Acknowledge, DisableDrives, EnableDrives, Home, Jog, Recover
 from console.session.station.state import Activity
-from drivers.lathe.snapshot import AxisName
+from drivers.lathe.snapshot import AxisName, AxisState
 from tests.console.floor import Floor, open_floor
+from tests.drivers.test_limits_of_a_cut import polled
+from tests.system.lathe_sites import compact
 
 OFF = Jog(axis=AxisName.CARRIAGE, distance=-1.0)
 
@@ -92,3 +96,25 @@ def test_a_fault_of_an_amplifier_is_one_alarm_until_the_drives_are_on_again(tmp_
     floor.sim.faults.clear()
     floor.do(EnableDrives())
     assert floor.idle().alarms == ()
+
+
+@pytest.mark.parametrize(
+    ("homed", "at_mm", "target_mm"),
+    [
+        (True, 55.0, 35.0),  # by the retract distance
+        (True, 5.0, 0.0),  # no further than its home
+        (True, -0.5, -0.5),  # nor in again
+        (False, 55.0, 35.0),
+        (False, 5.0, -1.9),  # 0.1 mm short of the end of its travel
+        (False, -1.95, -1.95),
+    ],
+)
+def test_where_no_part_is_known_the_tool_retracts_by_its_distance_and_onto_no_limit(
+    homed: bool, at_mm: float, target_mm: float
+) -> None:
+    machine = compact("pmac")
+    machine = replace(machine, tool=replace(machine.tool, travel_min_mm=-2.0, retract_mm=20.0))
+    counts = at_mm * machine.tool.counts_per_mm
+    tool = AxisState(position=counts, following_error=0.0, flags=frozenset({"home_complete"} if homed else ()))
+    found = retracted_by_distance(machine, polled(tool=tool))
+    assert found / machine.tool.counts_per_mm == pytest.approx(target_mm)

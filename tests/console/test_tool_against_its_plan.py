@@ -15,6 +15,7 @@ from console.session.cut.recording import TelemetryRows
 from console.session.cut.tool_error import ToolError, fit_tool_error
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.snapshot import AxisState, Snapshot
+from drivers.pmac.witness import WitnessReport
 from profiles.arrays import Floats, floats
 from profiles.store import load_job
 from tests.system.lathe_sites import compact
@@ -120,12 +121,15 @@ def verdict(
     from_turn: int = 0,
     uneven_deg: float = 0.0,
     brief_um: float = 0.0,
+    late_um: float = 0.0,
+    witness: WitnessReport | None = None,
+    unheld: bool = True,
 ) -> CutVerdict:
     """A cut whose tool and command are off by a wave of an order, all along, and whose tool is so much deeper.
 
     A table reads the spindle one servo cycle late: its command is that of the angle before. The spindle is ahead
     of its command and behind it by `uneven_deg`, twice a turn. The command is `brief_um` off for one turn, in
-    three polls.
+    three polls. One poll is interrupted for 40 ms, and its tool is read `late_um` too deep.
     """
     setup, chance, per_um = plan(strategy).setup, np.random.default_rng(1), 1.0 / MACHINE.tool.count_um
     late_turns = 0.0 if strategy is Strategy.PVT else 1e-3 * MACHINE.controller.servo_period_ms / TURN_S
@@ -137,7 +141,8 @@ def verdict(
         wave = np.exp(2j * np.pi * order * turn)
         commanded_um = plan(strategy).command.at_um(360.0 * (turn - late_turns)) + (command * wave).real
         commanded_um += brief_um * (20.0 < turn < 21.0)
-        off_um = (tool * wave).real + deeper_um + chance.normal(0.0, scatter_um)
+        late = bool(late_um) and number == 80
+        off_um = (tool * wave).real + deeper_um + late * late_um + chance.normal(0.0, scatter_um)
         tool_um = plan(strategy).target.at_um(360.0 * turn) + off_um
         at, asked = setup.surface + float(tool_um) * per_um, setup.surface + float(commanded_um) * per_um
         ahead = uneven_deg / 360.0 * np.sin(4.0 * np.pi * turn)
@@ -147,7 +152,7 @@ def verdict(
         polls.see(
             Snapshot(
                 asked_s=at_s,
-                at_s=at_s + 0.005,
+                at_s=at_s + (0.045 if late else 0.005),
                 program_running=True,
                 runtime_error=False,
                 tool=axes[0],
@@ -155,7 +160,17 @@ def verdict(
                 carriage=axes[2],
             )
         )
-    return polls.verdict()
+    return polls.verdict(witness, unheld=unheld)
+
+
+def test_the_polls_of_a_cut_without_a_hold_are_what_the_following_error_of_its_witness_is_judged_by() -> None:
+    """A feed hold moves the tool out and in: what the witness has seen then, the polls of the cut have not."""
+    extremes = {"bias": (0.0, 0.0), "compensation": (0.0, 0.0), "following_error": (-300.0, 300.0)}
+    report = WitnessReport(before={}, first={}, extremes=extremes)
+    found = verdict(witness=report)
+    assert [each.code for each in found.changes] == ["cut.witness_following_error"]
+    assert found.judgement is CutJudgement.DISTURBED
+    assert verdict(witness=report, unheld=False).changes == ()
 
 
 def test_a_tool_on_its_path_is_as_planned() -> None:
@@ -243,6 +258,60 @@ def test_the_event_is_plain_json() -> None:
     assert said["cut_verdict"] == "tool_error"
     wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
     assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
+    assert wave["crest_deg"] == pytest.approx(0.0, abs=2.0)
+
+
+def test_the_crest_of_a_wave_is_told_in_degrees_of_the_spindle() -> None:
+    """A third of a turn is a lobe: 60 degrees of its phase are 20 of the spindle."""
+    said = verdict(tool=2.5 * np.exp(-1j * np.pi / 3.0)).event()
+    (wave,) = (each for each in said["tool"]["orders"] if each["n"] == 3)  # type: ignore[index]
+    assert wave["crest_deg"] == pytest.approx(20.0, abs=2.0)
+
+
+def test_a_poll_that_was_interrupted_is_not_judged() -> None:
+    """Its values are not of one instant."""
+    found, usual = verdict(late_um=100.0), verdict()
+    assert found.tool is not None and usual.tool is not None
+    assert found.tool.polls == usual.tool.polls - 1
+    assert found.judgement is CutJudgement.AS_PLANNED
+    assert found.tool.roundness_um == pytest.approx(usual.tool.roundness_um, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("mean_um", "mean_se_um", "where"),
+    [
+        (1.2, 0.2, "3/rev"),  # larger, and less than 0.5 um and six of its standard errors
+        (5.0, 0.5, "Ø"),
+    ],
+)
+def test_of_what_a_command_is_off_its_plan_that_is_told_which_is_furthest_beyond_its_scatter(
+    mean_um: float, mean_se_um: float, where: str
+) -> None:
+    """At three a turn it is off by 0.9 um, known to 0.05: an uncertain figure hides it not."""
+    command = replace(
+        known_error(0.01),
+        mean_um=mean_um,
+        mean_se_um=mean_se_um,
+        slope_um=0.0,
+        slope_se_um=0.0,
+        orders={3: 0.9 + 0j},
+        orders_se_um={3: 0.05},
+    )
+    found = CutVerdict(command=command)
+    assert found.judgement is CutJudgement.DISTURBED
+    assert found.command_problem is not None and found.command_problem.where == where
+
+
+def test_the_record_counts_time_and_turns_from_the_first_poll_and_has_the_speed_of_the_last_second() -> None:
+    setup, per_turn = plan().setup, MACHINE.spindle.counts_per_rev
+    polls = [
+        (7.0 + 0.2 * k, setup.surface + 500.0, (40.0 + 3.0 * k) * per_turn, setup.carriage_middle, 0.0)
+        for k in range(11)
+    ]
+    rows = TelemetryRows(plan(), JOB, MACHINE)(polls)
+    assert rows[:, 0] == pytest.approx(0.2 * np.arange(11))
+    assert rows[:, 1] == pytest.approx(3.0 * np.arange(11))
+    assert np.isnan(rows[0, 3]) and rows[1:, 3] == pytest.approx(900.0), "3 turns in 0.2 s"
 
 
 @pytest.mark.parametrize("past_mm", [-1.2, 0.0, 1.2])

@@ -117,3 +117,32 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
         words = plain(result_lines(shown, False, load(language), 60, 40))
         assert f"{radius_mm:.3f}" in words and not re.search(r"\+\d{3}", words)
     assert part.diameter_passes is (None if code == "lobe.diameter_stated" else False)
+
+
+def points(tmp_path: Path, unit: float, *more: str, x: float = 0.0) -> Path:
+    """Points of a part of D 52 mm, written in `unit` (1: mm), its centre at x."""
+    path = tmp_path / "points.csv"
+    angles = np.radians(np.arange(360.0))
+    distance = 26.0 + 0.5e-3 * LOBE_UM * np.cos(3.0 * angles)
+    rows = zip(unit * (distance * np.cos(angles) + x), unit * distance * np.sin(angles), strict=True)
+    path.write_text("\n".join([*more, "x_mm,y_mm", *(f"{first:.9g},{second:.9g}" for first, second in rows)]))
+    return path
+
+
+@pytest.mark.parametrize(("unit", "seen"), [(1e-3, "D 0.052 mm"), (1e2, "D 5200 mm")])
+def test_points_in_another_unit_than_mm_are_doubted(
+    unit: float, seen: str, console: Console, tmp_path: Path
+) -> None:
+    path = points(tmp_path, unit)
+    said = console("roundness", str(path))
+    assert said.code == 0 and seen in said.err and "x_mm,y_mm" in said.err and "deviation" not in said.err
+    refused = console("roundness", str(path), "--job", JOB)
+    assert refused.code == 1 and seen in refused.err and "deviation" not in refused.err
+    checked = console("roundness", str(points(tmp_path, unit, "# units_checked: yes")))
+    assert checked.code == 0 and "probably" not in checked.err
+
+
+def test_points_in_mm_are_taken_and_their_centre_is_no_eccentricity(console: Console, tmp_path: Path) -> None:
+    said = console("roundness", str(points(tmp_path, 1.0, x=1.5)))
+    assert said.code == 0 and "probably" not in said.err
+    assert "1.5000" in said.out and "eccentricity" not in said.out and "-0.0000" not in said.out

@@ -359,3 +359,33 @@ def test_under_any_faults_an_answer_is_the_right_one_or_an_error_and_nothing_is_
             continue
     bench.sim.faults.clear()
     answers_are_right(bench)
+
+
+@pytest.mark.parametrize(("late_s", "least_s"), [(1.5, 1.5), (1.9, 1.9), (2.5, 2.0), (3.5, 2.0)])
+def test_answers_that_come_too_late_are_not_taken_for_silence(
+    machine: MachineProfile, late_s: float, least_s: float
+) -> None:
+    """Something in between passes one answer on after the other, each `late_s` after the one before."""
+    sim = SimulatedLathe(machine)
+
+    class Slow:
+        port = sim.connect()
+
+        def __init__(self) -> None:
+            self.queue: list[tuple[float, bytes]] = []
+
+        def receive(self, data: bytes) -> None:
+            self.port.receive(data)
+
+        def take_output(self) -> bytes:
+            if said := self.port.take_output():
+                last_s = self.queue[-1][0] if self.queue else 0.0
+                self.queue.append((max(last_s, sim.now_s()) + late_s, said))
+            due = [said for at_s, said in self.queue if at_s <= sim.now_s()]
+            self.queue = self.queue[len(due) :]
+            return b"".join(due)
+
+    with pytest.raises(LinkError) as told:
+        PmacClient(MemoryLink(Slow(), sim), sim).connect()
+    assert codes(told.value) == ["link.late"]
+    assert float(told.value.problems[0].value.strip("> s")) >= least_s

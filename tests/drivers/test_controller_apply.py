@@ -17,7 +17,7 @@ from tests.drivers.families import machine as machine  # both families
 
 GAIN = re.compile(r"I[1-3]3[0-5]=[\d.]+")
 AXIS = re.compile(r"&1#[1-3]->[A-Z]")
-QUESTION = re.compile(r"I\d+|#\d->|[\d#&? ]+|P1001=\d+ P1001|\?\?\?")
+QUESTION = re.compile(r"I\d+|#\d->|[\d#&? ]+|P1004|P1001=\d+ P1001|\?\?\?")
 
 
 def writes_of(card: Commissioned) -> list[str]:

@@ -11,6 +11,7 @@ from console.text.checks import check_lines
 from drivers.commissioning.card_state import CardState, state_checks
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.stops import after_abort, after_jog_stop
+from drivers.lathe.heartbeat import Heartbeat
 from drivers.pmac.dialect import Setting
 from drivers.pmac.trajectory.jog import JogSettings
 from profiles.findings import Severity
@@ -185,6 +186,32 @@ def test_a_running_program_and_a_switched_on_drive_are_seen(machine: MachineProf
     assert found(card, "running").found == "&1"
     (drives,) = [check for check in card.verify().checks if check.code == "drives_on"]
     assert drives.found == "#1, #2, #3"
+
+
+@pytest.mark.parametrize(("guarded", "word"), [("P1003=1", ("jog", "조그")), ("P1003=2", ("program", "프로그램"))])
+def test_what_was_ended_because_its_host_was_killed_is_told(
+    machine: MachineProfile, guarded: str, word: tuple[str, str]
+) -> None:
+    """A cut, and an identification as well, run as a program: the controller does not know which."""
+    card = commissioned(machine)
+    heartbeat = Heartbeat(card.client, card.sim, machine)
+    heartbeat.prepare()
+    assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
+    card.tell(f"{heartbeat.cut('', 0.0)} {guarded}")
+    card.sim.wait(5.0)  # nobody renews
+    check = found(card, "heartbeat_lost", "P1004")
+    assert check.severity is Severity.REFUSAL
+    for language, said in zip(("en", "ko"), word, strict=True):
+        row = " ".join(check_lines([check], load(language)))
+        assert said in row and "console retract" in row
+    heartbeat.loss_seen()
+    assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
+
+
+def test_a_variable_of_that_number_means_nothing_without_our_heartbeat(machine: MachineProfile) -> None:
+    card = commissioned(machine)
+    card.tell("P1004=2")
+    assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
 
 
 def test_a_fault_of_a_motor_is_told(machine: MachineProfile) -> None:

@@ -183,5 +183,7 @@ def test_a_lobe_that_grows_along_the_part_is_followed_along_the_part(
 
 def test_other_strategies_refuse_a_lobe_that_grows(machine: MachineProfile, experiment: JobMaker) -> None:
     job = replace(short(experiment), lobe_growth_percent_per_mm=5.0)
-    with pytest.raises(ProblemError, match=r"program\.no_growth"):
+    with pytest.raises(ProblemError) as refused:
         plan_cut(job, machine, Strategy.PVT)
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.value, problem.limit) == ("program.no_growth", "5 %/mm", "cam")

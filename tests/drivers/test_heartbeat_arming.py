@@ -164,7 +164,7 @@ def test_a_slow_background_alone_is_no_reason(machine: MachineProfile, dialect: 
 @pytest.mark.parametrize(
     ("line", "code", "value"),
     [
-        ("P1004=2", "heartbeat.lost", "cut"),
+        ("P1004=2", "heartbeat.lost", "program"),
         ("P1004=1", "heartbeat.lost", "jog"),
         ("P1004=7", "heartbeat.lost", "7"),
     ],

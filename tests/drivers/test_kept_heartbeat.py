@@ -4,11 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from itertools import pairwise
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.guards import unguarded
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot
@@ -16,7 +19,7 @@ from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.program_text import read_program
-from drivers.pmac.reserved import ECHO
+from drivers.pmac.reserved import ECHO, LOST, OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.families import machine as machine
@@ -235,3 +238,92 @@ def test_no_drive_is_enabled_while_a_stop_is_in_force(machine: MachineProfile) -
     with pytest.raises(StoppedError):
         made.lathe.enable()
     assert not any(motor.amplifier_enabled for motor in made.sim.controller.motors.values())
+
+
+@pytest.mark.parametrize(
+    ("waited_s", "line", "lapses"),
+    [
+        (0.0, "", False),  # the line was held up on its way: the controller still counts down from 300 ms
+        (0.2, "", False),  # 100 ms are left of its watchdog, enough for a renewal
+        (0.27, "", True),  # 30 ms are left, fewer than the 50 ms between two renewals
+        (0.0, f"P{LOST}=1", True),
+        (0.0, f"P{OWNER}=4711", True),
+    ],
+)
+def test_a_late_host_renews_only_a_watchdog_that_is_armed_and_its_own(
+    kept: Kept, waited_s: float, line: str, lapses: bool
+) -> None:
+    """By its own clock it is 0.4 s late. Ended motions stay ended, and those of another console are its own."""
+    late: Any = SimpleNamespace(s=0.0, wait=kept.sim.wait)
+    late.now_s = lambda: kept.sim.now_s() + late.s
+    heartbeat = Heartbeat(kept.client, late, kept.lathe.machine)
+    heartbeat.prepare()
+    kept.client.request(heartbeat.jog(line), lines=0)
+    kept.sim.wait(waited_s)
+    late.s = 0.4
+    if not lapses:
+        assert heartbeat.renewal()
+        return
+    with pytest.raises(DriverError) as failed:
+        heartbeat.renewal()
+    assert (code(failed), heartbeat.guarding) == ("heartbeat.lapsed", False)
+
+
+def test_a_pause_takes_its_time_and_renews_the_watchdog_every_50_ms(
+    kept: Kept, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heartbeat = Heartbeat(kept.client, kept.sim, kept.lathe.machine)
+    heartbeat.prepare()
+    began_s = kept.sim.now_s()
+    heartbeat.pause(0.5)
+    assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.01), "nothing is guarded"
+    kept.client.request(heartbeat.jog(""), lines=0)
+    request, sent = kept.client.request, list[str]()
+
+    def record(line: str, *rest: Any, **more: Any) -> tuple[str, ...]:
+        sent.append(line)
+        return request(line, *rest, **more)
+
+    monkeypatch.setattr(kept.client, "request", record)
+    began_s = kept.sim.now_s()
+    heartbeat.pause(0.5)
+    assert kept.sim.now_s() - began_s == pytest.approx(0.5, abs=0.05)
+    assert len(sent) == pytest.approx(10, abs=1) and len(set(sent)) == 1
+
+
+@pytest.mark.parametrize(
+    ("policy", "ends_early", "reason"),
+    [
+        ("stop", False, "heartbeat.plc_silent"),
+        ("retract", True, "program: 3 s"),  # the program of this test knows no early end: its time runs out
+        ("finish", False, "program: 3 s"),
+    ],
+)
+def test_a_cut_whose_plc_falls_silent_is_ended_by_its_policy(
+    machine: MachineProfile, policy: str, ends_early: bool, reason: str
+) -> None:
+    kept = Kept(replace(machine, heartbeat=replace(machine.heartbeat, policy=policy)))
+    kept.lathe.enable()
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW))
+    kept.lathe.program.start(3, 0.0)
+    other = kept.sim.connect()
+    kept.on_look = lambda: other.receive(b"DISABLE PLC20\r")
+    with pytest.raises(DriverError) as failed:
+        kept.lathe.program.follow(lambda _: None, 3.0)
+    assert code(failed) == "heartbeat.plc_silent"
+    assert (kept.lathe.program.held, kept.stop.reason) == (ends_early, reason)
+
+
+@pytest.mark.parametrize("guarded", [True, False])
+def test_the_polls_of_a_cut_are_uneven_so_that_every_angle_is_seen(kept: Kept, guarded: bool) -> None:
+    """23 ms on average, spread by 60 % either way; a program that is no cut has nothing to be seen at an angle."""
+    kept.lathe.home()
+    kept.lathe.program.load(read_program(SLOW.replace("60000", "2000")))
+    kept.lathe.program.start(3, 0.0)
+    polls: list[Snapshot] = []
+    kept.lathe.program.follow(polls.append, 60.0, (lambda _: ()) if guarded else unguarded)
+    asked_s = [poll.asked_s for poll in polls if poll.moving]
+    apart_s = sorted(after - before for before, after in pairwise(asked_s))
+    tenth = len(apart_s) // 10
+    assert (apart_s[-tenth] - apart_s[tenth] > 0.015) is guarded

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import nullcontext
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -12,16 +13,16 @@ from drivers.cutting.bounds import Trim
 from drivers.cutting.corrected import with_spindle
 from drivers.cutting.feed_hold import FeedHold, HoldLedger, HoldReport, HoldState
 from drivers.cutting.guarding import cut_guard
-from drivers.cutting.live_trim import LiveTrim
-from drivers.cutting.override import FeedOverride
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
-from drivers.cutting.sampling import BatchGather
-from drivers.errors import DriverError, LinkError, RefusedError
+from drivers.cutting.sampling import Batch, BatchGather
+from drivers.errors import DriverError, LinkError, LinkTimeoutError
 from drivers.lathe.drift import rest_limits
+from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
+from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import run_through
@@ -77,6 +78,13 @@ def test_a_running_cut_may_leave_its_plan_by_its_margins(
             states = {name.value: commanded(counts) for name, counts in at.items()}
             found = cut_guard(plan, machine)(polled(0.0, **states))
             assert [problem.code for problem in found] == codes, (axis, way, beyond)
+
+
+@pytest.mark.parametrize("axis", AxisName)
+def test_a_machine_stands_still_when_no_axis_has_moved_by_more_than_two_counts(axis: AxisName) -> None:
+    first = polled(0.0, **{axis.value: commanded(5000.0)})
+    for counts, still in ((4998.0, True), (5002.0, True), (5002.5, False), (-5000.0, False)):
+        assert polled(0.2, **{axis.value: commanded(counts)}).still(first, 2.0) is still
 
 
 def test_a_tool_near_its_end_does_not_end_the_move_of_another_axis() -> None:
@@ -203,21 +211,50 @@ def test_a_missing_reply_is_left_to_the_next_round_and_a_lost_link_is_not(code: 
 @pytest.mark.parametrize(
     "ask",
     [
-        lambda client, sending, stop: FeedOverride(client, sending, stop).command(90),
-        lambda client, sending, _: FeedHold(client, sending).ask(),
-        lambda client, sending, stop: LiveTrim(client, sending, stop).ask(Trim(gain_percent=5.0)),
+        lambda program: program.override.command(90),
+        lambda program: program.hold.ask(),
+        lambda program: program.live_trim.ask(Trim(gain_percent=5.0)),
+        lambda program: program.end_after_turn(),
+        lambda program: program.trim(1.0 + 0.0j),
     ],
 )
-def test_a_console_without_control_changes_no_running_cut(ask: Any) -> None:
-    """Neither its speed nor its end nor its trim: nothing reaches the controller."""
-    queried, stop = Queried(), SimpleNamespace(check=lambda: None)
+@pytest.mark.parametrize("lost", [1, 2])
+def test_what_only_sets_a_value_of_a_running_cut_is_sent_twice_at_most(
+    machine: MachineProfile, ask: Any, lost: int
+) -> None:
+    """A key that the line has lost still acts; a line that answers nothing is told and not asked for ever."""
+    sim = SimulatedLathe(machine)
+    link = MemoryLink(sim.connect(), sim)
+    client, sent = PmacClient(link, sim), list[str]()
+    lathe = Lathe(client, machine, sim, StopPath(link))
+    lathe.connect()
 
-    def refuse_unless_owner() -> None:
-        raise RefusedError(Problem(code="owner.observer"))
+    def request(line: str, _: float) -> list[str]:
+        sent.append(line)
+        if len(sent) <= lost:
+            raise LinkTimeoutError(Problem(code="link.timeout"))
+        return []
 
-    with pytest.raises(RefusedError):
-        ask(queried, SimpleNamespace(refuse_unless_owner=refuse_unless_owner), stop)
-    assert queried.queries == 0
+    client.request = request  # type: ignore[method-assign, assignment]
+    with pytest.raises(LinkTimeoutError) if lost == 2 else nullcontext():
+        ask(lathe.program)
+    assert len(sent) == 2 and sent[0] == sent[1]
+
+
+@pytest.mark.parametrize(
+    ("p47", "state"),
+    [(0.0, HoldState.CUTS), (1.0, HoldState.GOES_OUT), (2.0, HoldState.HELD), (3.0, HoldState.COMES_IN)],
+)
+def test_a_hold_is_what_the_program_reports_of_it(p47: float, state: HoldState) -> None:
+    """340 segments of 34 a turn were held, after 12 turns that were cut."""
+    answers = {"P46": 1.0, "P47": p47, "P49": 340.0, "P32": 34.0}
+    client = SimpleNamespace(
+        request=lambda *_: [], numbers=lambda *items, **_: [answers.get(each, 12.0) for each in items]
+    )
+    hold = FeedHold(cast(Any, client), cast(Any, SimpleNamespace(refuse_unless_owner=lambda: None)))
+    hold.ask()
+    hold.read()
+    assert hold.report == HoldReport(asked=True, state=state, turns=10, cut_turns=12.0)
 
 
 def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
@@ -249,6 +286,64 @@ def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
     assert sent == ["ENDGATHER", "DELETE GATHER"]
 
 
+def test_after_a_lost_batch_gathering_is_ended_before_the_next_one_and_three_in_a_row_are_told(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Whether the lost one still fills its buffer is unknown; the next one defines that buffer anew."""
+    sim = SimulatedLathe(machine)
+    client, sent = PmacClient(MemoryLink(sim.connect(), sim), sim), list[str]()
+    client.connect()
+    request = client.request
+
+    def lose_listings(line: str, *rest: Any, **more: Any) -> tuple[str, ...]:
+        sent.append(" ".join(line.split()[:2]))
+        if line.startswith("LIST"):
+            raise LinkTimeoutError(Problem(code="link.timeout"))
+        return request(line, *rest, **more)
+
+    client.request = lose_listings  # type: ignore[method-assign]
+    plan, gather = plan_cut(experiment(1), machine, Strategy.PVT), BatchGather(client, machine, sim, lambda: 0.0)
+    gather.prepare(plan, 100, 0.1, lambda _: None)
+    setup = plan.setup
+    in_part = polled(tool=commanded(setup.surface + setup.depth), carriage=commanded(setup.carriage_middle))
+
+    def see_batch() -> list[str]:
+        sent.clear()
+        gather.see(in_part)
+        sim.wait(0.2)
+        gather.see(in_part)
+        gather.see(in_part)
+        return list(sent)
+
+    batch = ["DEFINE GATHER", "GATHER", "ENDGATHER", "LIST GATHER"]
+    assert see_batch() == batch
+    assert see_batch() == ["ENDGATHER", *batch]
+    with pytest.raises(DriverError) as failed:
+        see_batch()
+    assert failed.value.problems[0].code == "gather.failed"
+
+
+def test_a_batch_is_where_the_carriage_was_halfway_through_it(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """Polled 0.1 mm before the middle of the cut and 0.5 mm behind it: 0.2 mm behind it."""
+    sim = SimulatedLathe(machine)
+    client, batches = PmacClient(MemoryLink(sim.connect(), sim), sim), list[Batch]()
+    client.connect()
+    plan, gather = plan_cut(experiment(1), machine, Strategy.PVT), BatchGather(client, machine, sim, lambda: 0.0)
+    gather.prepare(plan, 100, 0.1, batches.append)
+    setup, per_mm = plan.setup, machine.carriage.counts_per_mm
+    for past_mm in (-0.1, 0.5):
+        carriage = commanded(setup.carriage_middle + past_mm * per_mm)
+        gather.see(polled(tool=commanded(setup.surface + setup.depth), carriage=carriage))
+        sim.wait(0.2)
+    gather.finish()
+    (batch,) = batches
+    assert batch.past_middle_mm == pytest.approx(0.2)
+    assert batch.thrust_n.size == 0 and batch.angle_deg.size == batch.infeed_um.size > 100
+    assert batch.infeed_um == pytest.approx(-setup.surface * machine.tool.count_um), "it stands at its zero"
+
+
 def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:
     """60 ms a turn, held for five: turn 18 is turn 13, 0.3 s earlier, and its poll took its 5 ms as before."""
     ledger = HoldLedger(12_000.0, 2.0)
@@ -266,3 +361,7 @@ def test_a_poll_after_a_hold_is_as_much_earlier_as_its_turns_took() -> None:
     assert (found.at_s, found.at_s - found.asked_s) == pytest.approx((0.78, 0.005))
     assert ledger.turns == 5
     assert ledger.held_s == pytest.approx(0.3)
+    assert see(20.0, replace(held, turns=8)) is None
+    found = see(28.0, replace(held, asked=False, state=HoldState(0), turns=8))
+    assert found is not None and found.spindle.position == pytest.approx(12_000.0 * 20.0)
+    assert (found.at_s, ledger.turns, ledger.held_s) == pytest.approx((1.2, 8, 0.48)), "three more"

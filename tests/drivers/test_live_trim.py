@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pytest
 
 from drivers.cutting.bounds import UNTRIMMED, Trim
-from drivers.cutting.live_trim import trim_bounds, trimmed_path
+from drivers.cutting.live_trim import LiveTrim, trim_bounds, trimmed_path
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.programs.live_trim import live_trim_line
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
@@ -97,6 +98,8 @@ def test_the_bound_is_the_last_percent_that_every_limit_allows(
         return replace(machine, controller=replace(machine.controller, variables=variables))
 
     assert trim_bounds(plan, job, limited_to(1.0455), 100) == (4, 5.0)
+    assert trim_bounds(plan, job, limited_to(1.0955), 100) == (9, 5.0)
+    assert trim_bounds(plan, job, limited_to(1.032), 100) == (3, 5.0)
     assert trim_bounds(plan, job, limited_to(1.0455), 104) == (0, 0.0)
     # 27.5 um of lobe in a cut of 29 um: 5 % more, and the tool would leave the part.
     thin = replace(job, depth_of_cut_mm=0.029)
@@ -104,3 +107,61 @@ def test_the_bound_is_the_last_percent_that_every_limit_allows(
     for strategy in (Strategy.CAM, Strategy.PAPER, Strategy.NONE):
         assert trim_bounds(plan_cut(job, machine, strategy), job, machine, 100) == (0, 0.0)
     assert target_path(job).amplitude_um == 27.5
+
+
+class Program:
+    """What a program with three lobes has of its trim: asked for, and in its path."""
+
+    def __init__(self) -> None:
+        self.values = {"P53": 1.0, "P54": 0.0, "P55": 1.0, "P56": 0.0}
+
+    def request(self, *_: object) -> list[str]:
+        return []
+
+    def numbers(self, *items: str, **_: object) -> list[float]:
+        return [self.values[item] for item in items]
+
+
+def trimmed_by(program: Program, trim: Trim) -> LiveTrim:
+    free = SimpleNamespace(check=lambda: None, refuse_unless_owner=lambda: None)
+    trimming = LiveTrim(cast(Any, program), cast(Any, free), cast(Any, free), 3, running=True)
+    trimming.ask(trim)
+    return trimming
+
+
+@pytest.mark.parametrize(
+    ("gain", "angle_deg", "told"),
+    [
+        (1.0, 0.0, False),  # not begun
+        (1.05, -4.5, False),  # half of the way
+        (1.1, -9.0, False),
+        (1.11, -9.0, True),
+        (0.99, -9.0, True),
+        (1.05, -9.1, True),
+        (1.05, 0.1, True),
+    ],
+)
+def test_a_trim_in_the_path_that_is_not_on_the_way_to_that_asked_for_is_told(
+    gain: float, angle_deg: float, told: bool
+) -> None:
+    """10 % and 3 degrees of the spindle later are asked for: -9 degrees of the angle of three lobes."""
+    program = Program()
+    trimming = trimmed_by(program, Trim(gain_percent=10.0, phase_deg=3.0))
+    program.values |= {"P55": gain, "P56": angle_deg}
+    assert [each.code for each in trimming.astray()] == ["cut.trim_differs"] * told
+
+
+@pytest.mark.parametrize(
+    ("gain", "angle_deg", "told"), [(1.1, -9.0, False), (1.09, -9.0, True), (1.1, -8.9, True)]
+)
+def test_a_trim_is_applied_when_it_is_in_the_path_and_told_when_another_is_asked_for(
+    gain: float, angle_deg: float, told: bool
+) -> None:
+    program, asked = Program(), Trim(gain_percent=10.0, phase_deg=3.0)
+    trimming = trimmed_by(program, asked)
+    program.values |= {"P53": gain, "P54": angle_deg}
+    trimming.read()
+    assert (trimming.applied, trimming.problem is not None) == (UNTRIMMED, told)
+    program.values |= {"P55": gain, "P56": angle_deg}
+    trimming.read()
+    assert (trimming.applied == asked) is not told

@@ -5,12 +5,13 @@ from __future__ import annotations
 import cmath
 import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
 from drivers.cutting.bounds import Adjustable, Bounds
-from drivers.cutting.override import PaceLedger, bounds_of
+from drivers.cutting.override import FeedOverride, PaceLedger, bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.lathe.snapshot import Snapshot
@@ -128,3 +129,20 @@ def test_the_slowest_cut_ends_within_the_promise_of_the_heartbeat(machine: Machi
     assert host.until(host.still) <= 2.0
     assert host.place(TOOL) == pytest.approx(SURFACE, abs=20)
     assert values(host.card, "M26 P1003 P1004") == [1, 0, 2]
+
+
+def test_an_override_that_was_commanded_has_two_seconds_to_arrive() -> None:
+    """On its way it may be anywhere between; what is elsewhere, or not there by then, is not of this console."""
+    free = SimpleNamespace(check=lambda: None, refuse_unless_owner=lambda: None, request=lambda *_: [])
+    override = FeedOverride(cast(Any, free), cast(Any, free), cast(Any, free))
+
+    def expected(at_s: float, percent: float) -> tuple[float, float]:
+        return override.expected(seen(at_s, percent=percent))
+
+    assert expected(0.0, 100.0) == (100.0, 100.0)
+    override.command(80)
+    assert expected(0.1, 97.0) == expected(1.9, 97.0) == (80.0, 100.0)
+    assert expected(2.1, 97.0) == (80.0, 80.0)
+    override.command(110)
+    assert expected(2.2, 97.0) == (97.0, 110.0)
+    assert expected(2.5, 110.0) == expected(2.6, 100.0) == (110.0, 110.0), "it has arrived"

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 
 from drivers.cutting.bounds import UNTRIMMED, Trim
+from drivers.cutting.feed_hold import turns_back
+from drivers.cutting.guarding import cut_guard
 from drivers.cutting.live_trim import trim_um, untrimmed
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
@@ -119,3 +121,35 @@ def test_what_is_rest_goes_by_the_counts_of_an_axis(machine: MachineProfile) -> 
         finer = replace(getattr(machine, axis.value), counts_per_mm=200_000.0)
         found = rest_limits(replace(machine, **{axis.value: finer}))
         assert found == {**dict.fromkeys(AxisName, 5.0), axis: pytest.approx(200.0)}
+
+
+@ON_ONE
+def test_a_cut_with_a_trim_may_leave_its_plan_by_the_largest_one(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """30 um, and 10 % of what the path commands of the lobe: the operator may ask for that at every moment."""
+    plan = plan_cut(experiment(1), machine, Strategy.PVT)
+    guard, places = cut_guard(plan, machine), plan.checked.highest
+    margin_um = 30.0 + 0.1 * plan.command.amplitude_um
+    for beyond, codes in ((0.99, []), (1.01, ["cut.outside_plan"])):
+        tool = commanded(places[machine.tool.motor] + beyond * margin_um / machine.tool.count_um)
+        spindle, carriage = (commanded(places[axis.motor]) for axis in (machine.spindle, machine.carriage))
+        assert [each.code for each in guard(polled(0.0, tool=tool, spindle=spindle, carriage=carriage))] == codes
+
+
+@ON_ONE
+def test_after_a_hold_as_many_turns_are_not_judged_as_the_way_out_took_and_two(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    """On its way out the tool cut less and less of the chip, and there it finds less of it again."""
+    plan = plan_cut(experiment(1), machine, Strategy.PVT)
+    at = plan.checked.motors.index(machine.tool.motor)
+    moves = [
+        (move.record.target[at], sum(piece.duration_ms for piece in move.pieces)) for move in plan.checked.moves
+    ]
+    while moves[-2][0] == moves[-1][0]:
+        moves.pop()  # the tool is out, the spindle comes to rest
+    out_ms, mean_counts = 0.0, plan.setup.surface + plan.setup.depth
+    while moves[-1][0] < mean_counts:
+        out_ms += moves.pop()[1]
+    assert turns_back(plan, machine) == pytest.approx(2.0 + out_ms / 60.0, abs=0.4)  # a lobe is 20 ms

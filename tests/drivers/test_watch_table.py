@@ -15,12 +15,14 @@ from drivers.cutting.watch_table import CutWatch, WatchItem, WatchTable, begin_w
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.motion import CUT_POLL_S
 from drivers.lathe.polling import READING_S
+from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_constants import assigned
 from drivers.pmac.program_load import LoadedProgram, load_program
+from drivers.pmac.program_text import read_program
 from drivers.simulator.machine import SimulatedLathe
 from tests.system.lathe_sites import compact
 
@@ -67,6 +69,8 @@ def test_the_table_has_what_is_compared_at_arming_and_settings_that_the_program_
     kept = {each.name for each in of.program.constants if each.kept}
     assert kept <= of.names
     assert {"#1->", "#2->", "#3->", "I10", "I103", "I108", "I168"} <= of.names
+    entries = {"I8000", "I8001", "I8002"} if family == "turbo" else {"Y:$720", "Y:$721", "Y:$722"}
+    assert entries <= of.names, "the encoder conversion of each motor"
     assert ("I193" if family == "pmac" else "I5193") in of.names
 
 
@@ -83,11 +87,24 @@ def test_a_setting_of_the_program_is_as_it_was_or_as_the_program_has_it() -> Non
 def test_what_shapes_the_path_of_the_tool_most_comes_before_its_limits() -> None:
     of = loaded("pmac", Strategy.PVT)
     first = {name for item in of.table.first for name in item.names}
-    assert {"I130", "I135", "I108", "I103", "I104", "I168", "I169", "I10", "I193", "Y:$813", "Y:$720"} <= first
-    assert not {"I111", "I113", "I230", "P12"} & first
+    encoder_and_scale, loop, friction = range(102, 110), (129, *range(130, 140)), (163, 167, 168, 169)
+    clocks = (10, 192, 193, 194, 195)
+    shaping = {f"I{number}" for number in (*encoder_and_scale, *loop, *friction, *clocks)}
+    assert {name for name in first if name.startswith("I")} == shaping
+    assert {"Y:$813", "Y:$720"} <= first and "P12" not in first
     places = [place for place, item in enumerate(of.table.schedule) if "I130" in item.names]
     limits = [place for place, item in enumerate(of.table.schedule) if "I111" in item.names]
     assert len(places) >= 3 * len(limits)
+    assert "I8000" in {name for item in loaded("turbo", Strategy.PVT).table.first for name in item.names}
+
+
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM])
+def test_a_correction_is_watched_unless_a_table_moves_it(strategy: Strategy) -> None:
+    """A table of the program moves that of the tool, one that was on before the cut may move any."""
+    of, words = loaded("pmac", strategy), ["Y:$46", "Y:$82", "Y:$BE"]
+    assert [word in of.names for word in words] == [strategy is Strategy.PVT, True, True]
+    table = watch_table(of.machine, of.program, tables_on=True)
+    assert not {name for item in table.items for name in item.names} & set(words)
 
 
 def test_the_whole_table_comes_round() -> None:
@@ -96,6 +113,8 @@ def test_the_whole_table_comes_round() -> None:
     for _ in of.table.schedule:
         seen.update(watch.next_items(1.0))
     assert seen == set(of.table.items)
+    again = [watch.next_items(1.0) for _ in of.table.schedule]
+    assert {item for items in again for item in items} == seen, "and on to the end of the feed"
 
 
 def test_a_difference_from_the_beginning_is_told_and_a_setting_that_deviated_then_is_not() -> None:
@@ -128,6 +147,54 @@ def test_the_last_turn_begins_anew_after_a_feed_hold() -> None:
     read = [item for _ in of.table.items for item in watch.next_items(1.0)]
     assert tuple(read) == of.table.items
     assert not watch.at_end
+
+
+@pytest.mark.parametrize(
+    ("lengths", "values", "fit"),
+    [
+        ((49, 49, 49, 49, 1), 1, 4),  # with a blank each 200 characters
+        ((49, 49, 49, 50, 1), 1, 3),
+        ((5, 5, 5, 5, 5), 8, 4),  # 32 values
+        ((5, 5, 5, 5, 5), 9, 3),
+        ((5, 5, 5, 5, 5), 11, 2),
+        ((300, 5), 1, 1),  # one at least
+    ],
+)
+def test_a_line_of_queries_has_at_most_200_characters_and_32_values(
+    lengths: tuple[int, ...], values: int, fit: int
+) -> None:
+    """A controller takes 255 characters; polls and renewals of the watchdog have to come in between."""
+    items = tuple(WatchItem("I" * length, (f"{place}",) * values) for place, length in enumerate(lengths))
+    watch = CutWatch(WatchTable(first=(), later=items), dict.fromkeys(items, ()))
+    watch.see_feed(over=True)
+    assert watch.next_items(1e9) == items[:fit]
+
+
+def test_the_last_turn_begins_where_the_tool_is_commanded_out_of_the_part() -> None:
+    """The program goes on, to bring its axes to rest: meanwhile all of it is read once more."""
+    sim = SimulatedLathe(compact("pmac"))
+    link = MemoryLink(sim.connect(), sim)
+    lathe = Lathe(PmacClient(link, sim), compact("pmac"), sim, StopPath(link))
+    lathe.connect()
+    lathe.enable()
+    lathe.home()
+    cut = "OPEN PROG 3\nCLEAR\nABS LINEAR TA100 TS0 TM300\nX500\nDWELL300\nX0\nDWELL300\nCLOSE"
+    lathe.program.load(read_program(cut))
+    lathe.program.note_settings()
+    watch, polls, told = lathe.program._watch, list[Snapshot](), list[bool]()
+    assert watch is not None
+    see_feed = watch.see_feed
+
+    def record(*, over: bool) -> None:
+        told.append(over)
+        see_feed(over=over)
+
+    watch.see_feed = record  # type: ignore[method-assign]
+    lathe.program.start(3, 0.0)
+    lathe.program.follow(polls.append, 60.0, clear_counts=250.0)
+    running = [(poll.tool.commanded, over) for poll, over in zip(polls, told, strict=True) if poll.program_running]
+    assert {over for _, over in running} == {True, False}
+    assert all(over is (commanded < 250.0) for commanded, over in running)
 
 
 def whole_turn_s(of: Loaded, baud: float | None) -> tuple[float, float]:

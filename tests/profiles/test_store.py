@@ -61,8 +61,8 @@ def test_the_hash_is_that_of_the_bytes() -> None:
 
 
 def test_the_users_folder_comes_first(tmp_path: Path) -> None:
-    save_job(replace(ONE, name="mine"), tmp_path / "lee-2001-experiment-1.toml")
-    assert load_job("lee-2001-experiment-1", tmp_path).job.name == "mine"
+    save_job(replace(ONE, note="mine"), tmp_path / "lee-2001-experiment-1.toml")
+    assert load_job("lee-2001-experiment-1", tmp_path).job.note == "mine"
     own = [entry.name for entry in list_jobs(tmp_path) if not entry.bundled]
     assert own == ["lee-2001-experiment-1"]
     assert len(list_jobs(tmp_path)) == len(BUNDLED)
@@ -209,6 +209,9 @@ def test_a_plain_copy_of_a_machine_is_refused_under_its_file_name(tmp_path: Path
         load_machine("lathe-3", tmp_path)
     (problem,) = refused.value.problems
     assert (problem.code, problem.value, problem.limit) == ("machine.name_differs", "lathe-3", "lee-2001-lathe")
+    (entry,) = (each for each in list_machines(tmp_path) if not each.bundled)
+    with pytest.raises(ProfileError):
+        load_machine(entry)
     assert load_machine(str(copy)).machine.name == "lee-2001-lathe"
     copy.write_text(copy.read_text().replace('name = "lee-2001-lathe"', 'name = "lathe-3"'))
     assert load_machine("lathe-3", tmp_path).machine.name == "lathe-3"

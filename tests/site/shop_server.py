@@ -146,3 +146,10 @@ def shop_server(*, fsync: bool = False) -> Iterator[ShopServer]:
                 server.stop("immediate")
     finally:
         shutil.rmtree(folder)
+
+
+@pytest.fixture(scope="module")
+def running() -> Iterator[ShopServer]:
+    """A server for all tests of a module."""
+    with shop_server() as server:
+        yield server

@@ -42,7 +42,7 @@ def clone(tmp_path: Path) -> Path:
     (upstream / "jobs").mkdir(parents=True)
     by_git(upstream, "init", "-q", "-b", "main")
     for name in ("ring", "선반 링"):
-        save_job(load_job(EXPERIMENT).job, upstream / "jobs" / f"{name}.toml")
+        save_job(replace(load_job(EXPERIMENT).job, name=name), upstream / "jobs" / f"{name}.toml")
     (upstream / ".gitignore").write_text(
         "/records.sqlite3*\n/running/\n/locks/\n/feed/\n/flight/\n/lathe.json\n.*.tmp\n"
     )

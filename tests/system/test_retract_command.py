@@ -80,7 +80,7 @@ def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, st
 @pytest.mark.parametrize("language", ["en", "ko"])
 def test_the_alarm_of_a_silent_host_names_this_command(language: str) -> None:
     """What it acknowledges, the test above reads in the controller."""
-    told = load(language).problem(Problem(code="heartbeat.lost", key=f"P{LOST}", value="cut", limit="0"))
+    told = load(language).problem(Problem(code="heartbeat.lost", key=f"P{LOST}", value="program", limit="0"))
     assert "console retract" in told and "F2" in told
 
 

@@ -23,7 +23,7 @@ from console.tui.keymap import PageName
 from console.tui.lines import plain, width_of
 from console.tui.pages.jobs import JobsPage
 from console.tui.pages.jobs_lines import job_lines
-from profiles.store import BUNDLED_JOBS, list_jobs, load_job
+from profiles.store import BUNDLED_JOBS, list_jobs, load_job, save_job
 from tests.tui.page_stage import READY, PageScene, play_on
 from tests.tui.stage import (
     EXPERIMENT,
@@ -179,7 +179,7 @@ def test_a_job_that_cannot_be_read_is_listed_with_the_reason(own: Path, tmp_path
 
 
 def test_enter_opens_the_selected_job_at_set_up(own: Path, tmp_path: Path) -> None:
-    shutil.copy(SOURCE, own / "my ring.toml")
+    save_job(replace(load_job(str(SOURCE)).job, name="my ring"), own / "my ring.toml")
 
     async def scene(stage: Stage) -> None:
         await stage.act("jobs.down", "jobs.down", "jobs.open")

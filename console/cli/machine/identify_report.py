@@ -70,7 +70,7 @@ def _point_fields(point: IdentifiedPoint, path: Strategy, machine: MachineProfil
     }
 
 
-@dataclass(frozen=True)
+@dataclass
 class Teller:
     """Print the table row by row, as it is measured; nothing where `silent`.
 
@@ -82,6 +82,7 @@ class Teller:
     text: Catalogue
     silent: bool
     interruption: Interruption
+    rows: int = 0
 
     def begin(self, origin: Origin) -> None:
         """Print what is about to be measured."""
@@ -96,12 +97,14 @@ class Teller:
             amplitude=f"{request.amplitude_um:g}",
             periods=request.periods,
         )
-        names = _row([text(f"identify.column.{name}") for name, *_ in COLUMNS])
-        units = _row([unit for _, unit, *_ in COLUMNS])
-        self._print(mark + head, text("identify.how_to_stop"), "", names, units)
+        self._print(mark + head, text("identify.how_to_stop"))
 
     def tell(self, point: IdentifiedPoint) -> None:
-        """Print a row."""
+        """Print a row, the first with the head of the table: what is refused before has none."""
+        if not self.rows:
+            names = _row([self.text(f"identify.column.{name}") for name, *_ in COLUMNS])
+            self._print("", names, _row([unit for _, unit, *_ in COLUMNS]))
+        self.rows += 1
         values = _point_fields(point, self.request.path, self.machine)
         row = _row([format(values[key], form) for *_, key, form in COLUMNS])
         self._print(row + ("" if point.coherence >= LEAST_COHERENCE else " !"))

@@ -23,6 +23,7 @@ from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
+from console.session.data.kept_files import RunDates
 from console.session.data.learned_store import NONE
 from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
@@ -49,6 +50,7 @@ from console.text.cut_verdict import verdict_words
 from console.text.fingerprint import clamped_fields, fingerprint_line
 from console.text.force import force_words
 from console.text.recorded_words import plain_cut_words
+from drivers.clock import boot_s
 from drivers.lathe.snapshot import Snapshot
 from drivers.link.tracing import Tracing
 from drivers.simulator.plant.which_lathe import LATHE
@@ -279,6 +281,7 @@ def cut_requested(
         open_timeout_s=OPEN_TIMEOUT_S,
         # On a lathe in this process, a wait for other writers keeps no real drive enabled.
         timeout_s=OPEN_TIMEOUT_S if request.address is None else DRIVES_ON_TIMEOUT_S,
+        now_s=boot_s if request.address is not None else lambda: 0.0,  # until there is a simulated machine
     )
     tell_cut_with(options, request, text)
     kept = LogRecorder(record.log, partial(_keep_part, record, request))
@@ -287,9 +290,8 @@ def cut_requested(
     feed.launch()
     tell = _followed_by(recorder, _teller(options, text, interruption, record, simulated=request.simulated))
     try:
-        result = _recorded(
-            record, warnings, request, lambda: _cut(request, data, interruption, tracing, recorder, tell, text)
-        )
+        work = partial(_cut, request, data, interruption, tracing, recorder, record.log.dates, tell, text)
+        result = _recorded(record, warnings, request, work)
     finally:
         feed.close()
         missing = () if record.log.problem is None else (record.log.problem,)
@@ -486,6 +488,7 @@ def _cut(
     interruption: Interruption,
     tracing: Tracing,
     recorder: FollowedRun,
+    dates: RunDates,
     tell: TellPart,
     text: Catalogue,
 ) -> RunResult | LearnResult:
@@ -498,7 +501,8 @@ def _cut(
 
         def open_machine() -> CutContext:
             """Open a new simulated machine for each part."""
-            context, _ = simulated_context(request.machine.machine, request.true, tracing)
+            context, simulated = simulated_context(request.machine.machine, request.true, tracing)
+            dates.follow(simulated.now_s)
             interruption.guard(context.lathe.stop)
             return replace(context, recorder=recorder)
 

@@ -52,9 +52,12 @@ def measured_trace(options: Namespace) -> MeasuredTrace:
     _refuse_method(header, options, where)
     with naming(where):
         turns, result = _evaluated(trace, header, job, options)
-    if job is not None and options.vblock is None and (problems := unit_doubt(result.ront_um, trace.meta)):
-        raise ProfileError(*named(problems, where))
-    warnings = (*warnings, *(each for each in result.warnings if each.code != OFF_AXIS or options.vblock is None))
+    plane = trace.centre_mm is not None
+    doubts = unit_doubt(result.ront_um, trace.meta, plane=plane) if options.vblock is None else ()
+    if doubts and job is not None:
+        raise ProfileError(*named(doubts, where))
+    of_result = (each for each in result.warnings if each.code != OFF_AXIS or options.vblock is None)
+    warnings = (*warnings, *(doubts if plane else ()), *of_result)
     size_mm = offset_um = None
     if header.radius_mm is not None and header.size != "relative":
         size_mm = mean_diameter_mm(header.radius_mm, result.mean_deviation_um)

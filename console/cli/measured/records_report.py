@@ -177,7 +177,7 @@ def _part_fields(part: RecordedPart) -> dict[str, object]:
 
 
 def _event_fields(event: RunEvent) -> dict[str, object]:
-    return {"at": event.at.isoformat(), "kind": event.kind, "data": event.data}
+    return {"at": event.at.isoformat(), "at_s": event.at_s, "kind": event.kind, "data": event.data}
 
 
 def _iso(date: datetime | None) -> str | None:

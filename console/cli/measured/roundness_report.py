@@ -70,9 +70,10 @@ def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     """Return head, figures, the four circles, size, turns and harmonics."""
     result = measured.result
     rows = [(name, f"{um:z.3f}", "um") for name, um in zip(PARAMETERS, _parameters(result).values(), strict=True)]
-    rows.append((text("roundness.eccentricity"), f"{result.eccentricity_um:z.3f}", "um"))
+    if measured.trace.centre_mm is None:  # else it is that about the centre that follows
+        rows.append((text("roundness.eccentricity"), f"{result.eccentricity_um:z.3f}", "um"))
     for name, place_mm in zip(CENTRE, measured.trace.centre_mm or (), strict=False):
-        rows.append((text(f"roundness.{name}"), f"{place_mm:.4f}", "mm"))
+        rows.append((text(f"roundness.{name}"), f"{place_mm:z.4f}", "mm"))
     if measured.mean_diameter_mm is not None:
         rows.append((text("roundness.mean_diameter"), f"{measured.mean_diameter_mm:.4f}", "mm"))
     if measured.tool_offset_um is not None:

@@ -14,8 +14,8 @@ Listed: TypeAlias = tuple[LibraryEntry, Loaded | tuple[Problem, ...]]
 """An entry with its profile, or why it is unreadable."""
 
 
-def listed(entries: Iterable[LibraryEntry], load: Callable[[str], Loaded]) -> list[Listed[Loaded]]:
-    """Return each entry with its profile as `load` returns it for the path, or with the problems of the file."""
+def listed(entries: Iterable[LibraryEntry], load: Callable[[LibraryEntry], Loaded]) -> list[Listed[Loaded]]:
+    """Return each entry with its profile as `load` returns it, or with the problems of the file."""
     return [(entry, _loaded(entry, load)) for entry in entries]
 
 
@@ -31,8 +31,8 @@ def sentences(found: Iterable[Listed[Loaded]], text: Catalogue) -> list[str]:
     return [text.problem(problem) for _, loaded in found if isinstance(loaded, tuple) for problem in loaded]
 
 
-def _loaded(entry: LibraryEntry, load: Callable[[str], Loaded]) -> Loaded | tuple[Problem, ...]:
+def _loaded(entry: LibraryEntry, load: Callable[[LibraryEntry], Loaded]) -> Loaded | tuple[Problem, ...]:
     try:
-        return load(str(entry.path))
+        return load(entry)
     except ProfileError as error:
         return tuple(error.problems)

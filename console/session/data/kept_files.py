@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -151,10 +151,23 @@ def _stored(date: datetime) -> str:
 
 
 class RunDates:
-    """The dates of one run, whose differences are durations though the computer's clock is set meanwhile."""
+    """The dates of one run, whose differences are durations though the computer's clock is set meanwhile.
 
-    def __init__(self) -> None:
+    Beside them, its machine time: that of a simulated lathe is not the time that passes on the computer.
+    """
+
+    def __init__(self, now_s: Callable[[], float] = boot_s) -> None:
         self._began, self._began_s = datetime.now(UTC), boot_s()
+        self._since = 0.0, now_s(), now_s  # machine time so far, and the clock since then: replaced in one go
+
+    def follow(self, now_s: Callable[[], float]) -> None:
+        """Continue the machine time with another clock: each simulated part has a machine of its own."""
+        self._since = self.machine_s(), now_s(), now_s
+
+    def machine_s(self) -> float:
+        """Return the machine time since the record was begun."""
+        passed_s, since_s, now_s = self._since
+        return passed_s + now_s() - since_s
 
     def now(self) -> str:
         """Return the date of its beginning, by the computer's clock then, and the time that has passed since."""

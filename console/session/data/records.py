@@ -14,7 +14,7 @@ import sqlite3
 import tempfile
 import time
 import uuid
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from importlib.metadata import version
@@ -31,10 +31,12 @@ from console.session.data.record_file import (
     retrying,
     transaction,
 )
-from console.session.data.run_log import CLOSE_TIMEOUT_S, EVENT, RunLog, shown
+from console.session.data.run_log import CLOSE_TIMEOUT_S, RunLog, event_statement, shown
+from console.session.data.run_story import MACHINE_S
 from console.session.data.version_control import VERSIONED, cut_from, is_clone
 from console.session.errors import SessionError
 from console.session.operator import operator_name
+from drivers.clock import boot_s
 from drivers.cutting.plan import CutPlan
 from profiles.files import made_locked, make_private_folder, printable, taken_if_left
 from profiles.folder_rights import rights_in
@@ -81,8 +83,9 @@ def begin_record(
     simulated: bool,
     open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
     timeout_s: float = DRIVES_ON_TIMEOUT_S,
+    now_s: Callable[[], float] = boot_s,
 ) -> RunRecord:
-    """Begin the record of a run that cuts `plan`.
+    """Begin the record of a run that cuts `plan`; `now_s` is machine time.
 
     Raises SessionError: `record.no_space`; as `RunRecord`.
     """
@@ -108,7 +111,9 @@ def begin_record(
         "setup": shown(facts.setup),
     }
     # The file was checked when the console started; that takes too long where polls must not wait.
-    record = RunRecord(folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s, checked=False)
+    record = RunRecord(
+        folder, described, open_timeout_s=open_timeout_s, timeout_s=timeout_s, checked=False, now_s=now_s
+    )
     if is_clone(folder):
         texts = {"job": (facts.job_path, facts.job_text), "machine": (machine.path, machine.text)}
         record.log.event_of(VERSIONED, lambda: cut_from(folder, texts))
@@ -141,11 +146,12 @@ class RunRecord:
         open_timeout_s: float = DRIVES_ON_TIMEOUT_S,
         timeout_s: float = DRIVES_ON_TIMEOUT_S,
         checked: bool = True,
+        now_s: Callable[[], float] = boot_s,
     ) -> None:
         """Open the file in `folder`, which is created when missing, and begin a run.
 
         `run` gives the columns of a run; those of `TEXTS` are given as the texts themselves. Other writers are
-        waited for up to `open_timeout_s` here, and up to `timeout_s` at each event.
+        waited for up to `open_timeout_s` here, and up to `timeout_s` at each event. `now_s` is machine time.
 
         Raises:
             SessionError: `record.unwritable`, `record.other_schema`, `record.damaged`; without a record no machine
@@ -154,7 +160,8 @@ class RunRecord:
         self._path = folder / FILE_NAME
         self.run_id = uuid.uuid4().hex
         self._timeout_s = timeout_s
-        self.log = RunLog(folder, self.run_id, waits_s=PATIENCE_S if run.get("simulated") else CLOSE_TIMEOUT_S)
+        waits_s = PATIENCE_S if run.get("simulated") else CLOSE_TIMEOUT_S
+        self.log = RunLog(folder, self.run_id, waits_s=waits_s, now_s=now_s)
         until_s = time.monotonic() + open_timeout_s
         self._database = opened(folder, until_s, checked=checked)
         try:
@@ -182,8 +189,8 @@ class RunRecord:
         """
         try:
             at_utc = self.log.dates.now()
-            statements = [_event(self.run_id, at_utc, kind, data), *measurement(self.run_id, at_utc, part)]
-            self._write(statements, time.monotonic() + self._timeout_s)
+            event = event_statement(self.run_id, at_utc, kind, {MACHINE_S: self.log.dates.machine_s(), **data})
+            self._write([event, *measurement(self.run_id, at_utc, part)], time.monotonic() + self._timeout_s)
         except sqlite3.Error as error:
             raise record_error("record.lost", self._path, error) from error
         self.refuse_lost()
@@ -246,7 +253,7 @@ def add_to_run(
     until_s = time.monotonic() + timeout_s
     with closing(opened(folder, until_s, checked=False)) as database:
         at_utc = utc_now()
-        statements = [_event(run_id, at_utc, kind, data), *measurement(run_id, at_utc, part)]
+        statements = [event_statement(run_id, at_utc, kind, data), *measurement(run_id, at_utc, part)]
         try:
             retrying(lambda: transaction(database, statements), until_s)
         except sqlite3.Error as error:
@@ -275,10 +282,6 @@ def _run(row: Mapping[str, object]) -> list[Statement]:
         *(("INSERT OR IGNORE INTO texts VALUES (?, ?)", (sums[each], texts[each])) for each in texts),
         (f"INSERT INTO runs ({columns}) VALUES ({marks})", tuple(values.values())),
     ]
-
-
-def _event(run_id: str, at_utc: str, kind: str, data: Mapping[str, object]) -> Statement:
-    return EVENT, (run_id, at_utc, kind, shown(data), run_id)
 
 
 FOLDER = "running"
@@ -386,7 +389,7 @@ def _ended(database: sqlite3.Connection, mark: Path, machine: str, *, simulated:
         return []
     kinds = {kind for (kind,) in database.execute(_KINDS, (run_id,))}
     if not kinds & _ENDED:
-        end = _event(run_id, utc_now(), "ended", {"reason": "killed"})
+        end = event_statement(run_id, utc_now(), "ended", {"reason": "killed"})
         retrying(lambda: transaction(database, [end]), time.monotonic() + TIMEOUT_S)
     mark.unlink(missing_ok=True)
     code = "record.left_in_part" if LEFT_IN_PART in kinds else "record.killed"

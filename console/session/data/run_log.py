@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 
 from console.session.data.kept_files import RunDates
 from console.session.data.record_file import FILE_NAME, WAIT_S, connected, is_busy, retrying, transaction
-from console.session.data.run_story import GATHERED, POLLED, TELEMETRY_END
+from console.session.data.run_story import GATHERED, MACHINE_S, POLLED, TELEMETRY_END
+from drivers.clock import boot_s
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -42,20 +43,14 @@ Poll = tuple[float, ...]
 MakeRows = Callable[[Sequence[Poll]], Rows]
 """Turns polls, as they were taken, into rows of `TELEMETRY_COLUMNS`; called in the thread, in order."""
 
-EVENT = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ? FROM events WHERE run_id = ?"
+_EVENT = "INSERT INTO events SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ? FROM events WHERE run_id = ?"
 _BLOCK = "INSERT INTO telemetry SELECT ?, 1 + coalesce(max(number), 0), ?, ?, ?, ? FROM telemetry WHERE run_id = ?"
 
 
 @dataclass(frozen=True, slots=True)
 class _Event:
     at_utc: str
-    kind: str
-    data: Mapping[str, object]
-
-
-@dataclass(frozen=True, slots=True)
-class _Late:
-    at_utc: str
+    machine_s: float
     kind: str
     work: Callable[[], Mapping[str, object] | None]
 
@@ -74,12 +69,7 @@ class _Gathered:
     rows: Rows
 
 
-@dataclass(frozen=True, slots=True)
-class _End:
-    at_utc: str
-
-
-_Item = _Event | _Late | _Begin | _Gathered | _End | Poll
+_Item = _Event | _Begin | _Gathered | Poll
 _Statement = tuple[str, tuple[object, ...]]
 
 
@@ -87,12 +77,18 @@ class RunLog:
     """Log of one run. All but `close` return at once; the thread begins with the first item."""
 
     def __init__(
-        self, folder: Path, run_id: str, *, most_waiting: int = MOST_WAITING, waits_s: float = CLOSE_TIMEOUT_S
+        self,
+        folder: Path,
+        run_id: str,
+        *,
+        most_waiting: int = MOST_WAITING,
+        waits_s: float = CLOSE_TIMEOUT_S,
+        now_s: Callable[[], float] = boot_s,
     ) -> None:
-        """At the end it is waited for `waits_s` until other writers let the last rows in."""
+        """At the end it is waited for `waits_s` for other writers; `now_s`: machine time."""
         self._waits_s = waits_s
         self._folder, self._run_id, self._most_waiting = folder, run_id, most_waiting
-        self.dates = RunDates()
+        self.dates = RunDates(now_s)
         self._waiting: deque[_Item] = deque()
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
@@ -113,11 +109,11 @@ class RunLog:
 
     def event(self, kind: str, data: Mapping[str, object]) -> None:
         """Add an event that need not be on disk before the run continues."""
-        self._put(_Event(self.dates.now(), kind, data))
+        self.event_of(kind, lambda: data)
 
     def event_of(self, kind: str, work: Callable[[], Mapping[str, object] | None]) -> None:
         """Add an event whose values are worked out in the thread, within some seconds; None is no event."""
-        self._put(_Late(self.dates.now(), kind, work))
+        self._put(_Event(self.dates.now(), self.dates.machine_s(), kind, work))
 
     def begin_cut(self, part: str, make_rows: MakeRows) -> None:
         """Begin the telemetry of a cut."""
@@ -133,7 +129,7 @@ class RunLog:
 
     def end_cut(self) -> None:
         """End the telemetry of the cut; the record then says how much there is of it."""
-        self._put(_End(self.dates.now()))
+        self.event_of(TELEMETRY_END, self._end_of_cut)
 
     def close(self) -> None:
         """Write what waits."""
@@ -202,21 +198,22 @@ class RunLog:
                 continue
             found += self._block(polls)
             polls = []
-            if isinstance(item, _Event):
-                found.append(self._event(item))
-            elif isinstance(item, _Late):
-                values = item.work()
-                found += [] if values is None else [self._event(_Event(item.at_utc, item.kind, values))]
-            elif isinstance(item, _Begin):
+            if isinstance(item, _Begin):
                 self._cut, self._kept = item, 0
             elif isinstance(item, _Gathered):
                 found.append(self._rows(item.part, GATHERED, item.at_utc, item.rows))
-            elif self._cut is not None:
-                lost, reason = self._lost + self._dropped, self._reason
-                data = {"part": self._cut.part, "rows": self._kept, "lost": lost, "reason": reason}
-                found.append(self._event(_Event(item.at_utc, TELEMETRY_END, data)))
-                self._cut = None
+            elif (values := item.work()) is not None:
+                timed = {MACHINE_S: item.machine_s, **values}
+                found.append(event_statement(self._run_id, item.at_utc, item.kind, timed))
         return found + self._block(polls)
+
+    def _end_of_cut(self) -> Mapping[str, object] | None:
+        """Return how much there is of the telemetry of the cut; called in the thread."""
+        cut, self._cut = self._cut, None
+        if cut is None:
+            return None
+        lost = self._lost + self._dropped
+        return {"part": cut.part, "rows": self._kept, "lost": lost, "reason": self._reason}
 
     def _block(self, polls: list[Poll]) -> list[_Statement]:
         if not polls or self._cut is None:
@@ -229,8 +226,10 @@ class RunLog:
         data = np.ascontiguousarray(rows, dtype="<f4").tobytes()
         return _BLOCK, (self._run_id, part, kind, at_utc, data, self._run_id)
 
-    def _event(self, event: _Event) -> _Statement:
-        return EVENT, (self._run_id, event.at_utc, event.kind, shown(event.data), self._run_id)
+
+def event_statement(run_id: str, at_utc: str, kind: str, data: Mapping[str, object]) -> _Statement:
+    """Return the statement that adds an event to a run."""
+    return _EVENT, (run_id, at_utc, kind, shown(data), run_id)
 
 
 def shown(data: Mapping[str, object]) -> str:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
 from console.session.data.run_rows import RunRow, date_of, problem_of, table_of
 from profiles.problem import Problem
+from profiles.strict_values import number_or_none
 from profiles.traces import CAP_BYTES
 
 POLLED, GATHERED = "poll", "gather"
@@ -24,6 +25,9 @@ POLLED, GATHERED = "poll", "gather"
 COMMAND, RAISED, ACKNOWLEDGED, ENDED = "command", "alarm_raised", "alarm_acknowledged", "alarm_ended"
 TELEMETRY_END, ACCEPTED = "telemetry", "learned"
 """Kinds of events: how much telemetry was kept of a cut, and an accepted learning step."""
+
+MACHINE_S = "machine_s"
+"""Key in the data of an event: machine time since its record was begun, s."""
 
 COLUMNS: Mapping[str, tuple[str, ...]] = {POLLED: TELEMETRY_COLUMNS, GATHERED: GATHERED_COLUMNS}
 
@@ -39,22 +43,31 @@ Kept = TypeVar("Kept")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunEvent:
-    """An event of a run; `number` is its place in the file, `at` is UTC."""
+    """An event of a run; `number` is its place in the file, `at` is UTC, `at_s` machine time since its start.
+
+    Where no machine time is recorded (by an older console, or after the end of the run) dates tell `at_s`.
+    """
 
     number: int
     at: datetime
+    at_s: float
     kind: str
     data: Mapping[str, Any]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmStory:
-    """An alarm of a run; when (UTC) it was raised, acknowledged, ended, None: not while the run was open."""
+    """An alarm of a run; when (UTC) it was raised, acknowledged, ended, None: not while the run was open.
+
+    `raised_s` and `acknowledged_s` are machine time, as `RunEvent.at_s`.
+    """
 
     problem: Problem
     priority: str
     raised: datetime
+    raised_s: float
     acknowledged: datetime | None = None
+    acknowledged_s: float | None = None
     ended: datetime | None = None
 
 
@@ -187,15 +200,15 @@ def alarm_stories(events: Iterable[RunEvent]) -> tuple[AlarmStory, ...]:
         problem = problem_of(event.data)
         if event.kind == RAISED:
             priority = str(event.data.get("priority", ""))
-            found.append(AlarmStory(problem=problem, priority=priority, raised=event.at))
+            found.append(AlarmStory(problem=problem, priority=priority, raised=event.at, raised_s=event.at_s))
             continue
         for place in reversed(range(len(found))):
             alarm = found[place]
             if (alarm.problem.code, alarm.problem.key) != (problem.code, problem.key):
                 continue
-            if event.kind == ACKNOWLEDGED:
-                found[place] = replace(alarm, acknowledged=alarm.acknowledged or event.at)
-            else:
+            if event.kind == ACKNOWLEDGED and alarm.acknowledged is None:
+                found[place] = replace(alarm, acknowledged=event.at, acknowledged_s=event.at_s)
+            elif event.kind == ENDED:
                 found[place] = replace(alarm, ended=alarm.ended or event.at)
             break
     return tuple(found)
@@ -226,7 +239,7 @@ def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
     run_id = row.run_id
     run = database.execute(_RUN, (run_id,)).fetchone()
     software, python, controller, family, job_sha256, job, machine_sha256, machine, program, setup = run
-    events = kept("events", lambda: _events(database.execute(_EVENTS, (run_id,))))
+    events = kept("events", lambda: _events(database.execute(_EVENTS, (run_id,)), row.started))
     parts = kept("measurements", lambda: tuple(map(_part, database.execute(_PARTS, (run_id,)))))
     traced, room = list[RecordedPart](), MOST_TRACE_BYTES
     for part in parts or ():
@@ -253,10 +266,17 @@ def story_of(database: sqlite3.Connection, row: RunRow) -> RunStory:
     )
 
 
-def _events(found: Iterable[Sequence[Any]]) -> tuple[RunEvent, ...]:
+def _events(found: Iterable[Sequence[Any]], started: datetime) -> tuple[RunEvent, ...]:
     """Return events in the order of time: those of the log are written some moments later than the others."""
-    events = (RunEvent(number=n, at=date_of(at)[0], kind=kind, data=table_of(data)) for n, at, kind, data in found)
-    return tuple(sorted(events, key=lambda event: event.at))
+    events, before, before_s = [], started, 0.0
+    dated = ((*date_of(at), number, kind, table_of(data)) for number, at, kind, data in found)
+    for at, undated, number, kind, data in sorted(dated, key=lambda each: each[0]):
+        since_s = 0.0 if undated else (at - before).total_seconds()
+        machine_s = number_or_none(data.pop(MACHINE_S, None))
+        at_s = before_s + since_s if machine_s is None else machine_s
+        events.append(RunEvent(number=number, at=at, at_s=at_s, kind=kind, data=data))
+        before, before_s = (before if undated else at), at_s
+    return tuple(events)
 
 
 def _controller(events: Iterable[RunEvent]) -> str | None:

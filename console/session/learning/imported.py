@@ -99,7 +99,7 @@ def examined(
             turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=header.radius_of(job)
         )
         result = result_on_the_spindle(result, header, job.jaw_1_deg)
-        problems = unit_doubt(result.ront_um, trace.meta)
+        problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
     return ImportedTrace(
         path=path,
         content=content,

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 from types import MappingProxyType
@@ -51,6 +50,7 @@ class Advice(StrEnum):
     CAUSES = "causes"
     PLAIN = "plain"
     ENDED = "ended"
+    STOPPED = "stopped"
     DIAMETER = "diameter"
     STOPS = "stops"
     ALARMS = "alarms"
@@ -60,7 +60,7 @@ class Advice(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """One thing that happened, `at_s` s after the start: an event, or an alarm that was `raised` or `seen`."""
+    """One thing that happened, `at_s` s (machine time) after the start: an event, an alarm `raised` or `seen`."""
 
     at_s: float
     event: RunEvent | None = None
@@ -113,7 +113,8 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
         unknown=tuple(unknown),
         advice=(),
     )
-    return replace(found, advice=tuple(_advice(story, found)) or (Advice.NONE,))
+    stopped = story.row.ended.how in FAILED_HOW - {How.HELD}
+    return replace(found, advice=tuple(_advice(story, found)) or (Advice.STOPPED if stopped else Advice.NONE,))
 
 
 def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...]:
@@ -183,25 +184,19 @@ def _off_um(part: RecordedPart | None) -> float | None:
 
 
 def _happened(story: RunStory) -> Iterator[Told]:
-    began = next((event.at for event in story.events if event.kind == "started"), story.row.started)
-
-    def since(at: datetime) -> float:
-        return (at - began).total_seconds()
-
-    found = [Told(at_s=since(event.at), event=event) for event in story.events if _is_told(event)]
+    began_s = next((event.at_s for event in story.events if event.kind == "started"), 0.0)
+    found = [Told(at_s=event.at_s - began_s, event=event) for event in story.events if _is_told(event)]
     for alarm in story.alarms:
-        found.append(Told(at_s=since(alarm.raised), raised=alarm.problem))
-        if alarm.acknowledged is not None:
-            unseen_s = (alarm.acknowledged - alarm.raised).total_seconds()
-            found.append(Told(at_s=since(alarm.acknowledged), seen=alarm.problem, unseen_s=unseen_s))
+        found.append(Told(at_s=alarm.raised_s - began_s, raised=alarm.problem))
+        if alarm.acknowledged_s is not None:
+            unseen_s = alarm.acknowledged_s - alarm.raised_s
+            found.append(Told(at_s=alarm.acknowledged_s - began_s, seen=alarm.problem, unseen_s=unseen_s))
     yield from sorted(found, key=lambda each: each.at_s)
 
 
 def _is_told(event: RunEvent) -> bool:
     if event.kind == "step":
         return event.data.get("step") == "cut"
-    if event.kind == "ended":
-        return bool(event.data.get("stopped"))
     return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
 
 

@@ -36,6 +36,7 @@ from console.session.station.gain_trial import trial_problems
 from console.session.station.jogging import no_retract
 from console.session.station.progress import CutProgress, CutStage, CutWatch
 from console.session.station.state import Activity, Armed, TouchedBlank
+from drivers.clock import boot_s
 from drivers.cutting.bounds import REAL_TIME, UNTRIMMED, Adjustable, Adjusted, Bounds, Changed, Trim
 from drivers.cutting.cut_program import CutProgram
 from drivers.cutting.feed_hold import HoldState
@@ -61,7 +62,8 @@ def open_record(context: StationContext, command: Arm, plan: CutPlan, made: Made
     job, machine, jaw = command.job, context.loaded_machine, context.state.alignment.jaw
     touched, simulated = context.state.alignment.touch_off, context.cut_context.simulated
     facts = _facts(context, command)
-    context.open_record(begin_record(context.records, facts, machine, plan, simulated=simulated))
+    now_s = context.clock.now_s if simulated else boot_s  # a suspended computer stops no real machine
+    context.open_record(begin_record(context.records, facts, machine, plan, simulated=simulated, now_s=now_s))
     context.log_command(command)
     context.note(
         "armed",

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from drivers.requests.side_line import SideLine
 
 LOOK_PERIOD_S = 0.1  # poll period of an idle machine
-CONNECT_AGAIN_S = 2.0  # after which a machine that has never answered is asked again
+CONNECT_AGAIN_S = 0.5  # after which a machine that has never answered may be asked again
 LEAVE_S = 3.0  # timeout for a screen that cannot write to its terminal to leave, once the machine is at rest
 
 

@@ -31,7 +31,7 @@ from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
 from console.session.station.link.left_runs import LeftRuns
-from console.session.station.link.reconnecting import Reconnecting
+from console.session.station.link.reconnecting import SILENT_CODES, Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
@@ -149,6 +149,8 @@ class Station:
     def connect(self) -> bool:
         """Set up the link and compare the controller with its profile; False when no PMAC answers yet."""
         context = self._context
+        if not self._reconnecting.reopened():
+            return False
         try:
             version, kind = context.lathe.connect()
         except ProblemError as error:
@@ -156,8 +158,10 @@ class Station:
             for problem in error.problems:
                 context.alarm_once(problem)
             context.tell(activity=Activity.LOST)
+            self._reconnecting.unanswered(error.problems[0])
             return False
-        context.tell(controller=f"{kind} {version}", firmware=(version, kind))
+        context.end_alarms(*GONE, *SILENT_CODES)
+        context.tell(controller=f"{kind} {version}", firmware=(version, kind), lost_link=None)
         try:
             context.owning.claim()
         except ProblemError as error:  # only observe

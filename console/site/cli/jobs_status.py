@@ -19,7 +19,7 @@ from profiles.findings import refusals
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 from profiles.rules import check
-from profiles.store import load_job, load_machine
+from profiles.store import LibraryEntry, load_job, load_machine
 
 COMMIT_DIGITS = 12
 
@@ -67,11 +67,12 @@ def _problems(change: Change, data: Path, machine: MachineProfile | ProfileError
     path = Path(change.path)
     if len(path.parts) != 2 or path.suffix != ".toml" or change.how is How.DELETED:
         return ()
+    entry = LibraryEntry(name=path.stem, path=data / path, bundled=False)
     try:
         if path.parts[0] == "machines":
-            load_machine(str(data / path))
+            load_machine(entry)
         elif path.parts[0] == "jobs":
-            job = load_job(str(data / path)).job
+            job = load_job(entry).job
             found = () if isinstance(machine, ProfileError) else refusals(check(job, machine))
             return tuple(replace(each.problem, where=printable(str(data / path))) for each in found)
     except ProfileError as error:

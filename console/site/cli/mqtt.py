@@ -74,7 +74,7 @@ class _Told:
         self._lock = Lock()
 
     def __call__(self, connected: bool, reason: str) -> None:
-        from console.site.exchange.publisher import NO_ANSWER
+        from console.site.exchange.publisher import CLOSED, NO_ANSWER
 
         with self._lock:
             if (connected, reason) == self._last:
@@ -85,7 +85,8 @@ class _Told:
             told = {"schema": 1, "broker": str(self._broker), "topic": self._topic, "connected": connected}
             print(json.dumps({**told, "reason": reason or None}), flush=True)
             return
-        reason = self._text("mqtt.no_answer") if reason == NO_ANSWER else reason
+        key = {NO_ANSWER: "mqtt.no_answer", CLOSED: "mqtt.closed"}.get(reason)
+        reason = self._text(key) if key else reason
         key = "mqtt.connected" if connected else "mqtt.not_connected"
         line = self._text(
             key, broker=self._broker, topic=self._topic, reason=f" ({self._text.words(reason)})" if reason else ""

@@ -30,7 +30,8 @@ MOST_QUEUED = 200  # messages that wait for a broker that does not take them
 LEAVE_S = 2.0
 ANSWER_S = 10.0  # a broker that has not answered by then is told; its connection is given up after KEEP_ALIVE_S
 MOST_BYTES = 1024  # of a packet of a broker, which has nothing to send to who subscribes to nothing
-NO_ANSWER = "no answer"  # what `Tell` is told where a port takes the connection and never answers as a broker
+NO_ANSWER, CLOSED = "no answer", "closed"
+"""What `Tell` is told where a port takes the connection and never answers as a broker, or closes it before."""
 AT_LEAST_ONCE = 1
 
 Tell = Callable[[bool, str], None]
@@ -129,6 +130,8 @@ class Publisher:
     def _on_disconnect(self, client: Client, data: Any, flags: Any, reason: Any, properties: Any) -> None:
         with self._lock:
             self._connected = False
+        if self._reason == NO_ANSWER and not self._answer.finished.is_set():
+            self._reason = CLOSED
         self._answer.cancel()
         if not self._closing:
             self._tell(False, self._reason or str(reason))

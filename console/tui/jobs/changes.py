@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,7 +13,7 @@ from console.tui.pages.fields import free_name, name_problem
 from console.tui.ui_context import UiContext
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
-from profiles.store import LibraryEntry, load_job, relabel_job, rename_job
+from profiles.store import LibraryEntry, load_job, relabel_job, rename_job, save_job
 
 
 def own_or_refused(entry: LibraryEntry) -> None:
@@ -87,8 +88,12 @@ def brought_back(ui: UiContext, taken: frozenset[str]) -> Path | None:
         ui.say("screen.nothing_deleted")
         return None
     deleted_file, name = last
-    name = free_name(name, taken) if name in taken else name
+    other = name in taken
+    name = free_name(name, taken) if other else name
     path = restore_job(ui.data, deleted_file, name)
+    if other:
+        with suppress(ProfileError):  # one that cannot be read is listed with its reason
+            save_job(replace(load_job(str(path)).job, name=name), path, overwrite=True)
     ui.say("screen.job_back", value=printable(name))
     return path
 

@@ -223,6 +223,6 @@ class Shelf:
 def loaded_or_why(entry: LibraryEntry) -> Loaded:
     """Return a job, or why its file cannot be used."""
     try:
-        return load_job(str(entry.path))
+        return load_job(entry)
     except ProfileError as error:
         return tuple(error.problems)

@@ -22,10 +22,12 @@ def lost_step(text: Catalogue, state: StationState) -> str:
     """Return what to do about a lost link, or one that is back since; empty where neither is the case."""
     lost = state.lost_link
     if state.activity is Activity.LOST:
-        if lost is None:  # not yet known to be lost: the stop is under way, or nothing is tried again
-            if _is_asked_again(state):
-                return text("lost_link.silent")
-            return text("frame.lost" if _is_gone(state) or state.controller else "frame.never_answered")
+        if lost is None and _is_asked_again(state):  # not yet known to be lost: the stop is under way
+            return text("lost_link.silent")
+        if lost is None and (_is_gone(state) or state.controller):
+            return text("frame.lost")
+        if lost is None or not (state.controller or lost.for_ever):
+            return text("frame.never_answered", attempts=0 if lost is None else lost.attempts)
         return _lost(text, lost)
     if lost is None or lost.back_s is None:
         return ""

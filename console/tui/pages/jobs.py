@@ -486,7 +486,7 @@ class JobsPage(Page):
             self.ui.said = (refused,)
         elif entry is not None:
             with self.ui.answering():
-                self._take(load_job(str(entry.path)), copying=copying)
+                self._take(load_job(entry), copying=copying)
 
     def open_named(self, name: str) -> None:
         """Open the job of a scanned code, from whatever page, where Enter would open it here."""
@@ -496,7 +496,7 @@ class JobsPage(Page):
             self.ui.said = (entry,)
         else:
             with self.ui.answering():
-                self._take(load_job(str(entry.path)), copying=False)
+                self._take(load_job(entry), copying=False)
 
     def _begin(self) -> None:
         """Begin a new job on a blank form, or continue the one that was begun."""

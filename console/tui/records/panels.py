@@ -47,7 +47,7 @@ from console.tui.ui_context import UiContext
 from console.units import Units
 from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
-from profiles.strict_values import number
+from profiles.strict_values import number, number_or_none
 
 Found = Listing | Opened | JobChart | Problems | None
 _PAGE_LEAST = 1
@@ -509,9 +509,10 @@ def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width
             ranged(line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width)
         )
     trace = run.trace
-    jaw = text("inspect_page.jaw_unknown")
-    if trace is not None and trace.jaw_1_deg is not None:
-        jaw = text("inspect_page.jaw", angle=f"{trace.jaw_1_deg:.1f}")
+    jaw_1_deg = number_or_none(run.story.setup.get("jaw_1_deg")) if trace is None else trace.jaw_1_deg
+    jaw = "" if trace is None else text("inspect_page.jaw_unknown")
+    if jaw_1_deg is not None:
+        jaw = text("inspect_page.jaw", angle=f"{jaw_1_deg:.1f}")
     scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
     return [*rows[-2:], ranged(line(dim(jaw)), line(dim(" " + scale)), width)]
 

@@ -214,15 +214,16 @@ def _state(look: HeartbeatLook) -> Iterator[Problem]:
     if look.lost:
         yield lost_problem(look.lost)
     if look.activity:
-        value = _activity_name(look.activity)
+        value = activity_name(look.activity)
         yield Problem(code="heartbeat.guarding", key=f"P{reserved.ACTIVITY}", value=value, limit="0")
 
 
 def lost_problem(lost: float) -> Problem:
     """Return the problem that tells an operator what the controller has ended without its host."""
-    return Problem(code="heartbeat.lost", key=f"P{reserved.LOST}", value=_activity_name(lost), limit="0")
+    return Problem(code="heartbeat.lost", key=f"P{reserved.LOST}", value=activity_name(lost), limit="0")
 
 
-def _activity_name(activity: float) -> str:
-    names: dict[float, str] = {Activity.JOG: "jog", Activity.CUT: "cut"}
+def activity_name(activity: float) -> str:
+    """Return the word for what is or was guarded: a program cuts, or measures the tool."""
+    names: dict[float, str] = {Activity.JOG: "jog", Activity.CUT: "program"}
     return names.get(activity) or format_number(activity)

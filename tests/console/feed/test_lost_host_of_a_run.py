@@ -75,5 +75,5 @@ def test_a_loss_before_this_run_is_told_as_such() -> None:
     link = MemoryLink(simulated.connect(), simulated)
     heartbeat = Heartbeat(PmacClient(link, simulated), simulated, machine)
     loss = heartbeat.loss(2)
-    assert loss is not None and (loss.code, loss.value) == ("heartbeat.lost", "cut")
+    assert loss is not None and (loss.code, loss.value) == ("heartbeat.lost", "program")
     assert heartbeat.loss(0) is None

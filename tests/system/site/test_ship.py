@@ -9,7 +9,7 @@ import signal
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -26,7 +26,8 @@ from console.site.shop.identity import lathe_identity
 from console.site.shop.shipping import MOST_ROWS, Sent, ship
 from profiles.problem import Problem
 from tests.record_clock import set_dates
-from tests.site.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql, shop_server
+from tests.site.shop_server import OWNER, READER, SHIPPER, ShopServer, needs_postgresql
+from tests.site.shop_server import running as running
 from tests.system.site.lathe_records import (
     assert_all_there,
     copied_lathes,
@@ -45,12 +46,6 @@ from pathlib import Path
 from console.site.shop.shipping import ship
 ship(Path(sys.argv[1]), sys.argv[2], most_rows=int(sys.argv[3]), told=lambda sent: print(sent.total, flush=True))
 """
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[ShopServer]:
-    with shop_server() as server:
-        yield server
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ import pytest
 
 from console.site.exchange import publisher
 from console.site.exchange.broker import Broker
-from console.site.exchange.publisher import NO_ANSWER, Publisher
+from console.site.exchange.publisher import CLOSED, NO_ANSWER, Publisher
 
 pytestmark = pytest.mark.system
 
@@ -65,7 +65,7 @@ def flood(connection: socket.socket) -> None:
 
 def test_a_port_that_closes_before_it_answers_is_told() -> None:
     with published_to(close) as told:
-        assert told.get(timeout=TOLD_S) == (False, NO_ANSWER)
+        assert told.get(timeout=TOLD_S) == (False, CLOSED)
 
 
 def test_a_port_that_says_nothing_is_told_long_before_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:

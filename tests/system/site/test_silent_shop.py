@@ -19,19 +19,14 @@ from console.site.shop.following import follow
 from console.site.shop.shipping import Sent, ship
 from profiles.problem import Problem
 from tests.preloaded import completed
-from tests.site.shop_server import SHIPPER, ShopServer, needs_postgresql, shop_server
+from tests.site.shop_server import SHIPPER, ShopServer, needs_postgresql
+from tests.site.shop_server import running as running
 from tests.system.site.lathe_records import assert_all_there, record_runs
 
 pytestmark = [pytest.mark.system, needs_postgresql]
 
 COMMIT, ROLLBACK = b"Q\0\0\0\x0bCOMMIT\0", b"Q\0\0\0\x0dROLLBACK\0"
 """The query as PostgreSQL's protocol writes it: a letter, the length with its own four bytes, the text."""
-
-
-@pytest.fixture(scope="module")
-def running() -> Iterator[ShopServer]:
-    with shop_server() as server:
-        yield server
 
 
 @pytest.fixture

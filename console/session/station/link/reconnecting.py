@@ -26,7 +26,7 @@ from drivers.lathe.standing import Standing
 from drivers.link.base import GONE
 from profiles.problem import Problem, ProblemError
 
-SILENT_CODES = ("link.silent", "link.not_in_step", "machine.not_at_rest", "machine.rest_unknown")
+SILENT_CODES = ("link.silent", "link.late", "link.not_in_step", "machine.not_at_rest", "machine.rest_unknown")
 """Alarms that are over once the machine was read again."""
 
 
@@ -47,6 +47,23 @@ class Reconnecting:
         self._undelivered = 0  # stops up to the loss: they reached nobody
         self._begun = self._dropped = False
         self._watch: _Watch | None = None
+
+    def unanswered(self, problem: Problem) -> None:
+        """Give up a connection on which a machine has never answered: it may be dead on this side alone."""
+        context, reopening = self._context, self._context.reopening
+        if reopening is not None:
+            now_s = context.clock.now_s()
+            reopening.give_up(now_s, problem)
+            context.tell(lost_link=LostLink(since_s=now_s, attempts=reopening.attempts, problem=problem))
+
+    def reopened(self) -> bool:
+        """Open that connection again; return whether a machine that has never answered may be asked."""
+        context, reopening = self._context, self._context.reopening
+        if reopening is None or context.state.lost_link is None:
+            return True
+        opened = reopening.poll(context.clock.now_s())
+        self._say(attempts=reopening.attempts, problem=reopening.problem, for_ever=reopening.for_ever)
+        return opened
 
     def step(self) -> None:
         """Try to open the link, or watch the machine on the one that was opened."""
