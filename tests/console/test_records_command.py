@@ -23,7 +23,6 @@ from console.session.errors import SessionError
 from console.text.columns import cell_width
 from profiles.problem import Problem
 from profiles.traces import parse_trace
-from tests.console.test_record_schema import write_schema_1
 from tests.console.test_run_reader import RUN, USER, part
 
 Console = Callable[..., Any]
@@ -178,17 +177,6 @@ def test_without_free_space_no_run_is_started(
     said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close)
     assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
     assert not (data_folder / "trilobe" / FILE_NAME).exists()
-
-
-def test_what_schema_1_has_can_be_listed_shown_and_exported(console: Console, tmp_path: Path) -> None:
-    path = write_schema_1(tmp_path / "old")
-    before = path.read_bytes()
-    words = ("--data", str(tmp_path / "old"))
-    assert console("records", "list", *words).out.count("ring") == 6
-    for prefix in "abcdef":
-        assert console("records", "show", prefix, *words).code == 0
-    assert console("records", "export", str(tmp_path / "out"), *words, "--traces", "--json").json["runs"] == 6
-    assert path.read_bytes() == before
 
 
 def test_without_a_record_the_list_is_empty_and_a_damaged_one_is_refused(console: Console, tmp_path: Path) -> None:

@@ -34,7 +34,6 @@ from tests.console.reported_runs import (
     lobed,
     recorded,
 )
-from tests.console.test_record_schema import write_schema_1
 from tests.console.test_run_reader import page_of as first_page
 
 PASSED_3 = math.exp(-math.pi * (math.sqrt(math.log(2.0) / math.pi) * 3.0 / 50.0) ** 2)
@@ -130,10 +129,8 @@ def test_every_kind_of_run_gives_a_sound_page_in_both_languages(tmp_path: Path) 
         recorded(folder, good, job_text_sha256="schema = 9", setup=None, program=""),
         recorded(folder, {f"part {number}": lobed(1.0 + 0.1 * number) for number in range(9)}),
     ]
-    write_schema_1(tmp_path / "old")
-    cases = [(folder, run) for run in runs] + [(tmp_path / "old", letter) for letter in "abcdef"]
-    for data, run in cases:
-        reported = run_of(data, run)
+    for run in runs:
+        reported = run_of(folder, run)
         for language in LANGUAGES:
             check(report_page(reported, load(language)), language)
 

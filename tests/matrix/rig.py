@@ -94,7 +94,7 @@ def record_in_memory(folder: Path, until_s: float, *, checked: bool = False) -> 
     path.with_name(f"{path.name}-wal").touch()
     database = sqlite3.connect(":memory:", isolation_level=None)
     create(database)
-    record_file._made_ready(database, path, checked=checked)
+    record_file._check(database, path, checked=checked)
     return database
 
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from console.session.data.kept_files import there
-from console.session.data.record_schema import OWN_TRIGGERS, SCHEMA, create, migrate
+from console.session.data.record_schema import OWN_TRIGGERS, SCHEMA, create
 from console.session.errors import SessionError
 from profiles.files import make_private_folder, printable, require_regular, write_atomically
 from profiles.problem import Problem, ProfileError
@@ -62,7 +62,7 @@ def opened(folder: Path, until_s: float, *, checked: bool = True) -> sqlite3.Con
         raise record_error("record.unwritable", path, error) from error
     try:
         with damage_as_error():
-            retrying(lambda: _made_ready(database, path, checked=checked), until_s)
+            retrying(lambda: _check(database, path, checked=checked), until_s)
             # Records need the journal: a kill at any instant leaves them whole.
             retrying(lambda: database.execute("PRAGMA journal_mode=WAL"), until_s)
     except sqlite3.Error as error:
@@ -118,7 +118,7 @@ def rows(folder: Path, query: str, keys: tuple[object, ...], timeout_s: float) -
     if not there(path):
         return []
     with closing(opened_to_read(path, timeout_s)) as database:
-        _schema_of(database, path)
+        refuse_other_schema(database, path)
         return database.execute(query, keys).fetchall()
 
 
@@ -149,21 +149,6 @@ def opened_to_read(path: Path, timeout_s: float) -> sqlite3.Connection:
         database.close()
         raise
     return database
-
-
-def present(database: sqlite3.Connection, path: Path) -> sqlite3.Connection:
-    """Return a database of the present schema: this one, or a copy in memory, brought up to it, of an older one.
-
-    The file stays as it is. The one that is not returned is closed. SessionError `record.other_schema`.
-    """
-    found = _schema_of(database, path)
-    if found == SCHEMA:
-        return database
-    copy = sqlite3.connect(":memory:", isolation_level=None)
-    with closing(database):
-        database.backup(copy)
-    migrate(copy, found)
-    return copy
 
 
 def retrying(work: Callable[[], Result], until_s: float) -> Result:
@@ -211,20 +196,8 @@ def record_error(code: str, path: Path, error: object) -> SessionError:
     return SessionError(Problem(code=code, where=printable(str(path)), value=printable(str(error))))
 
 
-def _made_ready(database: sqlite3.Connection, path: Path, *, checked: bool) -> None:
-    """Check a file, and bring it to the present schema."""
-    if _schema_of(database, path) != SCHEMA:
-        database.execute("BEGIN IMMEDIATE")
-        try:
-            found = _schema_of(database, path)  # another console may have migrated them meanwhile
-            if found != SCHEMA:
-                _refuse_damaged(database, path, CHECKED_TABLES[:2])
-                migrate(database, found)
-            database.execute("COMMIT")
-        except BaseException:
-            if database.in_transaction:
-                database.execute("ROLLBACK")
-            raise
+def _check(database: sqlite3.Connection, path: Path, *, checked: bool) -> None:
+    refuse_other_schema(database, path)
     if checked:
         _refuse_damaged(database, path, CHECKED_TABLES)
 
@@ -236,14 +209,13 @@ def _refuse_damaged(database: sqlite3.Connection, path: Path, tables: tuple[str,
             raise record_error("record.damaged", path, " ".join(str(found).split()))
 
 
-def _schema_of(database: sqlite3.Connection, path: Path) -> int:
-    """Return the schema of a file; refuse a newer one, or one that is not ours."""
+def refuse_other_schema(database: sqlite3.Connection, path: Path) -> None:
+    """Raise SessionError `record.other_schema`; `record.damaged`, there is something in it that is not ours."""
     (found,) = database.execute("PRAGMA user_version").fetchone()
-    if 0 < found <= SCHEMA:
-        for name, made in database.execute("SELECT type || ' ' || name, sql FROM sqlite_schema"):
-            # A view or a trigger of others could do anything when a table is touched.
-            if made not in OWN_TRIGGERS and not made.startswith(("CREATE TABLE ", "CREATE INDEX ")):
-                raise record_error("record.damaged", path, name)
-        return int(found)
-    where = printable(str(path))
-    raise SessionError(Problem(code="record.other_schema", where=where, value=str(found), limit=str(SCHEMA)))
+    if found != SCHEMA:
+        where = printable(str(path))
+        raise SessionError(Problem(code="record.other_schema", where=where, value=str(found), limit=str(SCHEMA)))
+    for name, made in database.execute("SELECT type || ' ' || name, sql FROM sqlite_schema"):
+        # A view or a trigger of others could do anything when a table is touched.
+        if made not in OWN_TRIGGERS and not made.startswith(("CREATE TABLE ", "CREATE INDEX ")):
+            raise record_error("record.damaged", path, name)

@@ -20,8 +20,8 @@ from console.session.data.record_file import (
     damage_as_error,
     is_damage,
     opened_to_read,
-    present,
     record_error,
+    refuse_other_schema,
 )
 from console.session.data.run_rows import (
     COMPLETE,
@@ -266,7 +266,8 @@ def _reading(folder: Path) -> Iterator[sqlite3.Connection | None]:
         if not path.exists():
             yield None
             return
-        with damage_as_error(), closing(present(opened_to_read(path, READ_TIMEOUT_S), path)) as database:
+        with damage_as_error(), closing(opened_to_read(path, READ_TIMEOUT_S)) as database:
+            refuse_other_schema(database, path)
             yield database
     except (OSError, sqlite3.Error) as error:
         if not os.access(path, os.R_OK):

@@ -16,12 +16,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from console.session.data.record_file import FILE_NAME, is_damage, opened_to_read, record_error
-from console.session.data.record_schema import SCHEMA
-from console.session.errors import SessionError
+from console.session.data.record_file import (
+    FILE_NAME,
+    is_damage,
+    opened_to_read,
+    record_error,
+    refuse_other_schema,
+)
 from console.site.shop.tables import SENT, SentTable, mark_of
-from profiles.files import open_regular, printable
-from profiles.problem import Problem
+from profiles.files import open_regular
 
 READ_TIMEOUT_S = 5.0
 
@@ -59,7 +62,7 @@ class Outbox:
 def outbox(data: Path) -> Iterator[Outbox | None]:
     """Yield the outbox of a data folder, None while nothing is recorded.
 
-    Raises SessionError: `ship.old_records`, of a schema of an older console; `record.other_schema`,
+    Raises SessionError: `record.other_schema`,
     `record.damaged`, `record.not_readable`.
     """
     path = data / FILE_NAME
@@ -75,7 +78,7 @@ def outbox(data: Path) -> Iterator[Outbox | None]:
 
 
 def _as_now(database: sqlite3.Connection, path: Path) -> Outbox | None:
-    _refuse_other_schema(database, path)
+    refuse_other_schema(database, path)
     database.execute("BEGIN")  # the heads are of one moment: no event without its run
     try:
         heads = {table.name: _head(database, table) for table in SENT}
@@ -103,11 +106,3 @@ def _on_disk(journal: Path) -> None:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def _refuse_other_schema(database: sqlite3.Connection, path: Path) -> None:
-    (found,) = database.execute("PRAGMA user_version").fetchone()
-    if found != SCHEMA:
-        code = "ship.old_records" if 0 < found < SCHEMA else "record.other_schema"
-        where = printable(str(path))
-        raise SessionError(Problem(code=code, where=where, value=str(found), limit=str(SCHEMA)))
