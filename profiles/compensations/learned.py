@@ -13,10 +13,7 @@ from profiles.machine import Chuck, MachineProfile, Spindle, ToolAxis
 from profiles.problem import Problem
 from profiles.strict_values import read_own, renamed
 
-SCHEMA = 6
-READ = (1, 2, 3, 4, 5, SCHEMA)
-"""The first had neither `plain` nor `frozen`, 2 no `clamped`, 3 no `lathe`, 4 no `tool`, 5 no `settings`."""
-
+SCHEMA = 1
 FILED = {"target": "wanted", "phase_deg": "crest_deg", "fraction": "share"}  # what files call these fields
 SHAPING = ("controller", "tool", "spindle", "carriage", "chuck")  # sections of a machine profile
 NOT_SHAPING = (
@@ -243,9 +240,7 @@ def from_table(table: Any, where: str = "") -> LearnedCompensation:
     Raises `ProfileError`: `schema.unsupported`; `learned.file`, anything else.
     """
     table = renamed(table, {filed: name for name, filed in FILED.items()})
-    schema = table.get("schema") if isinstance(table, dict) else None
-    known = schema if type(schema) is int and schema in READ else SCHEMA
-    return read_own(LearnedCompensation, table, schema=known, code="learned.file", where=where, judge=_judge)
+    return read_own(LearnedCompensation, table, schema=SCHEMA, code="learned.file", where=where, judge=_judge)
 
 
 def _judge(learned: LearnedCompensation) -> None:

@@ -112,9 +112,6 @@ def test_an_unknown_schema_is_refused_with_what_is_read(
 ) -> None:
     file, read = kind(tmp_path)
     write(file, changed(json.loads(file.read_text(encoding="utf-8")), ("schema",), schema))
-    if kind is stops and schema in (1, 1.0):
-        assert refused(read) == ["stops.old_schema"]
-        return
     assert refused(read) == ["stops.unknown_schema" if kind is stops else "schema.unsupported"]
 
 

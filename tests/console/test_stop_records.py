@@ -176,19 +176,9 @@ def test_one_flipped_digit_is_seen(
     assert refusal.value.problems[0].code.startswith("stops.")
 
 
-@pytest.mark.parametrize(
-    ("schema", "code"),
-    [
-        (1, "stops.old_schema"),
-        (2, "stops.old_schema"),
-        (4, "stops.unknown_schema"),
-        (3.0, "stops.unknown_schema"),
-        ("3", "stops.unknown_schema"),
-        (None, "stops.unknown_schema"),
-    ],
-)
+@pytest.mark.parametrize("schema", [0, 2, 1.0, "1", None])
 def test_a_record_of_another_version_is_to_be_measured_again(
-    tmp_path: Path, simulated: StopRecord, schema: object, code: str
+    tmp_path: Path, simulated: StopRecord, schema: object
 ) -> None:
     path = store(tmp_path, MACHINE, simulated)
     values = json.loads(path.read_text(encoding="utf-8"))
@@ -196,7 +186,7 @@ def test_a_record_of_another_version_is_to_be_measured_again(
     del values["sha256"]
     path.write_text(json.dumps(values), encoding="utf-8")
     (problem,) = stop_problems(tmp_path)
-    assert problem.code == code
+    assert problem.code == "stops.unknown_schema"
     for language in ("en", "ko"):
         told = load_words(language).problem(problem)
         assert "console doctor --machine lee-2001-lathe --prove" in told, told

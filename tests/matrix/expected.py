@@ -154,7 +154,7 @@ _ROWS: Mapping[str, tuple[str, ...]] = {
     "limit, carriage positive": AT_A_LIMIT,
     "limit, carriage negative": AT_A_LIMIT,
     # What stands jammed has no following error. The lobe is less than the fatal one of the tool, its way out more.
-    "following-error-trip, tool": (SAME, SAME, SAME, FAULT_K, SAME, SAME, OUT_OF_PHASE, SAME),
+    "following-error-trip, tool": (SAME, SAME, SAME, FAULT_K, SAME, SAME, FAULT_K, SAME),
     "following-error-trip, spindle": (
         *(SAME, SAME, SAME, FAULT_K, SAME, SAME, FAULT_K),
         "stopped, ^A (^K): machine.fault",

@@ -32,9 +32,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.strict_values import from_json, read_own
 
 FOLDER = "stops"
-SCHEMA = 3
-WITHOUT_CHECKSUM = (1, 2)
-"""Older schemas without a checksum: such a file cannot be verified."""
+SCHEMA = 1
 
 CHECKSUM = "sha256"
 UNREADABLE = "stops.unreadable"
@@ -79,7 +77,7 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
 
     Raises:
         ProfileError: `stops.unreadable`, not a record; `stops.changed`, not as written;
-            `stops.old_schema`, `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
+            `stops.unknown_schema`; `file.unreadable`, it cannot be opened.
     """
     path = record_path(data, machine)
     try:
@@ -97,8 +95,7 @@ def load(data: Path, machine: MachineProfile) -> StopRecord | None:
     if isinstance(table, dict) and "schema" in table:
         schema, checksum = table["schema"], str(table.pop(CHECKSUM, ""))
         if type(schema) is not int or schema != SCHEMA:
-            code = "stops.old_schema" if schema in WITHOUT_CHECKSUM else "stops.unknown_schema"
-            value, limit = printable(str(schema), 60), str(SCHEMA)
+            code, value, limit = "stops.unknown_schema", printable(str(schema), 60), str(SCHEMA)
             raise ProfileError(Problem(code=code, where=where, key=machine.name, value=value, limit=limit))
         if checksum != hashlib.sha256(content.replace(checksum.encode(), b"")).hexdigest():
             raise ProfileError(Problem(code="stops.changed", where=where, key=machine.name))
