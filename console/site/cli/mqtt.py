@@ -99,12 +99,7 @@ def _broker(options: Namespace) -> Broker:
     host, port = options.broker
     user, password = credentials(os.environ, options.credentials)
     return Broker(
-        host=host,
-        port=port or (TLS_PORT if tls else PORT),
-        tls=tls,
-        ca=options.ca,
-        user=user,
-        password=password,
+        host=host, port=port or (TLS_PORT if tls else PORT), tls=tls, ca=options.ca, user=user, password=password
     )
 
 
