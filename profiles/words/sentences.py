@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -109,22 +109,28 @@ class Sentences:
 
 def words_of(language: str) -> Mapping[str, str]:
     """Return the words of a language in `LANGUAGES` of every package that is imported, each key in one file."""
-    return _words_in(tuple(folder / language for folder in word_folders()))
+    return _words_in(language, word_folders())
 
 
-def word_folders() -> list[Path]:
+def word_folders() -> tuple[Path, ...]:
     """Return the folders of words of the packages that are imported; each names its own in `WORDS`.
 
     So the sentence of a problem is in the package that raises it, and this one knows none above it.
     """
-    packages = [module for name, module in sorted(sys.modules.items()) if "." not in name]
+    return _folders_of(len(sys.modules))
+
+
+@lru_cache(maxsize=1)
+def _folders_of(_modules: int) -> tuple[Path, ...]:
+    """Return those folders while as many modules are imported: to go through them takes a millisecond."""
+    packages = [module for name, module in list(sys.modules.items()) if "." not in name]
     homes = [(path, package) for package in packages for path in getattr(package, "__path__", ())]
-    return [Path(path, folder) for path, package in homes for folder in vars(package).get("WORDS", ())]
+    return tuple(Path(path, folder) for path, package in homes for folder in vars(package).get("WORDS", ()))
 
 
 @cache
-def _words_in(folders: tuple[Path, ...]) -> Mapping[str, str]:
-    return {key: entry for folder in folders for key, entry in entries_in(folder).items()}
+def _words_in(language: str, folders: tuple[Path, ...]) -> Mapping[str, str]:
+    return {key: entry for folder in folders for key, entry in entries_in(folder / language).items()}
 
 
 def entries_in(folder: Path) -> dict[str, str]:
