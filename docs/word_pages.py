@@ -13,13 +13,12 @@ import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
-from console.text.catalogue import load
+from console.text.catalogue import load, words_of
 from console.tui.glossary import TERMS
 from console.units import METRIC
-from profiles.words.sentences import SINGULAR, entries_in, words_of
+from profiles.words.sentences import SINGULAR
 
 FOLDER = Path(__file__).parent
-TEXTS = FOLDER.parent / "console" / "text"
 PAGES = {"troubleshooting.md": "en", "troubleshooting.ko.md": "ko", "glossary.md": "en"}
 BLOCK = re.compile(r"(?ms)^<!-- (messages:|terms)([a-z_ ]*) -->\n.*?^<!-- end -->$")
 PROBLEM = "problem."
@@ -68,8 +67,7 @@ def _terms() -> Iterator[str]:
 
 def sentences(language: str) -> Mapping[str, str]:
     """Return the sentences of a language by their keys, as they are written, without singulars."""
-    entries = {**words_of(language), **entries_in(TEXTS / language)}
-    return {key: sentence for key, sentence in entries.items() if not key.endswith(SINGULAR)}
+    return {key: sentence for key, sentence in words_of(language).items() if not key.endswith(SINGULAR)}
 
 
 def shown(sentence: str) -> str:

@@ -32,6 +32,9 @@ _PLACES = {
 }
 """Each public name and its module."""
 
+WORDS = ("words",)
+"""Folders with the words of each language."""
+
 __all__ = list(_PLACES)
 
 

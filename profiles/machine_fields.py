@@ -19,14 +19,8 @@ SPINDLE_DRIVES = ("servo", "inverter")
 LOSS_POLICIES = ("retract", "finish", "stop")
 FITTED = ("wired", "not fitted", "unknown")
 SIGNED_FOR = ("machine", "simulator")
-SAFETY_DEVICES = (
-    "emergency_stop",
-    "safe_torque_off",
-    "guard",
-    "enabling_device",
-    "chuck_closed",
-    "key_removed",
-    "spindle_permit",
+SAFETY_DEVICES = tuple(
+    "emergency_stop safe_torque_off guard enabling_device chuck_closed key_removed spindle_permit".split()
 )
 
 # Suffixes (Ixx..) whose value 0 means "no limit" on this controller: following error, abort deceleration,

@@ -1,4 +1,4 @@
-"""Refusals and findings as values: the facts are here, their wording in `profiles.words`."""
+"""Refusals and findings as values: the facts are here, their wording is with the package that raises them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 class Problem:
     """One fact that prevents something (or deserves attention), independent of any language.
 
-    `code` is stable and names the sentence in `profiles.words` (`problem.<code>`). The other fields
+    `code` is stable and names the sentence in the words of its package (`problem.<code>`). The other fields
     are already text with units, fit to be put into that sentence: `where` a file, axis or link address,
     `key` the field, variable or quantity, `value` the actual value, `limit` what is allowed.
     """

@@ -40,13 +40,7 @@ from functools import lru_cache
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
 from profiles.chucking.force import force_as_measured
-from profiles.chucking.grip import (
-    MOST_GRIP_LOSS,
-    centrifugal_loss_n,
-    grip_margin_n,
-    lobe_um_per_n,
-    needed_grip_n,
-)
+from profiles.chucking.grip import MOST_GRIP_LOSS, centrifugal_loss_n, grip_margin_n, lobe_um_per_n, needed_grip_n
 from profiles.chucking.holding import holding_of
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import NO_LOBE, Job

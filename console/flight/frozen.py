@@ -65,9 +65,7 @@ def frozen_in(data: Path) -> list[Path]:
     return sorted((path for path in found if _NAME.fullmatch(path.stem)), reverse=True)
 
 
-def _gathered(
-    lines: Iterator[bytes],
-) -> tuple[dict[str, Any] | None, list[bytes], float | None, float | None]:
+def _gathered(lines: Iterator[bytes]) -> tuple[dict[str, Any] | None, list[bytes], float | None, float | None]:
     """Return the last header, the other lines, and the first and last time in them."""
     header: dict[str, Any] | None = None
     body: list[bytes] = []

@@ -100,11 +100,7 @@ def read_configuration(environment: Mapping[str, str], site: Path = SITE_FILE) -
     known = (*map(variable_of, KEYS), *OTHER_VARIABLES)
     unknown = sorted(name for name in environment if name.startswith(PREFIX) and name not in known)
     return Configuration(
-        settings=settings,
-        files=files,
-        problems=(*problems, *wrong),
-        unknown=tuple(unknown),
-        link_set_aside=aside,
+        settings=settings, files=files, problems=(*problems, *wrong), unknown=tuple(unknown), link_set_aside=aside
     )
 
 

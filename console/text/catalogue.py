@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cache
-from pathlib import Path
 
+import drivers  # noqa: F401  # its words
 from console.units import METRIC, Units
-from profiles.words.sentences import LANGUAGES, Sentences, entries_in, words_of
+from profiles.words.sentences import LANGUAGES, Sentences, words_of
 
-__all__ = ["LANGUAGES", "Catalogue", "LiveCatalogue", "choose_language", "load"]
+__all__ = ["LANGUAGES", "Catalogue", "LiveCatalogue", "choose_language", "load", "words_of"]
 
 
 class Catalogue(Sentences):
@@ -34,11 +34,11 @@ class LiveCatalogue(Catalogue):
     """Texts that can go on in another language or in other units, for whatever holds them."""
 
     def __init__(self, language: str) -> None:
-        super().__init__(language, _entries_of(language))
+        super().__init__(language, words_of(language))
 
     def speak(self, language: str) -> None:
         """Go on in another language of `LANGUAGES`."""
-        self._entries, self.language = _entries_of(language), language
+        self._entries, self.language = words_of(language), language
 
     def measure(self, units: str) -> None:
         """Go on in other units of `UNITS`."""
@@ -48,12 +48,7 @@ class LiveCatalogue(Catalogue):
 @cache
 def load(language: str) -> Catalogue:
     """Read the catalogue of a language in `LANGUAGES`."""
-    return Catalogue(language, _entries_of(language))
-
-
-@cache
-def _entries_of(language: str) -> Mapping[str, str]:
-    return {**words_of(language), **entries_in(Path(__file__).parent / language)}
+    return Catalogue(language, words_of(language))
 
 
 def choose_language(

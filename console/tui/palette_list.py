@@ -8,24 +8,13 @@ from dataclasses import dataclass
 from console.session.appearance import OwnKeys
 from console.text.catalogue import Catalogue
 from console.tui.key_help import KEY_WIDTH, shown_key, words_of
-from console.tui.keymap import (
-    ACTIONS,
-    CLOSE,
-    NO_KEYS,
-    PALETTE,
-    Action,
-    PageName,
-    actions_of,
-)
+from console.tui.keymap import ACTIONS, CLOSE, NO_KEYS, PALETTE, Action, PageName, actions_of
 from console.tui.lines import Line, dim, fitted, hanging, line, ranged, width_of, wrapped
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from profiles.problem import Problem
 
-STOPPING = (
-    Action(id="stop", keys=("space", "f12"), shown="Space"),
-    Action(id="kill", keys=("f9",), shown="F9"),
-)
+STOPPING = (Action(id="stop", keys=("space", "f12"), shown="Space"), Action(id="kill", keys=("f9",), shown="F9"))
 """Keys that are no actions: who looks for a stop finds it here too, but presses its key."""
 
 QUERY_CAP = 40  # characters of the words that are looked for

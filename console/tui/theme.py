@@ -45,7 +45,7 @@ class Token(IntEnum):  # the hash of an int is at hand, and lines are looked up 
 Palette = Mapping[Token, Style]  # a style for every token: a strip without a style is not drawn safely
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class Colours:
     """The colours of a theme; `block` is the text on a coloured block, `lit` the block of the stop key."""
 
@@ -64,21 +64,12 @@ class Colours:
     lit: str
 
 
-DARK = Colours(
-    background="#121416",
-    text="#c6c6c6",
-    dim="#8a8a8a",
-    bright="#ffffff",
-    action="#5fafff",
-    warning="#ffd75f",
-    alarm="#ff5f5f",
-    sim="#d75fd7",
-    ring="#626262",
-    before="#ffaf5f",
-    after="#5fd7d7",
-    block="#000000",
-    lit="#ffffff",
-)
+def colours_of(row: str) -> Colours:
+    """Return the colours that a row states in their order, in hexadecimal."""
+    return Colours(*(f"#{each}" for each in row.split()))
+
+
+DARK = colours_of("121416 c6c6c6 8a8a8a ffffff 5fafff ffd75f ff5f5f d75fd7 626262 ffaf5f 5fd7d7 000000 ffffff")
 BACKGROUND = DARK.background
 
 

@@ -33,15 +33,8 @@ LEFT_OUT = (
 )
 NO_LIMIT = "; no limit"
 LIMITS_OFF_AT_ZERO = frozenset(  # the limits that a 0 disables, by the keys of their names
-    (
-        "fatal_error",
-        "positive_limit",
-        "negative_limit",
-        "abort_deceleration",
-        "program_speed",
-        "program_acceleration",
-        "jog_acceleration",
-    )
+    "fatal_error positive_limit negative_limit abort_deceleration program_speed program_acceleration "
+    "jog_acceleration".split()
 )
 _WORDS_A_LINE, _NUMBERS_A_LINE = 8, 20
 DELETE_GATHER, UNDEFINE = "DELETE GATHER", "UNDEFINE ALL"

@@ -17,27 +17,13 @@ from profiles.findings import Severity
 
 STATUS_A_LINE = 8
 
-CARD_FAULTS = (
-    "interrupt_overrun",
-    "servo_error",
-    "watchdog",
-    "checksum_error",
-    "dpram_error",
-    "flash_error",
-    "interrupt_warning",
-    "configuration_error",
-    "phase_clock_missing",
-    "fixed_buffer_full",
-    "abort_input",
+CARD_FAULTS = tuple(
+    "interrupt_overrun servo_error watchdog checksum_error dpram_error flash_error interrupt_warning "
+    "configuration_error phase_clock_missing fixed_buffer_full abort_input".split()
 )
-MOTOR_FAULTS = (
-    "amplifier_fault",
-    "fatal_following_error",
-    "integrated_fatal_error",
-    "i2t_fault",
-    "phasing_error",
-    "negative_limit",
-    "positive_limit",
+MOTOR_FAULTS = tuple(
+    "amplifier_fault fatal_following_error integrated_fatal_error i2t_fault phasing_error negative_limit "
+    "positive_limit".split()
 )
 
 Flags = frozenset[str]

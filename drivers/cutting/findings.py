@@ -64,11 +64,7 @@ LEAST_CUT_S = 0.2  # the shortest cut, in turns and in time, so that the machine
 
 
 def cut_findings(
-    loop: tuple[CheckedMove, ...],
-    checked: CheckedProgram,
-    machine: MachineProfile,
-    job: Job,
-    speed_rpm: float,
+    loop: tuple[CheckedMove, ...], checked: CheckedProgram, machine: MachineProfile, job: Job, speed_rpm: float
 ) -> tuple[Finding, ...]:
     """Return all findings; `loop` are the moves of the steady cut."""
     low, high = stroke(loop, checked, machine)

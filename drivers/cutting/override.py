@@ -53,12 +53,7 @@ def bounds_of(plan: CutPlan, job: Job, machine: MachineProfile, response: ServoR
     high, high_by = _last(limited_by, range(REAL_TIME + 1, MOST_PERCENT + 1))
     gain, phase_deg = trim_bounds(plan, job, machine, high)
     return Bounds(
-        low_percent=low,
-        high_percent=high,
-        low_by=low_by,
-        high_by=high_by,
-        gain_percent=gain,
-        phase_deg=phase_deg,
+        low_percent=low, high_percent=high, low_by=low_by, high_by=high_by, gain_percent=gain, phase_deg=phase_deg
     )
 
 
@@ -73,12 +68,7 @@ def _last(limited_by: Callable[[int], str], steps: range) -> tuple[int, str]:
 
 
 def _limits(
-    factor: float,
-    plan: CutPlan,
-    job: Job,
-    machine: MachineProfile,
-    response: ServoResponse,
-    rpm: dict[str, float],
+    factor: float, plan: CutPlan, job: Job, machine: MachineProfile, response: ServoResponse, rpm: dict[str, float]
 ) -> Iterator[str]:
     """Name what does not allow this factor of the speed."""
     if factor > 1.0:

@@ -214,11 +214,7 @@ def _columns(turns: Floats, past_mm: Floats, lobes: int, entry: tuple[float, ...
     decays = [np.exp((turns[0] - turns) / over) for over in entry]
     # Where there are few polls, the last are given up: what an eccentric or oval blank leaves is the larger.
     columns = np.column_stack(
-        [
-            harmonic_columns(angle_rad, (lobes,), past_mm),
-            *decays,
-            harmonic_columns(angle_rad, further)[:, 1:],
-        ]
+        [harmonic_columns(angle_rad, (lobes,), past_mm), *decays, harmonic_columns(angle_rad, further)[:, 1:]]
     )
     return columns[:, : max(4, len(turns) // POLLS_A_TERM)]
 

@@ -24,12 +24,7 @@ from drivers.errors import ControllerError, DriverError, LinkTimeoutError
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather import GatherError
-from drivers.pmac.gathering.gather_client import (
-    LISTING_TIMEOUT_S,
-    DataGathering,
-    GatheredData,
-    GatherPlan,
-)
+from drivers.pmac.gathering.gather_client import LISTING_TIMEOUT_S, DataGathering, GatheredData, GatherPlan
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -169,9 +164,7 @@ class BatchGather:
             self._quick.start(plan)
             until_s = self._clock.now_s() + plan.duration_ms / 1000.0 + MARGIN_S
             return _Running(
-                until_s=until_s,
-                from_counts=snapshot.carriage.position,
-                face_deg=self._face_deg(snapshot),
+                until_s=until_s, from_counts=snapshot.carriage.position, face_deg=self._face_deg(snapshot)
             )
         if not in_path:
             self._quick.stop()  # the end of the cut is in this batch: none of it is used

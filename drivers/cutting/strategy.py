@@ -150,8 +150,7 @@ class Strategy(StrEnum):
     NONE = (
         "none",
         Traits(
-            make=lambda planning: _by_pvt(planning, replace(planning.target, amplitude_um=0.0)),
-            follows_lobe=False,
+            make=lambda planning: _by_pvt(planning, replace(planning.target, amplitude_um=0.0)), follows_lobe=False
         ),
     )
     """The tool keeps its depth, so the lobe stays on the part."""

@@ -38,16 +38,8 @@ class HealthResult:
     position_um: tuple[float, ...]
 
 
-FIGURES = (
-    "rise_ms",
-    "overshoot_percent",
-    "settling_ms",
-    "end_um",
-    "peak_um",
-    "rms_um",
-    "sine_gain",
-    "sine_phase_deg",
-    "coherence",
+FIGURES = tuple(
+    "rise_ms overshoot_percent settling_ms end_um peak_um rms_um sine_gain sine_phase_deg coherence".split()
 )
 """Names of what is compared from test to test."""
 

@@ -141,11 +141,7 @@ class Motion:
         return self._clock.now_s() + heartbeat.ends_within_s + WAY_HOME_S
 
     def _next_poll(
-        self,
-        pause_s: float,
-        deadline: float,
-        watch: Callable[[Snapshot], None] | None,
-        homed: frozenset[AxisName],
+        self, pause_s: float, deadline: float, watch: Callable[[Snapshot], None] | None, homed: frozenset[AxisName]
     ) -> Snapshot:
         """Let time pass with the watchdog renewed, then poll; `homed` are the axes that must have kept their zero.
 

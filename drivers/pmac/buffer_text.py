@@ -149,12 +149,7 @@ class BufferLines:
             return
         kind, number, place = self._opened
         buffer = TextBuffer(
-            kind=kind,
-            number=number,
-            place=place,
-            lines=tuple(self._lines),
-            cleared=self._cleared,
-            closed=closed,
+            kind=kind, number=number, place=place, lines=tuple(self._lines), cleared=self._cleared, closed=closed
         )
         self._buffers.append(buffer)
         self._opened = None

@@ -30,12 +30,7 @@ from profiles.axis.gain_candidates import (
 )
 from profiles.axis.gain_proposal import GainProposal, rounded_proposal
 from profiles.axis.loop_design import holds_everywhere, in_order, limited_plants
-from profiles.axis.margins import (
-    LEAST_PHASE_MARGIN_DEG,
-    is_stable,
-    loop_margins,
-    sensitivity_peak,
-)
+from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, is_stable, loop_margins, sensitivity_peak
 from profiles.axis.notch import OTHER_READINGS, Notch, Reading, placed_notch
 from profiles.axis.plant_fit import PlantFit
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop

@@ -130,9 +130,7 @@ def overhung_deflection(
     jaws.
     """
     edge = replace(
-        contact,
-        stiffness_n_per_um=contact.stiffness_n_per_um / 2,
-        force_per_jaw_n=contact.force_per_jaw_n / 2,
+        contact, stiffness_n_per_um=contact.stiffness_n_per_um / 2, force_per_jaw_n=contact.force_per_jaw_n / 2
     )
     load = floats(load_n)
     front = deflection(edge, load * (1 + lever), angle_from_jaw_deg)

@@ -14,13 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from profiles.arrays import Floats, floats
-from profiles.chucking.contact import (
-    MINDLIN_RATIO,
-    Contact,
-    cantilever_um,
-    overhung_deflection,
-    stiffness_at,
-)
+from profiles.chucking.contact import MINDLIN_RATIO, Contact, cantilever_um, overhung_deflection, stiffness_at
 from profiles.chucking.diagnosis import Mechanism
 from profiles.chucking.grip import centrifugal_loss_n
 from profiles.chucking.holding import REFERENCE_FORCE_N, Holding, holding_of

@@ -85,12 +85,7 @@ class Cause:
 
 
 def causes(
-    part: PartHarmonics,
-    cut: CutWith,
-    job: Job,
-    *,
-    tool_um: complex = 0j,
-    placed: bool = True,
+    part: PartHarmonics, cut: CutWith, job: Job, *, tool_um: complex = 0j, placed: bool = True
 ) -> tuple[Cause, ...]:
     """Return why a part of this job, cut in this way, is not round, the largest first; at least one.
 

@@ -283,10 +283,7 @@ def _judged(
     by_force = force.value_n / stiffness_n_per_um / whole_um
     met = cut.infeed.value / whole_um - by_force
     noise = math.hypot(force.sd_n / lobe_n, cut.infeed.sd / abs(whole_um))
-    wrong = (
-        by_force * math.hypot(STIFFNESS_SD, mean_sd_n / mean_n),
-        1j * by_force * force.omega_rad_s * LAG_SD_S,
-    )
+    wrong = (by_force * math.hypot(STIFFNESS_SD, mean_sd_n / mean_n), 1j * by_force * force.omega_rad_s * LAG_SD_S)
     across = 1j * met / abs(met)
     off = ((each * across.conjugate()).real for each in wrong)
     sd_rad = math.hypot(noise, force.friction_n / lobe_n, *off) / abs(met)

@@ -49,7 +49,5 @@ class TrimResponse:
         if abs(less) > MOST_FACTOR * abs(moved) + MOST_CHANGE_UM:
             return after
         return replace(
-            after,
-            squares=self.squares + abs(moved) ** 2,
-            products=self.products + moved.conjugate() * less,
+            after, squares=self.squares + abs(moved) ** 2, products=self.products + moved.conjugate() * less
         )

@@ -165,10 +165,7 @@ class LobeFilter:
     def _slope_of_part(self, state: Floats, path_um: complex) -> Floats:
         k, (re, im, _, _, s, _) = self.scale.at_speed, state
         return floats(
-            [
-                [1 + k * s, 0.0, 0.0, 0.0, k * re, path_um.real],
-                [0.0, 1 + k * s, 0.0, 0.0, k * im, path_um.imag],
-            ]
+            [[1 + k * s, 0.0, 0.0, 0.0, k * re, path_um.real], [0.0, 1 + k * s, 0.0, 0.0, k * im, path_um.imag]]
         )
 
     def _shown_by_part(self, state: Floats, path_um: complex) -> tuple[complex, Floats]:

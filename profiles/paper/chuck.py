@@ -85,9 +85,7 @@ def bar_um(
 def section(machine: MachineProfile) -> Section:
     """Return the comparison of Figs 3 to 6 and of Eq 3."""
     return Section(
-        "chuck",
-        (*_fig_3(machine), *_fig_4_and_5(machine), *_fig_6(), *_eq_3()),
-        tuple(_figures(machine)),
+        "chuck", (*_fig_3(machine), *_fig_4_and_5(machine), *_fig_6(), *_eq_3()), tuple(_figures(machine))
     )
 
 

@@ -21,14 +21,7 @@ from profiles.paper.causes_left import FULL_BLEND, cause_records, models
 from profiles.paper.chuck import LENGTH_MM, RATIO, RPM, SWINGING
 from profiles.paper.experiments import Experiments
 from profiles.paper.record import Basis, Curve, Figure, Record, Section
-from profiles.paper.residual import (
-    SINE,
-    Ramps,
-    fundamental_fraction,
-    left_um,
-    stroke_fraction,
-    zigzag,
-)
+from profiles.paper.residual import SINE, Ramps, fundamental_fraction, left_um, stroke_fraction, zigzag
 from profiles.roundness import evaluate
 
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)

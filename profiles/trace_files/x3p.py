@@ -175,8 +175,5 @@ def _linked(archive: zipfile.ZipFile, root: _Element, points: float, where: str)
 
 
 X3P = TraceFormat(
-    name="X3P",
-    standard="ISO 25178-72",
-    begins=lambda content: content.startswith(_BEGINNING),
-    read=read_x3p,
+    name="X3P", standard="ISO 25178-72", begins=lambda content: content.startswith(_BEGINNING), read=read_x3p
 )

@@ -1,1 +1,1 @@
-"""The words of what can go wrong, in English and Korean: `problem.<code>`, and the words of its facts."""
+"""The words of what can go wrong with numbers and files: `problem.<code>`, and the words of its facts."""

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -106,10 +107,30 @@ class Sentences:
         return self._entries[f"word.{head}"] + colon + self._entries.get(f"word.{tail}", tail)
 
 
-@cache
 def words_of(language: str) -> Mapping[str, str]:
-    """Return the words of a language in `LANGUAGES`: all files of its folder, each key in one of them."""
-    return entries_in(Path(__file__).parent / language)
+    """Return the words of a language in `LANGUAGES` of every package that is imported, each key in one file."""
+    return _words_in(language, word_folders())
+
+
+def word_folders() -> tuple[Path, ...]:
+    """Return the folders of words of the packages that are imported; each names its own in `WORDS`.
+
+    So the sentence of a problem is in the package that raises it, and this one knows none above it.
+    """
+    return _folders_of(len(sys.modules))
+
+
+@lru_cache(maxsize=1)
+def _folders_of(_modules: int) -> tuple[Path, ...]:
+    """Return those folders while as many modules are imported: to go through them takes a millisecond."""
+    packages = [module for name, module in list(sys.modules.items()) if "." not in name]
+    homes = [(path, package) for package in packages for path in getattr(package, "__path__", ())]
+    return tuple(Path(path, folder) for path, package in homes for folder in vars(package).get("WORDS", ()))
+
+
+@cache
+def _words_in(language: str, folders: tuple[Path, ...]) -> Mapping[str, str]:
+    return {key: entry for folder in folders for key, entry in entries_in(folder / language).items()}
 
 
 def entries_in(folder: Path) -> dict[str, str]:
@@ -144,7 +165,6 @@ def _toml(text: str) -> dict[str, Any]:
     return tomllib.loads(text)
 
 
-@cache
 def english() -> Sentences:
     """Return the words in which errors speak by themselves."""
     return Sentences(words_of("en"))

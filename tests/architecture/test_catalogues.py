@@ -10,13 +10,15 @@ from pathlib import Path
 
 import pytest
 
+import console
+import drivers
+import profiles
 from console.tui.keymap import ACTIONS
 from console.units import METRIC
-from profiles.words.sentences import SINGULAR, entries_of
+from profiles.words.sentences import LANGUAGES, SINGULAR, entries_of, word_folders
 
 ROOT = Path(__file__).parents[2]
-PACKAGES = ("console", "drivers", "profiles")
-LANGUAGES = ("en", "ko")
+PACKAGES = tuple(package.__name__ for package in (console, drivers, profiles))
 
 CODE = re.compile(
     r"(file|key|value|schema|job|machine|rule|trace|link|controller|cut|program|response|session|record"
@@ -47,12 +49,16 @@ COMPOSED = (
 """Codes that no source has in one piece."""
 
 
+def catalogues(language: str) -> list[Path]:
+    """The files of a language, of all packages and rings."""
+    return sorted(path for folder in word_folders() for path in (folder / language).glob("*.toml"))
+
+
 @cache
 def catalogue(language: str) -> dict[str, object]:
     """All entries of a language; a key that stands in two files would hide one of the sentences."""
     entries: dict[str, object] = {}
-    folders = (ROOT / "console" / "text" / language, ROOT / "profiles" / "words" / language)
-    for path in sorted(path for folder in folders for path in folder.glob("*.toml")):
+    for path in catalogues(language):
         fresh = tomllib.loads(path.read_text(encoding="utf-8"))
         assert not entries.keys() & fresh.keys(), path
         entries |= fresh
@@ -61,8 +67,7 @@ def catalogue(language: str) -> dict[str, object]:
 
 def test_a_catalogue_is_read_as_the_toml_that_it_is() -> None:
     """Each of ours, and what none of them has so far: it is read line by line, which no other reader does."""
-    ours = [path.read_text(encoding="utf-8") for path in sorted((ROOT / "console" / "text").rglob("*.toml"))]
-    ours += [path.read_text(encoding="utf-8") for path in sorted((ROOT / "profiles" / "words").rglob("*.toml"))]
+    ours = [path.read_text(encoding="utf-8") for language in LANGUAGES for path in catalogues(language)]
     for text in (
         *ours,
         '"a.b" = "\\"c\\" \\u00b5"  # said so\n\n# no more\n',
@@ -162,6 +167,69 @@ def given_codes() -> Iterator[tuple[str, str]]:
                     parts = given.values if isinstance(given, ast.JoinedStr) else [given]
                     code = "".join(str(part.value) if isinstance(part, ast.Constant) else "*" for part in parts)
                     yield f"{path.relative_to(ROOT)}:{node.lineno}", code
+
+
+WITHIN = {
+    "profiles": ("profiles/words",),
+    "drivers": ("profiles/words", "drivers/words"),
+    "console": ("profiles/words", "drivers/words", "console/text"),
+    "console/school": ("profiles/words", "drivers/words", "console/text", "console/school/words"),
+    "console/site": ("profiles/words", "drivers/words", "console/text", "console/site/words"),
+}
+"""Of each package, and of each ring of the console, the folders whose words it has: its own, and those below."""
+
+WORDING = "profiles/words/sentences.py"
+"""Raises nothing: it asks for the code of a stop, whose value it puts into words."""
+
+
+def owner_of(path: str) -> str:
+    """The package or ring of a file; the more exact one of two."""
+    return max((each for each in WITHIN if path.startswith(f"{each}/")), key=len)
+
+
+@cache
+def homes(language: str) -> dict[str, str]:
+    """The folder of words of each key."""
+    folders = {path: path.parents[1].relative_to(ROOT) for path in catalogues(language)}
+    return {key: str(at) for path, at in folders.items() for key in entries_of(path.read_text(encoding="utf-8"))}
+
+
+@cache
+def texts_of_sources() -> dict[str, str]:
+    """The text of each source by its place in the tree."""
+    paths = [path for package in PACKAGES for path in (ROOT / package).rglob("*.py")]
+    return {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_catalogue_has_its_file_name_alone(language: str) -> None:
+    names = [path.name for path in catalogues(language)]
+    assert sorted(set(names)) == sorted(names)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_sentence_is_within_reach_of_what_raises_it(language: str) -> None:
+    """In a notebook without a console; in a console whose school or site was taken away."""
+    of, missed = homes(language), []
+    quoted = {where: set(re.findall(r'"([a-z_.0-9]+)"', source)) for where, source in texts_of_sources().items()}
+    quoted["profiles/files.py"] |= {code for code in COMPOSED if code.endswith((".unreadable", ".too_large"))}
+    for where, codes in quoted.items():
+        found = [code for code in codes if f"problem.{code}" in of and where != WORDING]
+        missed += [(where, code) for code in found if of[f"problem.{code}"] not in WITHIN[owner_of(where)]]
+    assert sum(map(len, quoted.values())) > len(problems_of(language))
+    assert missed == []
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_package_has_no_sentence_that_only_those_above_it_raise(language: str) -> None:
+    sources_of: dict[str, str] = dict.fromkeys(WITHIN, "")
+    for where, source in texts_of_sources().items():
+        sources_of[owner_of(where)] += source
+    for key, folder in homes(language).items():
+        code, owner = key.removeprefix("problem."), str(Path(folder).parent)
+        if key.startswith("problem.") and owner != "console" and code not in COMPOSED:
+            parents = (code, code.rpartition(".")[0])  # of a sentence for one key, the code alone
+            assert any(f'"{each}"' in sources_of[owner] for each in parents), key
 
 
 def test_no_problem_is_shown_as_its_bare_code() -> None:

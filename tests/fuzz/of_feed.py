@@ -26,9 +26,7 @@ from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.station.state import Activity
 from console.site.cli.metrics import response
-from console.site.exchange.adapter import shdr_lines
-from console.site.exchange.data_items import Published, published
-from console.site.exchange.topics import is_news, messages
+from console.site.exchange.mtconnect import Published, is_news, messages, published, shdr_lines
 from console.text.catalogue import load
 from profiles.store import load_machine
 from tests.fuzz.target import FoundError, Target, Try

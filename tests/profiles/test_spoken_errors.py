@@ -40,6 +40,16 @@ def test_it_needs_neither_drivers_nor_console() -> None:
     assert "no-such-job" in done.stdout and done.stdout.count("\n") == 1
 
 
+def test_the_driver_speaks_without_a_console() -> None:
+    script = (
+        "import sys; from drivers.errors import LinkError; from profiles.problem import Problem; "
+        "print(LinkError(Problem(code='link.no_device', where='serial:/dev/x', value='ENOENT'))); "
+        "assert 'console' not in sys.modules"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert "check the name and the cable" in done.stdout
+
+
 def test_the_reason_of_the_operating_system_is_in_the_language_of_the_console() -> None:
     korean = Sentences(words_of("ko"))
     for number in (errno.EACCES, errno.ENOENT, errno.EISDIR, errno.ENOSPC, errno.EROFS, errno.ECONNREFUSED):

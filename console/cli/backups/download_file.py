@@ -18,14 +18,7 @@ from console.text.checks import check_fields, check_lines
 from console.text.columns import broken
 from drivers.commissioning.check import Check
 from drivers.commissioning.downloadable import badly_formed, refusals
-from drivers.commissioning.downloading import (
-    Change,
-    differing,
-    may_run,
-    planned,
-    send,
-    sent_lines,
-)
+from drivers.commissioning.downloading import Change, differing, may_run, planned, send, sent_lines
 from drivers.errors import RefusedError
 from drivers.pmac.analysis.findings import ProgramFinding
 from drivers.pmac.analysis.program import refused_findings

@@ -106,12 +106,7 @@ def _in_memory(options: Namespace, machine: MachineProfile, interruption: Interr
 
 
 def _identified(
-    rig: Rig,
-    owning: Owning,
-    simulated: bool,
-    data: Path,
-    request: IdentificationRequest,
-    teller: Teller,
+    rig: Rig, owning: Owning, simulated: bool, data: Path, request: IdentificationRequest, teller: Teller
 ) -> IdentifiedResponse:
     """Enable the drives, identify, disable them, whatever ends it."""
 

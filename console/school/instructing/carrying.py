@@ -17,18 +17,8 @@ from profiles.problem import Problem, ProblemError
 
 MOST_CHECKPOINTS = 8
 
-KEPT = (
-    "alignment",
-    "cut",
-    "cut_done",
-    "touched",
-    "marks_mm",
-    "measured",
-    "uncompensated",
-    "tool_loop",
-    "tested",
-    "uncommissioned",
-    "trial",
+KEPT = tuple(
+    "alignment cut cut_done touched marks_mm measured uncompensated tool_loop tested uncommissioned trial".split()
 )
 """Fields of the state that are about the lathe and its part, and are not read with every poll."""
 

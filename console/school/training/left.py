@@ -31,17 +31,8 @@ OF_A_PART = frozenset({"measured", "measured_plain"})
 """Steps that are over and done with, where the next one begins another part."""
 
 NEED_WHAT_WAS = frozenset(
-    {
-        "recovered",
-        "retracted",
-        "resumed",
-        "reconnected",
-        "acknowledged",
-        "control_back",
-        "clamped_lighter",
-        "measured_rounder",
-        "answered",
-    }
+    "recovered retracted resumed reconnected acknowledged control_back clamped_lighter measured_rounder "
+    "answered".split()
 )
 """Steps that need more than a set-up machine: a stop, a hold, an alarm, the part before."""
 

@@ -60,12 +60,7 @@ class ForceWatch:
         first = setup.carriage_start + (clear_turns - air_turns) * setup.carriage_per_turn
         self._tried(
             lambda: self._gather.prepare(
-                plan,
-                math.floor(turn_s / (period * cycle_s)),
-                seconds,
-                self._take,
-                thrust=True,
-                from_counts=first,
+                plan, math.floor(turn_s / (period * cycle_s)), seconds, self._take, thrust=True, from_counts=first
             )
         )
 
@@ -116,10 +111,7 @@ def judged(batch: Batch, plan: CutPlan, job: Job, machine: MachineProfile) -> Fo
     past_mm = (plan.setup.carriage_face - plan.setup.carriage_middle) / machine.carriage.counts_per_mm
     grown = 1.0 + plan.target.growth_per_mm * past_mm
     record = ForceRecord(
-        angle_deg=batch.angle_deg,
-        infeed_um=batch.infeed_um,
-        thrust_n=batch.thrust_n,
-        face_deg=batch.face_deg,
+        angle_deg=batch.angle_deg, infeed_um=batch.infeed_um, thrust_n=batch.thrust_n, face_deg=batch.face_deg
     )
     return force_null(
         record,

@@ -30,11 +30,7 @@ from profiles.traces import Trace, parse_trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"
 QUESTIONS: Mapping[str, tuple[str, ...]] = MappingProxyType(
-    {
-        "state": (FREE, CLAMPED),
-        "direction": ("cw", "ccw"),
-        "start_mark": ("jaw 1", "spindle index", "unknown"),
-    }
+    {"state": (FREE, CLAMPED), "direction": ("cw", "ccw"), "start_mark": ("jaw 1", "spindle index", "unknown")}
 )
 """Header keys that an operator is asked for where the file does not state them, with the possible answers."""
 

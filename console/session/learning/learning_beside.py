@@ -151,8 +151,6 @@ class CutLearner:
             raise SessionError(Problem(code="learning.nothing_gathered"))
         _, nearest, trim_um, self.short_um = min(self._found, key=lambda each: abs(each[0]))
         off = Deviation(
-            mean_um=nearest.mean_um,
-            coefficients_um=nearest.coefficients_um,
-            sd_um=nearest.amplitude_sd_um,
+            mean_um=nearest.mean_um, coefficients_um=nearest.coefficients_um, sd_um=nearest.amplitude_sd_um
         )
         return off, trim_um

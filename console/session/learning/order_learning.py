@@ -18,14 +18,7 @@ from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
 from drivers.cutting.strategy import Strategy
 from drivers.identification.following import follows_by_order
 from profiles.compensations.causes import OVAL
-from profiles.compensations.certificate import (
-    Certified,
-    Shown,
-    Standing,
-    certified,
-    is_promised,
-    promised_orders,
-)
+from profiles.compensations.certificate import Certified, Shown, Standing, certified, is_promised, promised_orders
 from profiles.compensations.learning import SIGNIFICANT, Deviation, Watch, coefficient_of
 from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
 from profiles.compensations.optimal_gain import (

@@ -157,11 +157,7 @@ def _just_cut(context: StationContext, started: Armed) -> _Cut:
 
 
 def _judged(
-    context: StationContext,
-    cut: _Cut,
-    trace: Trace,
-    file: tuple[str, str],
-    found: ImportedTrace | None = None,
+    context: StationContext, cut: _Cut, trace: Trace, file: tuple[str, str], found: ImportedTrace | None = None
 ) -> MeasuredPart:
     """Return a measured part with its learning step, or its lobe; `file` is the trace with its hash."""
     machine, data = context.loaded_machine, context.records
@@ -268,7 +264,4 @@ def _kept(
 
 def _file_event(found: ImportedTrace) -> dict[str, object]:
     """Return the file of a measurement, so that it can be found again."""
-    return {
-        "trace": printable(found.path.name),
-        "trace_sha256": found.sha256,
-    }
+    return {"trace": printable(found.path.name), "trace_sha256": found.sha256}

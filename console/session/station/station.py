@@ -18,15 +18,7 @@ from console.session.errors import SessionError, fault_problem
 from console.session.station.adjusting.at_once import taken_at_once
 from console.session.station.alarms import OF_A_CUT, Priority
 from console.session.station.armed_watch import PollPause, age_problem, watch_armed
-from console.session.station.commands import (
-    Arm,
-    Command,
-    ReadLoop,
-    Recover,
-    Start,
-    TakeControl,
-    Verify,
-)
+from console.session.station.commands import Arm, Command, ReadLoop, Recover, Start, TakeControl, Verify
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch

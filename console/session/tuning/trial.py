@@ -156,11 +156,7 @@ def revert_trial(place: TrialPlace) -> None:
 
 
 def _begun(
-    place: TrialPlace,
-    read: ToolLoop,
-    found: Mapping[str, float],
-    settings: Mapping[str, float],
-    known: KnownLoop,
+    place: TrialPlace, read: ToolLoop, found: Mapping[str, float], settings: Mapping[str, float], known: KnownLoop
 ) -> tuple[Path, TrialRecord]:
     """Keep what stands now, before anything is written."""
     proposed = {name: float(value) for name, value in settings.items()}

@@ -21,7 +21,7 @@ from drivers.simulator.hosts.control_address import is_loopback
 if TYPE_CHECKING:
     from console.session.feed.feed_state import FeedState
     from console.session.feed.following import Follower
-    from console.site.exchange.data_items import Published
+    from console.site.exchange.mtconnect import Published
 
 DEFAULT_HZ = 5.0
 WAIT_S = 0.5  # for something new; a console that was killed is noticed at once
@@ -67,7 +67,7 @@ def changes_of(
 ) -> Iterator[tuple[Published, FeedState | None]]:
     """Yield what is to be published, with its state, again and again; say when consoles come and are gone."""
     from console.session.data.kept_files import utc_now
-    from console.site.exchange.data_items import published
+    from console.site.exchange.mtconnect import published
 
     shown, last = published(None, utc_now()), None
     yield shown, None

@@ -41,9 +41,8 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Publish until the user ends it."""
-    from console.site.exchange.device import device_name
+    from console.site.exchange.mtconnect import device_name, topic_of
     from console.site.exchange.publisher import Publisher
-    from console.site.exchange.topics import topic_of
 
     data_of(options)  # refuses a folder that this account may not read
     broker = _broker(options)
@@ -101,12 +100,7 @@ def _broker(options: Namespace) -> Broker:
     host, port = options.broker
     user, password = credentials(os.environ, options.credentials)
     return Broker(
-        host=host,
-        port=port or (TLS_PORT if tls else PORT),
-        tls=tls,
-        ca=options.ca,
-        user=user,
-        password=password,
+        host=host, port=port or (TLS_PORT if tls else PORT), tls=tls, ca=options.ca, user=user, password=password
     )
 
 

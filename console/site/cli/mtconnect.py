@@ -60,7 +60,7 @@ def _serve(adapter: Adapter, machine: str, options: Namespace, text: Catalogue) 
 
 
 def _show_devices(options: Namespace) -> int:
-    from console.site.exchange.device import devices_xml
+    from console.site.exchange.mtconnect import devices_xml
     from console.site.shop.identity import lathe_identity
 
     data, machine = data_of(options), machine_name(options)

@@ -16,8 +16,7 @@ from typing import TYPE_CHECKING, Any
 from console.session.errors import SessionError
 from console.session.feed.feed_state import FeedState
 from console.site.exchange.broker import Broker
-from console.site.exchange.data_items import UNAVAILABLE, Published
-from console.site.exchange.topics import AVAILABILITY, STATE, is_news, messages
+from console.site.exchange.mtconnect import AVAILABILITY, STATE, UNAVAILABLE, Published, is_news, messages
 from profiles.files import printable
 from profiles.problem import Problem
 

@@ -202,12 +202,7 @@ def _size(row: Row) -> int:
 
 
 def _insert(
-    link: psycopg.Connection[Values],
-    table: SentTable,
-    keys: tuple[str, str],
-    batch: Sequence[Row],
-    *,
-    again: bool,
+    link: psycopg.Connection[Values], table: SentTable, keys: tuple[str, str], batch: Sequence[Row], *, again: bool
 ) -> None:
     """Insert rows. Where some may be there already, those stay; otherwise one that is there is an error."""
     columns = ", ".join(table.columns if table.shared else (*BESIDE, *table.columns))

@@ -33,12 +33,7 @@ def write_parquet(folder: Path, rows: Sequence[Row]) -> Path:
     import pyarrow as arrow
     from pyarrow import parquet
 
-    types: dict[type, Any] = {
-        str: arrow.string(),
-        int: arrow.int64(),
-        float: arrow.float64(),
-        bool: arrow.bool_(),
-    }
+    types: dict[type, Any] = {str: arrow.string(), int: arrow.int64(), float: arrow.float64(), bool: arrow.bool_()}
     schema = arrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
     written = io.BytesIO()
     parquet.write_table(arrow.Table.from_pylist(_plain(rows), schema=schema), written)

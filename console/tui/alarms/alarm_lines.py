@@ -99,10 +99,7 @@ def whole_title(entry: AlarmEntry, text: Catalogue) -> str:
     """Return number, priority and state of an alarm."""
     priority = text(f"alarms_page.priority.{entry.alarm.priority.name.lower()}")
     return text(
-        "alarms_page.whole",
-        number=entry.number,
-        priority=priority,
-        state=text(f"alarms_page.is.{entry.state}"),
+        "alarms_page.whole", number=entry.number, priority=priority, state=text(f"alarms_page.is.{entry.state}")
     )
 
 

@@ -241,11 +241,7 @@ def clamp_lines(text: Catalogue, question: Question, width: int) -> list[Line]:
         return _deflection_lines(text, question, width)
     state = text("align_page.full_force" if typing.full else "align_page.finger_tight")
     where = text("align_page.clamp_place", place=typing.place + 1, of=typing.places, angle=f"{typing.angle_deg:g}")
-    rows: list[Line] = [
-        entry_row(text("align_page.reads"), question),
-        line((state, Token.STRONG)),
-        line(where),
-    ]
+    rows: list[Line] = [entry_row(text("align_page.reads"), question), line((state, Token.STRONG)), line(where)]
     if typing.full:
         rows.append(
             line(

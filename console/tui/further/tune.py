@@ -63,11 +63,7 @@ from profiles.problem import Problem
 STEPS = {"tune.up": -1, "tune.down": 1, "tune.first": -sys.maxsize, "tune.last": sys.maxsize}
 PAGES = {"tune.page_up": -1, "tune.page_down": 1}
 MOST_TESTS = 200
-BEFORE_A_TEST = {
-    "alignment.drives_off": "align",
-    "alignment.not_homed": "align",
-    "machine.tool_in_part": "away",
-}
+BEFORE_A_TEST = {"alignment.drives_off": "align", "alignment.not_homed": "align", "machine.tool_in_part": "away"}
 """What comes before a test, by the reason why it cannot be armed."""
 
 APPLY, REVERT = "tune.apply", "tune.revert"

@@ -312,10 +312,7 @@ class JobsPage(Page):
     @property
     def _listed(self) -> Listed:
         return Listed(
-            shelf=self._shelf,
-            importing=self._importing,
-            typing=self._entry.typing,
-            simulated=self._simulated,
+            shelf=self._shelf, importing=self._importing, typing=self._entry.typing, simulated=self._simulated
         )
 
     def _do(self, action: str) -> None:

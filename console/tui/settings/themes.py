@@ -10,52 +10,13 @@ from functools import cache
 from rich.style import Style
 from textual.theme import Theme
 
-from console.tui.theme import DARK, DARK_THEME, MONO_THEME, Colours, Palette, Token, palette_of, theme_of
+from console.tui.theme import DARK, DARK_THEME, MONO_THEME, Palette, Token, colours_of, palette_of, theme_of
 
-LIGHT = Colours(
-    background="#f4f4f0",
-    text="#262626",
-    dim="#5f5f5f",
-    bright="#000000",
-    action="#005faf",
-    warning="#875f00",
-    alarm="#af0000",
-    sim="#87005f",
-    ring="#a8a8a8",
-    before="#af3a00",
-    after="#005f87",
-    block="#ffffff",
-    lit="#000000",
-)
-CONTRAST = Colours(
-    background="#000000",
-    text="#ffffff",
-    dim="#d0d0d0",
-    bright="#ffffff",
-    action="#87d7ff",
-    warning="#ffff00",
-    alarm="#ff8787",
-    sim="#ff87ff",
-    ring="#9e9e9e",
-    before="#ffaf00",
-    after="#5fffff",
-    block="#000000",
-    lit="#ffffff",
-)
-COLOUR_BLIND = Colours(  # M. Okabe and K. Ito, Color Universal Design, 2008; the blue and the red are lightened
-    background="#121416",
-    text="#c6c6c6",
-    dim="#8a8a8a",
-    bright="#ffffff",
-    action="#56b4e9",
-    warning="#f0e442",
-    alarm="#ff7f2a",
-    sim="#cc79a7",
-    ring="#626262",
-    before="#e69f00",
-    after="#56b4e9",
-    block="#000000",
-    lit="#ffffff",
+LIGHT = colours_of("f4f4f0 262626 5f5f5f 000000 005faf 875f00 af0000 87005f a8a8a8 af3a00 005f87 ffffff 000000")
+CONTRAST = colours_of("000000 ffffff d0d0d0 ffffff 87d7ff ffff00 ff8787 ff87ff 9e9e9e ffaf00 5fffff 000000 ffffff")
+# M. Okabe and K. Ito, Color Universal Design, 2008; the blue and the red are lightened
+COLOUR_BLIND = colours_of(
+    "121416 c6c6c6 8a8a8a ffffff 56b4e9 f0e442 ff7f2a cc79a7 626262 e69f00 56b4e9 000000 ffffff"
 )
 
 _FRONT = {

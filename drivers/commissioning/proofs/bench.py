@@ -25,15 +25,8 @@ from profiles.problem import Problem
 
 REASON = "doctor"  # the reason recorded for a stop
 PARTS = 32  # positions in registers are in 1/(Ix08 x 32) count
-RULES = (  # what can be tested on the controller alone
-    "servo_rate",
-    "compensation_edge",
-    "table_zero",
-    "delete_order",
-    "source_delay",
-    "roll_over",
-    "pvt_rounding",
-    "heartbeat",
+RULES = tuple(
+    "servo_rate compensation_edge table_zero delete_order source_delay roll_over pvt_rounding heartbeat".split()
 )
 SETTLE_S = 0.05  # some background cycles, after which settings take effect
 POLL_S = 0.01

@@ -192,10 +192,7 @@ class _Waiting:
 
     def kept(self) -> TextTable:
         return TextTable(
-            definition=self.definition,
-            entries=tuple(self.entries),
-            place=self.place,
-            last_place=self.last_place,
+            definition=self.definition, entries=tuple(self.entries), place=self.place, last_place=self.last_place
         )
 
 

@@ -97,15 +97,7 @@ TURBO = Dialect(
         **{5093 + 100 * system: 0x1F00 + 0x100 * system for system in range(1, 17)},
         **dict(enumerate(_CONVERSION_TABLE.setup, 8000)),
     },
-    motor_defaults={
-        **PMAC.motor_defaults,
-        5: 0x35C0,
-        24: 0x40001,
-        67: 4_194_304,
-        87: 64,
-        90: 0,
-        92: 10,
-    },
+    motor_defaults={**PMAC.motor_defaults, 5: 0x35C0, 24: 0x40001, 67: 4_194_304, 87: 64, 90: 0, 92: 10},
     system_defaults=PMAC.system_defaults,
     global_ranges={
         **{number: PMAC.global_ranges[number] for number in (1, 3, 4, 5, 6, 9, 10, 15, 51, 62, 63, 64)},

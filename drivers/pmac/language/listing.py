@@ -46,12 +46,7 @@ _SHORT = {
 """How the word of a statement is listed in short. Any other word is listed whole, which is a choice."""
 
 _ENDS = (END, _SHORT[END])
-_WHOLE = {
-    **{short: word for word, short in _SHORT.items()},
-    "DISP": "DISPLAY",
-    "GOS": "GOSUB",
-    "O": "N",
-}
+_WHOLE = {**{short: word for word, short in _SHORT.items()}, "DISP": "DISPLAY", "GOS": "GOSUB", "O": "N"}
 """The word that is kept for another spelling of it."""
 
 _FULL = longest_of(tuple(_SHORT))

@@ -22,12 +22,7 @@ _WORDS: Mapping[type, str] = {
 }
 """The statements without parts."""
 
-_SWITCHES = {
-    (True, False): "ENABLE",
-    (False, False): "DISABLE",
-    (True, True): "RESUME",
-    (False, True): "PAUSE",
-}
+_SWITCHES = {(True, False): "ENABLE", (False, False): "DISABLE", (True, True): "RESUME", (False, True): "PAUSE"}
 
 _LARGEST_PLAIN_INDEX = 10**15
 _SUM, _PRODUCT, _OPERAND = range(3)

@@ -21,14 +21,7 @@ from drivers.pmac.trajectory.frame import MotorFrame
 from drivers.pmac.trajectory.jog import SHORTEST_RAMP_MS, rapid, rapid_time_ms
 from drivers.pmac.trajectory.linear import Blend, Limits, LinearMove, at_rest, timing_of
 from drivers.pmac.trajectory.pieces import Piece, Vector, constant, hermite, position_at, ramp, velocity_at
-from drivers.pmac.trajectory.planned import (
-    MoveRecord,
-    Planned,
-    check_segment,
-    circle_time_ms,
-    defer,
-    plain_record,
-)
+from drivers.pmac.trajectory.planned import MoveRecord, Planned, check_segment, circle_time_ms, defer, plain_record
 from drivers.pmac.variables import VariableStore
 
 

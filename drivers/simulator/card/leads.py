@@ -13,12 +13,7 @@ from dataclasses import dataclass
 
 from drivers.pmac.compensation.table import CompensationTable, TableSource
 from drivers.pmac.master.following import Following, FollowingMode, FollowingSetup, in_counts, parts_of
-from drivers.pmac.master.time_base import (
-    METHOD_SHIFT,
-    TimeBaseEntry,
-    TriggeredTimeBase,
-    increment_units,
-)
+from drivers.pmac.master.time_base import METHOD_SHIFT, TimeBaseEntry, TriggeredTimeBase, increment_units
 from drivers.pmac.memory import WORD_BITS
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.conversion import Conversion

@@ -137,11 +137,7 @@ class MotorLoop:
         return self._variables.motor(self.number, number)
 
     def run(
-        self,
-        cycles: int,
-        cycle_ms: float,
-        commands: list[float] | None,
-        corrections: list[float] | None = None,
+        self, cycles: int, cycle_ms: float, commands: list[float] | None, corrections: list[float] | None = None
     ) -> list[float]:
         """Run a block, of the motor's own jog without `commands`; return the true machine positions (counts).
 

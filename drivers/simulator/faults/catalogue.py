@@ -20,7 +20,7 @@ _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)(e[+-]?\d+)?", re.ASCII | re.IGNORE
 
 @dataclass(frozen=True, slots=True)
 class Parameter:
-    """A number from `least` to `most`, one of `choices`, or with neither a text.
+    """A number, `default` or else from `least` to `most`; one of `choices`; or with neither a text.
 
     Without a `default` it is optional; `meaning` describes the effect of omitting it. With `above_least`, `least`
     itself is not allowed.
@@ -28,11 +28,11 @@ class Parameter:
 
     name: str
     meaning: str
-    _: KW_ONLY
     unit: str = ""
     default: Value | None = None
     least: float = -math.inf
     most: float = math.inf
+    _: KW_ONLY
     above_least: bool = False
     whole: bool = False
     choices: tuple[str, ...] = ()
@@ -122,28 +122,16 @@ class Fault:
         return (AFTER, SEED) if self.moment else (AFTER, FOR, SEED)
 
 
-AFTER = Parameter("after", "simulated time until it begins", unit="s", default=0.0, least=0.0, most=86_400.0)
-FOR = Parameter(
-    "for",
-    "simulated time until it is over; without it, it lasts until `clear`",
-    unit="s",
-    least=0.0,
-    above_least=True,
-    most=86_400.0,
-)
-SEED = Parameter("seed", "seed of its random numbers", default=0.0, least=0.0, most=1e9, whole=True)
+AFTER = Parameter("after", "simulated time until it begins", "s", 0.0, 0.0, 86_400.0)
+_FOR_MEANS = "simulated time until it is over; without it, it lasts until `clear`"
+FOR = Parameter("for", _FOR_MEANS, "s", None, 0.0, 86_400.0, above_least=True)
+SEED = Parameter("seed", "seed of its random numbers", "", 0.0, 0.0, 1e9, whole=True)
 
-_FRACTION = Parameter(
-    "share", "fraction of the replies that is affected", default=1.0, least=0.0, above_least=True, most=1.0
+_ENOUGH = "the fault is over after this many affected replies; without it, there is no such end"
+_HIT = (
+    Parameter("share", "fraction of the replies that is affected", "", 1.0, 0.0, 1.0, above_least=True),
+    Parameter("replies", _ENOUGH, "", None, 1.0, 1e6, whole=True),
 )
-_REPLIES = Parameter(
-    "replies",
-    "the fault is over after this many affected replies; without it, there is no such end",
-    least=1.0,
-    most=1e6,
-    whole=True,
-)
-_HIT = (_FRACTION, _REPLIES)
 
 
 def _motor(default: str) -> Parameter:
@@ -162,15 +150,15 @@ _LINES = (
     _on_line(
         "split-segments",
         "A reply arrives in pieces, with gaps between them.",
-        Parameter("pieces", "pieces of a reply", default=2.0, least=2.0, most=100.0, whole=True),
-        Parameter("gap_ms", "time between two", unit="ms", default=20.0, least=1.0, most=10_000.0),
+        Parameter("pieces", "pieces of a reply", "", 2.0, 2.0, 100.0, whole=True),
+        Parameter("gap_ms", "time between two", "ms", 20.0, 1.0, 10_000.0),
         *_HIT,
     ),
     _on_line("dropped-ack", "The acknowledgement at the end of a reply is lost.", *_HIT),
     _on_line(
         "late-reply",
         "A reply comes late, and so does everything after it.",
-        Parameter("delay_ms", "how late", unit="ms", default=500.0, least=1.0, most=60_000.0),
+        Parameter("delay_ms", "how late", "ms", 500.0, 1.0, 60_000.0),
         *_HIT,
     ),
     _on_line("extra-line", "An empty line (CR) comes before a reply.", *_HIT),
@@ -195,7 +183,7 @@ _LINES = (
     _on_line(
         "9600-baud",
         "The line carries 960 characters a second each way.",
-        Parameter("baud", "bits a second, 10 a character", default=9600.0, least=110.0, most=115_200.0),
+        Parameter("baud", "bits a second, 10 a character", "", 9600.0, 110.0, 115_200.0),
     ),
 )
 
@@ -218,16 +206,8 @@ _MOTORS = (
     _on_motor(
         "spindle-ripple",
         "The true speed of the spindle varies about its mean; no servo removes that.",
-        Parameter(
-            "ripple_percent",
-            "amplitude, of the mean speed",
-            unit="%",
-            default=5.0,
-            least=0.0,
-            above_least=True,
-            most=50.0,
-        ),
-        Parameter("per_turn", "periods in a turn", default=2.0, least=1.0, most=100.0, whole=True),
+        Parameter("ripple_percent", "amplitude, of the mean speed", "%", 5.0, 0.0, 50.0, above_least=True),
+        Parameter("per_turn", "periods in a turn", "", 2.0, 1.0, 100.0, whole=True),
     ),
 )
 
@@ -237,7 +217,7 @@ _CONTROLLER = (
     _on_controller(
         "slow-background",
         "The background cycle (limits, stops, PLCs, replies) comes late; too late, and the watchdog trips.",
-        Parameter("cycle_ms", "background cycle", unit="ms", default=50.0, least=10.0, most=10_000.0),
+        Parameter("cycle_ms", "background cycle", "ms", 50.0, 10.0, 10_000.0),
     ),
     _on_controller(
         "stranger-writes",

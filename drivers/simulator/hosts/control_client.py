@@ -9,11 +9,7 @@ from drivers.link.address import TcpAddress
 from drivers.simulator.hosts.control_address import ControlAddress
 from profiles.problem import Problem
 
-_CODES = {
-    ConnectionRefusedError: "link.refused",
-    TimeoutError: "link.no_answer",
-    ConnectionError: "link.lost",
-}
+_CODES = {ConnectionRefusedError: "link.refused", TimeoutError: "link.no_answer", ConnectionError: "link.lost"}
 
 
 def connected(address: ControlAddress, timeout_s: float) -> socket.socket:

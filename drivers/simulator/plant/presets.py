@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from random import Random, SystemRandom
 from typing import Any
@@ -252,67 +252,38 @@ def _with_friction(true: TrueParameters, friction_n: float, where: str) -> TrueP
         ) from None
 
 
+_RENAMED = {
+    "lobe_error_um_pp": "lobe_um_pp",
+    "passive_force_share": "passive_fraction",
+    "edge_force_n_per_mm": "edge_n_per_mm",
+    **{f"{key}_um": f"gauge_{key}_um" for key in ("eccentricity", "noise")},
+    **{"mark_sd_deg": "gauge_mark_sd_deg", "pressed_fraction": "blank_pressed"},
+    **{key: f"blank_{key}" for key in ("oval_um_pp", "run_out_um")},
+}
+_PERCENT = {
+    "speed_ripple_percent": "speed_ripple",
+    "clamping_sd_percent": "clamping_force_spread",
+    "lobe_growth_percent_per_mm": "lobe_growth_per_mm",
+    "finger_tight_percent": "finger_force_fraction",
+    "finger_tight_sd_percent": "finger_force_spread",
+}
+"""Keys of a plant whose values are parameters of another name, and those that are fractions of 100 there."""
+
+
 def _changed(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
-    growth_percent = values["lobe_growth_percent_per_mm"]
-    return replace(
-        _bending(_measured_with(nominal, values), values),
-        moving_mass_kg=values["mass_kg"] or values["mass_factor"] * nominal.moving_mass_kg,
-        damping_n_s_per_m=values["damping_n_s_per_m"] or nominal.damping_n_s_per_m,
-        force_n_per_v=values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
-        presliding_um=values["presliding_um"],
-        current_lag_s=values["current_lag_ms"] / 1000.0,
-        encoder_noise_um=values["encoder_noise_um"],
-        commutation_error_deg=values["commutation_error_deg"],
-        scale_error_um=values["scale_error_um"],
-        spindle_inertia_kg_m2=values["inertia_factor"] * nominal.spindle_inertia_kg_m2,
-        speed_ripple=values["speed_ripple_percent"] / 100.0,
-        ripple_per_turn=values["ripple_per_turn"],
-        radial_error_um_pp=values["radial_error_um_pp"],
-        lobe_factor=values["lobe_factor"],
-        lobe_um_pp=values["lobe_error_um_pp"],
-        lobe_force_n=values["lobe_force_n"],
-        lobe_past_jaw_deg=values["lobe_past_jaw_deg"],
-        lobe_turned_deg=values["lobe_turned_deg"],
-        overtone_factor=values["overtone_factor"],
-        clamping_force_spread=values["clamping_sd_percent"] / 100.0,
-        blank_oval_um_pp=values["oval_um_pp"],
-        blank_run_out_um=values["run_out_um"],
-        blank_pressed=values["pressed_fraction"],
-        drift_um=values["drift_um"],
-        drift_parts=values["drift_parts"],
-        lobe_growth_per_mm=None if growth_percent is None else growth_percent / 100.0,
-        jaw_offset_deg=values["jaw_offset_deg"],
-        jaw_1_harder=values["jaw_1_harder"],
-        passive_fraction=values["passive_force_share"],
-        edge_n_per_mm=values["edge_force_n_per_mm"],
-        process_gain=values["process_gain"],
-        work_compliance_um_per_n=values["work_compliance_um_per_n"],
-        softer_between_jaws=values["softer_between_jaws"],
-    )
-
-
-def _bending(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
-    """Return the parameters with what bends in the tool, and with how the controller reads a filter against it."""
-    return replace(
-        nominal,
-        flexible_hz=values["flexible_hz"],
-        flexible_damping=values["flexible_damping"],
-        flexible_fraction=values["flexible_fraction"],
-        notch_reading=Reading(values["notch_reading"]),
-    )
-
-
-def _measured_with(nominal: TrueParameters, values: Mapping[str, Any]) -> TrueParameters:
-    """Return the parameters with indicator and gauge of a plant."""
-    return replace(
-        nominal,
-        indicator_noise_um=values["indicator_noise_um"],
-        indicator_backlash_um=values["indicator_backlash_um"],
-        indicator_graduation_um=values["indicator_graduation_um"],
-        finger_force_fraction=values["finger_tight_percent"] / 100.0,
-        finger_force_spread=values["finger_tight_sd_percent"] / 100.0,
-        gauge_eccentricity_um=values["eccentricity_um"],
-        gauge_noise_um=values["noise_um"],
-        gauge_mark_known=values["start_mark"] == "known",
-        gauge_mark_sd_deg=values["mark_sd_deg"],
-    )
+    """Return the parameters with the values of a plant: each key that is the name of one, and the others."""
+    names = {_RENAMED.get(key, key): value for key, value in values.items()}
+    changed = {each.name: names[each.name] for each in fields(TrueParameters) if each.name in names}
+    for key, name in _PERCENT.items():
+        changed[name] = None if values[key] is None else values[key] / 100.0
+    changed |= {
+        "moving_mass_kg": values["mass_kg"] or values["mass_factor"] * nominal.moving_mass_kg,
+        "damping_n_s_per_m": values["damping_n_s_per_m"] or nominal.damping_n_s_per_m,
+        "force_n_per_v": values["thrust_n_per_v"] or values["thrust_factor"] * nominal.force_n_per_v,
+        "current_lag_s": values["current_lag_ms"] / 1000.0,
+        "spindle_inertia_kg_m2": values["inertia_factor"] * nominal.spindle_inertia_kg_m2,
+        "notch_reading": Reading(values["notch_reading"]),
+        "gauge_mark_known": values["start_mark"] == "known",
+        "coulomb_friction_n": nominal.coulomb_friction_n,  # after all damping is known
+    }
+    return replace(nominal, **changed)

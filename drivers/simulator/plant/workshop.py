@@ -275,10 +275,7 @@ class SimulatedWorkshop:
         factor = true.force_factor(self._clampings)
         self._pressed = job, true.finger_factor(self._fingers), factor
         blank = replace(
-            true.blank(job, factor),
-            middle_mm=middle_mm,
-            growth_per_mm=growth_per_mm,
-            form=true.form(self._blanks),
+            true.blank(job, factor), middle_mm=middle_mm, growth_per_mm=growth_per_mm, form=true.form(self._blanks)
         )
         self._path.drifted_mm = true.drifted_mm(self.parts)
         self.parts += 1

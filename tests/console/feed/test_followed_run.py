@@ -11,7 +11,7 @@ from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity
-from console.site.exchange.conditions import conditions
+from console.site.exchange.mtconnect import conditions
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import Snapshot
 from tests.compact import compact_machine

@@ -17,8 +17,7 @@ from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity
 from console.site.exchange.broker import Broker, credentials
-from console.site.exchange.data_items import published
-from console.site.exchange.topics import is_news, messages
+from console.site.exchange.mtconnect import is_news, messages, published
 from profiles.store import load_machine
 from tests.tui import scenes
 

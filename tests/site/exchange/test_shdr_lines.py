@@ -16,9 +16,7 @@ from console.session.feed.feed_state import FeedAlarm, FeedState
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
 from console.session.station.state import Activity, StationState
-from console.site.exchange.adapter import shdr_lines
-from console.site.exchange.data_items import ITEMS, Published, published
-from console.site.exchange.device import NAMESPACE, devices_xml
+from console.site.exchange.mtconnect import ITEMS, NAMESPACE, Published, devices_xml, published, shdr_lines
 from profiles.store import load_machine
 from tests.tui import scenes
 
@@ -112,7 +110,7 @@ def test_a_lost_link_leaves_the_alarm_about_it_and_no_old_positions() -> None:
 
 def test_old_values_are_not_told_as_current() -> None:
     old = published(replace(state(CUTTING), stale=True), AT)
-    assert {old.values[item.key] for item in ITEMS if item.current} == {"UNAVAILABLE"}
+    assert {old.values[item.key] for item in ITEMS if item.units} == {"UNAVAILABLE"}
     assert old.values["execution"] == "ACTIVE"
 
 

@@ -17,9 +17,7 @@ import pytest
 from console.session.feed.observed import Observed
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
-from console.site.exchange.data_items import ITEMS
-from console.site.exchange.device import device_name
-from console.site.exchange.topics import topic_of
+from console.site.exchange.mtconnect import ITEMS, device_name, topic_of
 from profiles.store import load_machine
 from tests.preloaded import Preloaded, completed
 from tests.system.mosquitto import Subscriber, broker, free_port, needs_mosquitto

@@ -23,7 +23,7 @@ from console.session.feed.report import report
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
 from console.site.exchange.adapter import MOST_CLIENTS, Adapter
-from console.site.exchange.data_items import published
+from console.site.exchange.mtconnect import published
 from drivers.lathe.standing import Standing
 from profiles.store import load_machine
 from tests.preloaded import Preloaded, completed

@@ -182,10 +182,7 @@ def _continued(
 def _gone(entry: AlarmEntry, now: Instant) -> AlarmEntry:
     """Return an alarm that has left: it has ended and was acknowledged, whichever was the last."""
     return replace(
-        entry,
-        acknowledged=entry.acknowledged or now.clock,
-        ended=entry.ended or now.clock,
-        is_past=True,
+        entry, acknowledged=entry.acknowledged or now.clock, ended=entry.ended or now.clock, is_past=True
     )
 
 
