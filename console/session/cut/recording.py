@@ -11,7 +11,7 @@ import numpy as np
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
-from console.session.data.part_record import PartRecord, result_data
+from console.session.data.measured_part import RecordedPart, result_data
 from console.session.data.run_log import Poll, RunLog
 from console.session.stages import Stage
 from drivers.cutting.planning import CutPlan
@@ -209,7 +209,7 @@ def part_record(
     made: Mapping[str, str] | None = None,
     file: tuple[str, bytes] | None = None,
     more: Mapping[str, object] | None = None,
-) -> PartRecord:
+) -> RecordedPart:
     """Return what the record keeps of a measured part.
 
     `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
@@ -218,7 +218,7 @@ def part_record(
     diameter_mm = mean_diameter_of(trace, result)
     judged = name.product and name.proven and stage is Stage.FULL
     with_made = replace(trace, meta={**trace.meta, **(made or {})})
-    return PartRecord(
+    return RecordedPart(
         part=name.name,
         product=name.product,
         ront_um=result.ront_um,

@@ -12,7 +12,7 @@ from console.session.cut.recording import PartName, mean_diameter_of, part_recor
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.made_parts import MadeWith, newest_part
-from console.session.data.part_record import PartRecord
+from console.session.data.measured_part import RecordedPart
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
@@ -245,7 +245,7 @@ def _kept(
     trace: Trace,
     file: tuple[str, bytes] | None = None,
     asked: Mapping[str, object] = MappingProxyType({}),
-) -> PartRecord:
+) -> RecordedPart:
     """Return what the record keeps of a part.
 
     `file` is the name and the content of an imported trace, `asked` what it was judged with beside its header.
