@@ -57,7 +57,7 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
-    part, row = run.product, run.story.row
+    part, row = run.story.product, run.story.row
     lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
     told = ending_words(run.story, text)
     lines += wrapped(told, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
@@ -144,7 +144,7 @@ def _cut_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 
 def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    part = run.product
+    part = run.story.product
     if part is None:
         return []
     rows = [_fact(name, value, width) for name, value in figures(part, run, text)]
@@ -224,7 +224,7 @@ def _job_lines(run: OpenedRun, text: Catalogue, width: int, room: int) -> list[L
 def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return the learning step that the part has proposed, or why none; and those that were accepted."""
     lines: list[Line] = []
-    proposed = None if run.product is None else run.product.data.get("learning")
+    proposed = None if run.story.product is None else run.story.product.data.get("learning")
     if isinstance(proposed, dict):
         if proposed.get("version") is not None:
             left = number_or_none(proposed.get("expected_ront_um"))
