@@ -138,7 +138,7 @@ def _head(run: ReportedRun, text: Catalogue) -> Markup:
         (text("report.machine"), row.machine),
         (text("report.operator"), row.operator or text("report.not_recorded")),
         (text("report.started"), date_in(run.zone, row.started)),
-        (text("report.run_id"), row.run_id),
+        (text("fact.run_id.report"), row.run_id),
     ]
     found = verdict(run, text)
     sign = f"{SIGNS[found.judgement]} {text(f'report.verdict.{found.judgement}')}"

@@ -8,23 +8,18 @@ from console.report.markup import Markup, element, facts_table, listed, paragrap
 from console.report.measured_section import part_words
 from console.report.quantities import DEG_DIGITS, MM_DIGITS, UM_DIGITS
 from console.report.reported_run import ReportedRun
-from console.report.request_sections import program_hash
+from console.session.data.run_facts import origin_facts
 from console.session.data.run_reader import How
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import Layout, fact_rows
 from profiles.job_labels import hash_of_job
 
 
 def provenance(run: ReportedRun, text: Catalogue) -> Markup:
     """Return versions and hashes, by which everything can be found again, and how numbers are rounded."""
     story = run.story
-    unknown = text("report.not_recorded")
     rows = [
-        (text("report.run_id"), story.row.run_id),
-        (text("report.software"), f"{story.software}, Python {story.python or unknown}"),
-        (text("report.controller"), f"{story.controller or unknown} ({story.family or unknown})"),
-        (text("report.job_hash"), story.job_sha256),
-        (text("report.machine_hash"), story.machine_sha256),
-        (text("report.program_hash"), program_hash(story.program)),
+        *fact_rows(origin_facts(story), text, Layout.REPORT),
         *(
             (text("report.trace_hash", part=part_words(part.recorded.part, text)), part.recorded.trace_sha256)
             for part in run.parts

@@ -89,13 +89,6 @@ class ReportedRun:
         return next((p for p in self.parts if p.recorded.part == BEFORE and not p.recorded.product), None)
 
     @property
-    def setup(self) -> dict[str, Any]:
-        """Forces and alignment of the cut; of a run of an older console from the event that armed it."""
-        if self.story.setup:
-            return dict(self.story.setup)
-        return next((dict(event.data) for event in self.story.events if event.kind == "armed"), {})
-
-    @property
     def contradicts_itself(self) -> bool:
         """Whether the product's recorded judgement does not follow from its recorded figures."""
         part = self.story.product

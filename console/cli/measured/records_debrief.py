@@ -8,10 +8,12 @@ from dataclasses import asdict
 from console.cli.library import data_of
 from console.cli.measured.records_report import INDENT, WIDTH, row_fields, row_lines
 from console.cli.output import show
-from console.session.data.run_reader import RunRow, story
+from console.session.data.run_facts import setup_facts
+from console.session.data.run_reader import RunStory, story
 from console.session.learning.run_debrief import RunDebrief, run_debrief
 from console.text.catalogue import Catalogue
-from console.text.columns import broken
+from console.text.columns import broken, table
+from console.text.recorded_words import Layout, fact_rows
 from console.text.run_debrief import debrief_sections, told_words
 
 
@@ -22,8 +24,12 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
     debrief = run_debrief(found, data)
     show(
         options,
-        lambda: debrief_fields(found.row, debrief, text),
-        lambda: [*row_lines(found.row, text), *debrief_lines(debrief, text)],
+        lambda: debrief_fields(found, debrief, text),
+        lambda: [
+            *row_lines(found.row, text),
+            *table(fact_rows(setup_facts(found), text, Layout.COMMAND)),
+            *debrief_lines(debrief, text),
+        ],
     )
 
 
@@ -35,10 +41,11 @@ def debrief_lines(debrief: RunDebrief, text: Catalogue) -> list[str]:
     return lines
 
 
-def debrief_fields(row: RunRow, debrief: RunDebrief, text: Catalogue) -> dict[str, object]:
+def debrief_fields(found: RunStory, debrief: RunDebrief, text: Catalogue) -> dict[str, object]:
     """Return the debrief for JSON, with codes beside the sentences."""
     return {
-        **row_fields(row),
+        **row_fields(found.row),
+        "setup": found.setup,
         "causes": [asdict(cause) for cause in debrief.causes],
         "next": [each.value for each in debrief.advice],
         "happened": [{"at_s": each.at_s, "text": told_words(each, text)} for each in debrief.happened],

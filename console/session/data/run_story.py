@@ -126,6 +126,12 @@ class RunStory:
         return None if kept is None else job_from_table(parse_toml(kept.encode("utf-8", "replace"), ""))
 
     @property
+    def setup_as_armed(self) -> Mapping[str, Any]:
+        """Forces and alignment of the cut; of a run of an older console from the event that armed it."""
+        armed = (event.data for event in self.events if event.kind == "armed")
+        return self.setup or next(armed, {})
+
+    @property
     def cut_verdict(self) -> Mapping[str, Any]:
         """The verdict on the last cut, with the figures of its tool; empty where none is recorded."""
         events = (event.data for event in reversed(self.events) if "cut_verdict" in event.data)

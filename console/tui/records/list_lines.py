@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
 from console.session.data.run_reader import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import local
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
 from console.tui.records.listing import Listing, Wanted
 from console.tui.theme import Token
@@ -34,11 +34,6 @@ class RunList:
         """The selected run, None where there are none."""
         rows = self.listing.rows
         return rows[self.selected] if 0 <= self.selected < len(rows) else None
-
-
-def local(date: datetime) -> str:
-    """Return a date as the list shows it, local time."""
-    return NOTHING if date.year < 2 else date.astimezone().strftime("%Y-%m-%d %H:%M")
 
 
 def judged(row: RunRow, units: Units) -> Piece:

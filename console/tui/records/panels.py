@@ -14,7 +14,7 @@ from textual.widget import Widget
 
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import part_words
+from console.text.recorded_words import local, part_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -38,7 +38,7 @@ from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.beside import Problems
 from console.tui.records.job_chart import Figure, JobChart, NoClaim
-from console.tui.records.list_lines import RunList, hidden_words, local, nothing_lines, run_lines, title_words
+from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
 from console.tui.records.listing import Listing, Wanted
 from console.tui.records.opened_run import OpenedRun
 from console.tui.records.reading import Opened
@@ -173,7 +173,7 @@ def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
     values[text("records_page.ended")] = text(f"records_page.how.{row.ended.how}")
     values[text("records_page.made")] = made_of(row, text)
     values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), _one)
-    values[f"{text('records_page.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
+    values[f"{text('fact.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
     if job is not None:
         values["rpm"] = f"{job.spindle_speed_rpm:.0f}"
         values[text("records_page.depth_mm")] = units.figure(job.depth_of_cut_mm, "mm", 3)

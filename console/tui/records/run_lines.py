@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from datetime import datetime
-from typing import Any
+from collections.abc import Mapping
 
+from console.session.data.run_facts import Kind, origin_facts, setup_facts
 from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow, RunStory
 from console.session.data.run_rows import recorded_problems
 from console.text.catalogue import Catalogue
 from console.text.cut_verdict import verdict_words
 from console.text.recorded_words import (
+    Layout,
+    clock,
     command_words,
+    fact_rows,
+    fact_words,
     is_plain,
+    local,
     problem_words,
     reason_words,
     stage_words,
+    story_alarm_words,
     strategy_words,
 )
 from console.text.run_debrief import debrief_sections
@@ -23,7 +28,6 @@ from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wr
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES
 from console.tui.pages.jobs_lines import job_lines
 from console.tui.pages.learn_lines import identified_words
-from console.tui.records.list_lines import local
 from console.tui.records.opened_run import JobNow, OpenedRun
 from console.tui.theme import Token
 from profiles.files import printable
@@ -32,6 +36,7 @@ from profiles.own_values import number_or_none
 
 _LABEL = 15
 _WIDEST = 60
+_UNNAMED = ("software", "controller")  # told by what they are
 
 
 def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
@@ -192,22 +197,9 @@ def jaw_harmonics(part: RecordedPart, run: OpenedRun) -> list[tuple[int, float]]
 
 
 def _setup_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    setup = run.story.setup
-    rows = (
-        ("force", _with_unit(setup, "force_n", lambda value: f"{value:.1f} N"), setup.get("clamped_at")),
-        ("jaw", _with_unit(setup, "jaw_1_deg", lambda value: f"{value:.2f}°"), setup.get("jaw_1_at")),
-        (
-            "radius",
-            _with_unit(setup, "zero_radius_mm", lambda value: f"R {text.units.show(value, 'mm', 3)}"),
-            setup.get("touch_off_at"),
-        ),
-    )
-    lines = []
-    for name, value, at in rows:
-        if value:
-            stamp = f" ({printable(at, 20)})" if isinstance(at, str) else ""
-            lines.append(_fact(text(f"records_page.{name}"), value + stamp, width))
-    if setup.get("aligned") is False:
+    rows = fact_rows(setup_facts(run.story), text, Layout.PAGE)
+    lines = [_fact(name, value, width) for name, value in rows]
+    if run.story.setup.get("aligned") is False:
         lines += wrapped(text("records_page.not_aligned"), width, Token.DIM)
     return lines
 
@@ -241,13 +233,8 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 
 def _alarm_lines(alarms: tuple[AlarmStory, ...], text: Catalogue, width: int) -> list[Line]:
-    lines: list[Line] = []
-    for alarm in alarms:
-        stamps = {"acknowledged": alarm.acknowledged, "over": alarm.ended}
-        said = [text(f"records_page.{name}", at=_clock(at)) for name, at in stamps.items() if at is not None]
-        words = " ".join([text.problem(alarm.problem), *said])
-        lines += hanging(dim(f"{_clock(alarm.raised)} "), words, width)
-    return lines
+    said = [(dim(f"{clock(each.raised)} "), story_alarm_words(each, text)) for each in alarms]
+    return [row for mark, words in said for row in hanging(mark, words, width)]
 
 
 def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) -> list[Line]:
@@ -255,25 +242,16 @@ def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) 
     for event in commands:
         said = command_words(str(event.data.get("command", "")), text)
         by = printable(str(event.data.get("by") or ""), 30)
-        lines += hanging(dim(f"{_clock(event.at)} "), f"{said}  {by}".rstrip(), width)
+        lines += hanging(dim(f"{clock(event.at)} "), f"{said}  {by}".rstrip(), width)
     return lines
 
 
 def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    told = run.story
-    python = f"Python {told.python}" if told.python else None
-    rows = [" · ".join(filter(None, each)) for each in ((told.software, python), (told.controller, told.family))]
-    said = [*rows, text("records_page.id", id=told.row.run_id)]
-    return [each for row in said if row for each in wrapped(printable(row), width, Token.DIM)]
-
-
-def _with_unit(setup: Mapping[str, Any], key: str, form: Callable[[float], str]) -> str:
-    value = number_or_none(setup.get(key))
-    return "" if value is None else form(value)
-
-
-def _clock(date: datetime) -> str:
-    return date.astimezone().strftime("%H:%M:%S")
+    facts = [each for each in origin_facts(run.story) if each.kind is not Kind.HASH]
+    named = [each for each in facts if each.key not in _UNNAMED]
+    said = [fact_words(each, text, Layout.PAGE) for each in facts if each.key in _UNNAMED]
+    said += [" ".join(row) for row in fact_rows(named, text, Layout.PAGE)]
+    return [each for row in said if row for each in wrapped(row, width, Token.DIM)]
 
 
 def _fact(label: str, value: str, width: int) -> Line:
