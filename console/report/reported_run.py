@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import tzinfo
 from typing import Any
 
-from console.session.data.run_reader import PartPoint, RecordedPart, RunStory
+from console.session.data.run_reader import PartPoint, RecordedPart, RunRow, RunStory
 from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
 from console.session.learning.run_debrief import RunDebrief
 from console.session.stages import Stage
@@ -116,14 +116,14 @@ def reported_run(
         job_problems=problems,
         parts=tuple(_reported(part, story.setup) for part in story.parts if last[part.part] == part.number),
         again=tuple(part for part in story.parts if last[part.part] != part.number),
-        points=None if points is None else _up_to(story.row.run_id, points),
+        points=None if points is None else _up_to(story.row, points),
         zone=zone,
         debrief=debrief,
     )
 
 
-def _up_to(run_id: str, points: Sequence[PartPoint]) -> tuple[PartPoint, ...]:
-    """Return whole parts up to those of a run; none where it has none, such as a part that was never judged."""
-    whole = [point for point in points if point.stage in (None, Stage.FULL)]
-    last = max((place for place, point in enumerate(whole) if point.run_id == run_id), default=-1)
+def _up_to(row: RunRow, points: Sequence[PartPoint]) -> tuple[PartPoint, ...]:
+    """Return whole parts of a run's strategy, up to those of the run; none where it has none, as never judged."""
+    whole = [each for each in points if each.stage in (None, Stage.FULL) and each.strategy == row.strategy]
+    last = max((place for place, point in enumerate(whole) if point.run_id == row.run_id), default=-1)
     return tuple(whole[: last + 1][-MOST_POINTS:])

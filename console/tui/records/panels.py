@@ -13,6 +13,7 @@ from textual.geometry import Size
 from textual.widget import Widget
 
 from console.session.learning.evaluated_part import EvaluatedPart
+from console.session.learning.job_chart import Figure, JobChart, NoClaim
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local, part_words
 from console.tui.lines import (
@@ -37,7 +38,6 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.beside import Problems
-from console.tui.records.job_chart import Figure, JobChart, NoClaim
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
 from console.tui.records.listing import Listing, Wanted
 from console.tui.records.opened_run import OpenedRun
