@@ -169,8 +169,9 @@ def is_other_lathe(stated: str, recorded: str | None) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPart:
-    """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since.
+    """A part that was cut: how, in which run, when its cut ended, and whether another was begun since.
 
+    `run_id` is None where its run is open.
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, `push_um` the push at its entry
     beyond what its path makes up for, 0 where the record does not have it.
     `lathe` is the simulated lathe that has cut it, "" where the record names none.
@@ -178,10 +179,10 @@ class CutPart:
     where the record says that the cut is not proven to be the planned one.
     """
 
-    run_id: str
     made: MadeWith
-    at_utc: str
-    cut_since: bool
+    run_id: str | None = None
+    at_utc: str = ""
+    cut_since: bool = False
     lathe: str = ""
     tool_lobe_um: complex = 0j
     push_um: float = 0.0
