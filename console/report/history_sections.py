@@ -93,7 +93,7 @@ def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
     found = job_chart(JobParts(job=row.job, strategy=row.strategy, points=points), Figure.RONT)
     own = [place for place, point in enumerate(points) if point.run_id == row.run_id]
     caption = text("report.chart_caption", count=len(points), limit=um(found.upper_um))
-    names = (text("report.chart_axis"), "RONt, µm")
+    names = (text("part.part"), "RONt, µm")
     drawing = chart_figure("run-chart", text("report.chart"), caption, names, found, own)
     return section("chart", text("report.chart"), figure(drawing, caption), listed(_statistics(found, text)))
 

@@ -31,7 +31,7 @@ from console.report.reported_run import ReportedPart, ReportedRun
 from console.report.verdict import SIGNS, Judgement
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import is_plain
+from console.text.recorded_words import is_plain, part_words
 from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
@@ -259,7 +259,7 @@ def _figures(run: ReportedRun, text: Catalogue) -> Markup | None:
     pair = _pair(run)
     if not pair:
         return None
-    head = [text("report.figure_um"), *(text(f"report.{word}") for word, _, _ in pair)]
+    head = [text("report.figure_um"), *(text(f"part.{word}") for word, _, _ in pair)]
     rows = [
         [f"RONt {kind}", *(number(found.result.circle(kind).ront_um, 3) for _, _, found in pair)]
         for kind in CIRCLES
@@ -346,7 +346,7 @@ def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
     last = pair[-1][2]
     head = [
         text("report.order"),
-        *(text("report.pp_of", part=text(f"report.{word}")) for word, _, _ in pair),
+        *(text("report.pp_of", part=text(f"part.{word}")) for word, _, _ in pair),
         text("report.past_jaw" if last.jaw_1_deg is not None else "report.phase"),
     ]
     rows = [
@@ -376,10 +376,10 @@ def _all_parts(run: ReportedRun, text: Catalogue) -> Markup | None:
     parts = [(part.recorded, "") for part in run.parts]
     if not again and all(part in (run.before, run.product) for part in run.parts):
         return None
-    head = [text("report.part_name"), text("report.ront_um"), text("report.lobe_um"), text("report.diameter_mm")]
+    head = [text("part.part"), text("report.ront_um"), text("report.lobe_um"), text("report.diameter_mm")]
     rows = [
         [
-            " · ".join(filter(None, (part_words(part.part, text), note))),
+            " · ".join(filter(None, (part_words(part.part or "part", text), note))),
             number(part.ront_um, 3),
             number(part.lobe_um_pp, 3),
             number(part.diameter_mm, 4),
@@ -397,20 +397,11 @@ def _passed(passed: bool | None, text: Catalogue) -> str:
     return f"{sign} {text('report.good' if passed else 'report.bad')}"
 
 
-def part_words(name: str, text: Catalogue) -> str:
-    """Return the name of a part in this language: "part 2"."""
-    if not name:
-        return text("part.part")
-    word, _, number_of = name.partition(" ")
-    said = text(f"part.{word}")
-    return " ".join((word if said == f"part.{word}" else said, number_of)).strip()
-
-
 def _checks(run: ReportedRun, text: Catalogue) -> Markup:
     """Return whether each trace gives what was recorded."""
     lines = []
     for part in run.parts:
-        name = part_words(part.recorded.part, text)
+        name = part_words(part.recorded.part or "part", text)
         if part.recorded.trace is None:
             lines.append(text("report.check_no_trace", part=name, value=um(part.recorded.ront_um)))
         elif part.found is None:

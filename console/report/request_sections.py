@@ -119,7 +119,7 @@ def sent(run: ReportedRun, text: Catalogue) -> Markup:
     inverted = run.story.setup_as_armed.get("inverted")
     lines = len(story.program.splitlines())
     rows = [
-        (text("report.strategy"), text(f"strategy.{row.strategy}.named")),
+        (text("fact.strategy"), text(f"strategy.{row.strategy}.named")),
         (text("report.stage"), stage),
         (text("report.compensation"), learned),
         (text("report.inverted"), _inverted(inverted, text)),

@@ -115,8 +115,7 @@ def fact_rows(facts: Iterable[RunFact], text: Catalogue, layout: Layout) -> list
 
 def fact_name(fact: RunFact, text: Catalogue, layout: Layout) -> str:
     """Return what a layout calls a fact."""
-    own = f"fact.{fact.key}.{layout}"
-    return text(f"fact.{fact.key}") if text(own) == own else text(own)
+    return text.either(f"fact.{fact.key}.{layout}", f"fact.{fact.key}")
 
 
 def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:

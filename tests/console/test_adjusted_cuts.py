@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.session.data.made_parts import CutPart, MadeWith, made_with, parts_made
+from console.session.data.measured_part import CutPart, MadeWith, made_with, parts_made
 from console.session.learning.part_learning import learning_of
 from console.session.station.commands import (
     Adjust,

@@ -12,7 +12,7 @@ import pytest
 
 from console.session.cut.simulated_parts import next_part
 from console.session.data.learned_store import asked_for, store
-from console.session.data.made_parts import CutPart, cuts_of, parts_made
+from console.session.data.measured_part import CutPart, cuts_of, parts_made
 from console.session.errors import SessionError
 from console.session.learning.part_learning import PartLearning, accept, learning_of, revert
 from console.session.stages import Stage, nominal_path

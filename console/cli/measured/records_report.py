@@ -147,6 +147,32 @@ def show_run(options: Namespace, text: Catalogue) -> None:
     show(options, lambda: {**story_fields(found), **of_lathe}, lambda: _story_lines(found, text, lathe))
 
 
+def debrief_run(options: Namespace, text: Catalogue) -> None:
+    """Print what a run cost, why, and what to do next time; as JSON with codes beside the sentences."""
+    from console.session.learning.run_debrief import run_debrief
+    from console.text.run_debrief import debrief_sections, told_words
+
+    data = data_of(options)
+    found = story(data, options.run)
+    debrief = run_debrief(found, data)
+    sections = debrief_sections(debrief, text)
+    facts = table(fact_rows(setup_facts(found), text, Layout.COMMAND))
+    told = [line for title, rows in sections for line in ("", title, *_indented(rows))]
+    show(
+        options,
+        lambda: {
+            **row_fields(found.row),
+            "setup": found.setup,
+            "causes": [asdict(cause) for cause in debrief.causes],
+            "next": [each.value for each in debrief.advice],
+            "happened": [{"at_s": each.at_s, "text": told_words(each, text)} for each in debrief.happened],
+            "unknown": [each.code for each in debrief.unknown],
+            "text": dict(sections),
+        },
+        lambda: [*row_lines(found.row, text), *(["", *facts] if facts else []), *told],
+    )
+
+
 def story_fields(found: RunStory) -> dict[str, object]:
     """Return a run in full for JSON; of traces and telemetry what there is of them."""
     return {

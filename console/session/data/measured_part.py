@@ -1,21 +1,281 @@
-"""A measured part of a run as the record keeps it: its figures, its verdict, and its whole trace."""
+"""A measured part: the cut it is from (how it was made), and its figures and trace as the record keeps them.
+
+How a part was cut is known by arguments, by its trace, and by the run record.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from console.session.data.kept_files import ahead_problems
+from console.session.data.learned_store import NONE
+from console.session.data.run_rows import NOT_PROVEN
+from console.session.errors import SessionError
+from console.session.force_record import force_of
+from console.session.stages import Stage
+from drivers.simulator.plant.which_lathe import LATHE, WHICH
+from profiles.compensations.force_null import ForceNull
+from profiles.compensations.learned import HoldsFor
+from profiles.files import printable
+from profiles.own_values import from_json, number, number_or_none, text, whole
+from profiles.problem import Problem
 from profiles.traces import Trace, parse_trace
 
 if TYPE_CHECKING:
     from profiles.roundness import RoundnessResult
 
+LOCK_TIMEOUT_S = 1.0
+MOST_NAMED = 3  # simulated lathes in a message
+
+_QUERY = """
+SELECT events.kind, events.data, events.at_utc, {which} FROM events JOIN runs USING (run_id)
+WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
+ORDER BY events.rowid DESC
+"""
+"""By row, the order in which they were added: a clock may have been set back meanwhile."""
+
+_NEWEST = """
+SELECT events.kind, events.data, events.at_utc, {which}, events.run_id, EXISTS (
+    SELECT 1 FROM events AS later JOIN runs AS other ON other.run_id = later.run_id
+    WHERE later.kind = 'started' AND later.rowid > events.rowid
+    AND other.machine = runs.machine AND other.simulated = runs.simulated
+)
+FROM events JOIN runs USING (run_id)
+WHERE events.kind IN ('result', 'cut') AND runs.simulated = ? AND runs.job_sha256 = ? AND runs.machine_sha256 = ?
+ORDER BY events.rowid DESC LIMIT 20
+"""
+
+_HAS_SETUP = "SELECT 1 FROM pragma_table_info('runs') WHERE name = 'setup'"  # not in records of the first schemas
+_WHICH = f"json_extract(runs.setup, '$.{LATHE}.{WHICH}')"
+
+Cut = tuple[str, str, str]
+"""Kind, data and date of a cut, as in the run record."""
+
+INVERTED, MODEL = "inverted", "model"
+
+TOOL_LOBE, PUSH = "tool_lobe_um", "push_um"
+CHANGED = "changed"
+CUT_JAW, AS_FILED = "cut_jaw_1_deg", "file"
+FINGERPRINT = "fingerprint"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MadeWith:
+    """How a part was cut: the version of the compensation ("none": nothing learned), the strategy, the stage.
+
+    `inverted` names the response that was inverted where nothing was learned. `cut_jaw_1_deg` is the spindle angle
+    at which jaw 1 was found for it, "file" where it is that of the job's file: what was learned was turned by the
+    difference. `changed` is what was changed while it was cut, empty where nothing was. `fingerprint` says how it
+    was clamped, where an indicator showed it, see `console.session.learning.fingerprint`.
+    """
+
+    compensation: str
+    strategy: str
+    stage: str
+    inverted: str
+    cut_jaw_1_deg: str = AS_FILED
+    changed: str = ""
+    fingerprint: str = ""
+
+    def __str__(self) -> str:
+        changed = f" · {self.changed}" if self.changed else ""
+        return f"{self.compensation} · {self.strategy} · {self.stage} · {self.inverted}{changed}"
+
+    @property
+    def version(self) -> str | None:
+        """The learned version, None for the model's."""
+        return None if self.compensation == NONE else self.compensation
+
+    def event(self) -> dict[str, object]:
+        """Return it as the run record keeps it; None is the model's compensation, and jaw 1 as filed."""
+        jaw_1_deg = None if self.cut_jaw_1_deg == AS_FILED else float(self.cut_jaw_1_deg)
+        version = None if self.version is None else int(self.version)
+        return {**self.header(), "compensation": version, CUT_JAW: jaw_1_deg}
+
+    def header(self) -> dict[str, str]:
+        """Return the keys and values that the header of a trace has of it."""
+        return {key: value for key, value in asdict(self).items() if key not in (CHANGED, FINGERPRINT) or value}
+
+
+KEYS = ("compensation", "strategy", "stage")  # what must be known of a cut
+_ALL_KEYS = (
+    *KEYS,
+    INVERTED,
+    CUT_JAW,
+    CHANGED,
+    FINGERPRINT,
+)  # the others default to the model's response and jaw 1 as filed
+
+
+def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
+    """Return how a part was cut, from `said` and the header lines of its `trace`.
+
+    What neither states is that of the last part in `made`, newest first; None there is a part of which the record
+    says only that it was cut.
+
+    Raises:
+        SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
+            `learned.cut_unknown`, no source states it.
+    """
+    stated = {key: trace[key] for key in _ALL_KEYS if key in trace}
+    for key in _ALL_KEYS:
+        if key in said and stated.setdefault(key, said[key]) != said[key]:
+            raise _other(key, said[key], stated[key])
+    known = [each for each in made if each is not None]
+    fitting = [each for each in known if stated.items() <= asdict(each).items()]
+    missing = [key for key in KEYS if key not in stated]
+    if not missing and not fitting:
+        whole = MadeWith(**{INVERTED: MODEL, **stated})
+        if known and None not in made:
+            raise _other("", str(whole), " | ".join(dict.fromkeys(map(str, known))))
+        return whole
+    if (made and made[0] is None and "compensation" in missing) or not fitting:
+        raise SessionError(Problem(code="learned.cut_unknown", key=", ".join(f"--{key}" for key in missing)))
+    return fitting[0]
+
+
+def _other(key: str, value: str, limit: str) -> SessionError:
+    return SessionError(Problem(code="learned.other_version", key=key, value=value, limit=limit))
+
+
+def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
+    """Return how the parts of these cuts were made, None where the record does not say."""
+    return [made for kind, data, _ in cuts for made in _made(kind, data)]
+
+
+def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
+    """Return `record.date_ahead` for the first cut of a job that is dated in the future."""
+    return ahead_problems("record.date_ahead", (at_utc for _, _, at_utc in cuts), key=job)
+
+
+def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
+    """Return the cuts of this job on this machine, newest first; refuses an unreadable record.
+
+    Where `asked` names a simulated lathe, those of other simulated lathes are none of them.
+
+    Raises SessionError: `learned.lathe_not_recorded`, parts of other simulated lathes are recorded, none of this.
+    """
+    found = _rows(folder, _QUERY, asked)
+    ours = [(kind, data, at_utc) for kind, data, at_utc, which in found if not is_other_lathe(asked.lathe, which)]
+    if not ours and any(_made(kind, data) for kind, data, _, _ in found):
+        others = tuple(dict.fromkeys(printable(str(which), 60) for *_, which in found))
+        limit = " | ".join((*others[:MOST_NAMED], *(("…",) if len(others) > MOST_NAMED else ())))
+        raise SessionError(
+            Problem(code="learned.lathe_not_recorded", value=printable(asked.lathe, 60), limit=limit)
+        )
+    return ours
+
+
+def is_other_lathe(stated: str, recorded: str | None) -> bool:
+    """Whether two texts of simulated lathes are those of two lathes; one that is not known is none."""
+    return bool(stated and recorded) and stated != recorded
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutPart:
+    """A part that was cut: how, in which run, when its cut ended, and whether another was begun since.
+
+    `run_id` is None where its run is open.
+    `tool_lobe_um` is the tool error of the cut at the order of the lobe, `push_um` the push at its entry
+    beyond what its path makes up for, 0 where the record does not have it.
+    `lathe` is the simulated lathe that has cut it, "" where the record names none.
+    `force` is what the cutting force said of a half-stage cut, None where it was not asked. `proven` is False
+    where the record says that the cut is not proven to be the planned one.
+    """
+
+    made: MadeWith
+    run_id: str | None = None
+    at_utc: str = ""
+    cut_since: bool = False
+    lathe: str = ""
+    tool_lobe_um: complex = 0j
+    push_um: float = 0.0
+    force: ForceNull | None = None
+    proven: bool = True
+
+
+def newest_part(folder: Path, asked: HoldsFor) -> CutPart | None:
+    """Return the newest part of this job on this machine, None without one; refuses an unreadable record."""
+    for kind, data, at_utc, which, run_id, cut_since in _rows(folder, _NEWEST, asked):
+        for made in _made(kind, data):
+            if made is None:
+                return None
+            return CutPart(
+                run_id=run_id,
+                made=made,
+                at_utc=at_utc,
+                cut_since=bool(cut_since),
+                lathe=which or "",
+                tool_lobe_um=tool_lobe_um(data),
+                push_um=push_um(data),
+                force=force_of(data),
+                proven=from_json(data).get("cut_verdict") != NOT_PROVEN,
+            )
+    return None
+
+
+def tool_event(lobe_um: complex, push_um: float) -> dict[str, object]:
+    """Return the tool error at the order of the lobe, and the push, as the run record keeps them."""
+    return {TOOL_LOBE: [lobe_um.real, lobe_um.imag], PUSH: push_um}
+
+
+def tool_lobe_um(data: str) -> complex:
+    """Return the tool error of a cut at the order of the lobe; 0 where its event does not have it."""
+    try:
+        real, imaginary = (number(each) for each in from_json(data)[TOOL_LOBE])
+    except (ValueError, TypeError, KeyError):
+        return 0j
+    return complex(real, imaginary)
+
+
+def push_um(data: str) -> float:
+    """Return how far a cut has pushed the tool beyond what its path makes up for, 0 if not recorded."""
+    event = from_json(data)
+    return number_or_none(event.get(PUSH)) or 0.0 if isinstance(event, dict) else 0.0
+
+
+def _rows(folder: Path, query: str, asked: HoldsFor) -> list[Any]:
+    import sqlite3
+
+    from console.session.data.record_file import FILE_NAME, record_error, rows
+
+    try:
+        which = _WHICH if rows(folder, _HAS_SETUP, (), LOCK_TIMEOUT_S) else "NULL"
+        query = query.format(which=which)
+        return rows(folder, query, (int(asked.simulated), asked.job_sha256, asked.machine_sha256), LOCK_TIMEOUT_S)
+    except sqlite3.Error as error:
+        raise record_error("record.unreadable", folder / FILE_NAME, error) from error
+
+
+def _made(kind: str, data: str) -> list[MadeWith | None]:
+    """Return the part of an event; nothing for an air cut, or for a series of parts that learns by itself."""
+    try:
+        event = from_json(data)
+        strategy, stage, inverted = (text(event[key]) for key in ("strategy", "stage", INVERTED))
+        version, jaw_1_deg = event["compensation"], event.get(CUT_JAW)
+        made = MadeWith(
+            compensation=NONE if version is None else str(whole(version)),
+            strategy=strategy,
+            stage=stage,
+            inverted=inverted,
+            cut_jaw_1_deg=AS_FILED if jaw_1_deg is None else str(number(jaw_1_deg)),
+            changed=text(event.get(CHANGED, "")),
+            fingerprint=text(event.get(FINGERPRINT, "")),
+        )
+    except (ValueError, TypeError, KeyError):
+        # Written by another version of the console, which did not record how a cut on the screen was made.
+        return [None] if kind == "cut" else []
+    return [] if stage == Stage.AIR or "passes" in event else [made]
+
+
 UNDATED = datetime.min.replace(tzinfo=UTC)
 
-COLUMNS = (
+PART_COLUMNS = (
     "part",
     "product",
     "ront_um",
@@ -101,8 +361,8 @@ class PartPoint(RecordedPart):
 
 
 def column_values(columns: Iterable[Any]) -> dict[str, Any]:
-    """Return the values of `COLUMNS`, as read from the file, by their names."""
-    found = dict(zip(COLUMNS, columns, strict=True))
+    """Return the values of `PART_COLUMNS`, as read from the file, by their names."""
+    found = dict(zip(PART_COLUMNS, columns, strict=True))
     return {k: bool(v) if k in _BOOLEAN and v is not None else v for k, v in found.items()}
 
 

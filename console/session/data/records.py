@@ -22,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from console.session.data.kept_files import utc_now
-from console.session.data.measured_part import COLUMNS, RecordedPart
+from console.session.data.measured_part import PART_COLUMNS, RecordedPart
 from console.session.data.record_file import (
     FILE_NAME,
     is_damage,
@@ -283,8 +283,8 @@ def _run(row: Mapping[str, object]) -> list[Statement]:
 
 _NEXT = "SELECT coalesce(max(number), 0) FROM measurements WHERE run_id = ?"
 _INSERT = (
-    f"INSERT INTO measurements (run_id, number, at_utc, trace_sha256, data, {', '.join(COLUMNS)})"
-    f" SELECT ?, 1 + ({_NEXT}), ?, ?, ?, {', '.join('?' * len(COLUMNS))}"
+    f"INSERT INTO measurements (run_id, number, at_utc, trace_sha256, data, {', '.join(PART_COLUMNS)})"
+    f" SELECT ?, 1 + ({_NEXT}), ?, ?, ?, {', '.join('?' * len(PART_COLUMNS))}"
 )
 
 
@@ -292,7 +292,7 @@ def _measurement(run_id: str, at_utc: str, part: RecordedPart | None) -> list[St
     """Return the statements that keep a part; none without one."""
     if part is None:
         return []
-    trace, values = part.trace or b"", (getattr(part, name) for name in COLUMNS)
+    trace, values = part.trace or b"", (getattr(part, name) for name in PART_COLUMNS)
     plain = tuple(int(value) if isinstance(value, bool) else value for value in values)
     sha256 = hashlib.sha256(trace).hexdigest()
     return [

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.home import account_name
-from console.session.data.measured_part import COLUMNS, PartPoint, RecordedPart, column_values
+from console.session.data.measured_part import PART_COLUMNS, PartPoint, RecordedPart, column_values
 from console.session.data.record_file import (
     FILE_NAME,
     damage_as_error,
@@ -144,7 +144,7 @@ def story(folder: Path, run_id_prefix: str) -> RunStory:
 
 _MEASURED = f"""
 SELECT measurements.run_id, measurements.at_utc, strategy, stage, compensation, setup, runs.tolerance_um,
-    {", ".join(f"measurements.{name}" for name in COLUMNS)}
+    {", ".join(f"measurements.{name}" for name in PART_COLUMNS)}
 FROM runs JOIN measurements ON measurements.run_id = runs.run_id
 WHERE product = 1 AND job = ? AND machine = ? AND simulated = ?
 AND number = (SELECT max(number) FROM measurements AS again WHERE again.run_id = measurements.run_id

@@ -13,8 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from console.session.data.measured_part import COLUMNS as PART_COLUMNS
-from console.session.data.measured_part import RecordedPart, column_values
+from console.session.data.measured_part import PART_COLUMNS, RecordedPart, column_values
 from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
 from console.session.data.run_rows import RunRow, date_of, problem_of, table_of
 from profiles.files import parse_toml

@@ -8,7 +8,7 @@ from typing import Any
 
 from console.session.data.kept_files import utc_now
 from console.session.data.learned_store import store, versions
-from console.session.data.made_parts import CutPart, MadeWith
+from console.session.data.measured_part import CutPart, MadeWith
 from console.session.errors import SessionError
 from console.session.learning.learning_steps import Taught, reverted, taught_by
 from profiles.compensations.learned import LearnedCompensation

@@ -13,7 +13,7 @@ from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 
-from console.session.data.made_parts import made_with, parts_made, tool_lobe_um
+from console.session.data.measured_part import made_with, parts_made, tool_lobe_um
 from console.session.data.run_reader import How, RecordedPart, RunEvent, RunStory
 from console.session.data.run_rows import FAILED_HOW
 from console.session.data.run_story import COMMAND

@@ -11,8 +11,7 @@ from console.session.cut.alignment import unclamped
 from console.session.cut.recording import PartName, mean_diameter_of, part_record
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
-from console.session.data.made_parts import CutPart, newest_part
-from console.session.data.measured_part import RecordedPart
+from console.session.data.measured_part import CutPart, RecordedPart, newest_part
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of

@@ -161,7 +161,7 @@ def _rows(pair: Pair, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
 
 def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
     row, part, job, units = run.story.row, run.story.product, run.job, text.units
-    values = {units.unit("um"): local(row.started)[5:], text("records_page.job"): printable(row.job)}
+    values = {units.unit("um"): local(row.started)[5:], text("fact.job"): printable(row.job)}
     if part is not None:
         values["RONt"] = f"{units.figure(part.ront_um, 'um', 2)} {_MARKS[part.passed]}"
         for name in ("RONp", "RONv", "RONq"):
@@ -170,16 +170,18 @@ def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
             values[f"D {units.unit('mm')}"] = units.figure(part.diameter_mm, "mm", 3)
         harmonics = {text("inspect_page.harmonic", n=n): um_pp for n, um_pp in jaw_harmonics(part, run)}
         values |= {name: units.figure(um_pp, "um", 2) for name, um_pp in harmonics.items()}
-    values[text("records_page.ended")] = text(f"records_page.how.{row.ended.how}")
-    values[text("records_page.made")] = made_of(row, text)
+    values[text("records_page.ended")] = text.either(
+        f"records_page.how.{row.ended.how}", f"records.how.{row.ended.how}"
+    )
+    values[text("fact.made")] = made_of(row, text)
     values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), _one)
     values[f"{text('fact.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
     if job is not None:
         values["rpm"] = f"{job.spindle_speed_rpm:.0f}"
         values[text("records_page.depth_mm")] = units.figure(job.depth_of_cut_mm, "mm", 3)
     values[text("records_page.of.alarms")] = str(len(run.story.alarms))
-    values[text("records_page.machine")] = printable(row.machine)
-    values[text("records_page.operator")] = printable(row.operator or NOTHING)
+    values[text("fact.machine")] = printable(row.machine)
+    values[text("fact.operator")] = printable(row.operator or NOTHING)
     return values
 
 

@@ -63,7 +63,7 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
     part, row = run.story.product, run.story.row
-    lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
+    lines = verdict(part, text) if part is not None else [line(dim(text("records.not_measured")))]
     told = ending_words(run.story, text)
     lines += wrapped(told, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
@@ -103,7 +103,7 @@ def ending_words(story: RunStory, text: Catalogue) -> str:
     ended = story.row.ended
     said = [text(f"records_page.ending.{ended.how}")]
     if ended.turn is not None:
-        said.append(text("records_page.turn", turn=f"{ended.turn:.1f}"))
+        said.append(text("records.turn", turn=f"{ended.turn:.1f}"))
     if ended.reason:
         said.append(reason_words(ended, text, [each.problem for each in story.alarms]))
     if ended.by:
@@ -129,7 +129,7 @@ def _damage_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     if run.story.damaged:
         what = printable(", ".join(run.story.damaged), 80)
-        lines += hanging(("! ", Token.WARNING), text("records_page.damaged", what=what), width, Token.WARNING)
+        lines += hanging(("! ", Token.WARNING), text("records.damaged", what=what), width, Token.WARNING)
     if run.story.complete is False:
         lines += hanging(("! ", Token.WARNING), text("records_page.incomplete"), width, Token.WARNING)
     for problem in run.problems:
@@ -145,7 +145,7 @@ def _cut_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
         "machine": printable(row.machine, 40),
         "made": made_of(row, text),
     }
-    return [_fact(text(f"records_page.{name}"), value, width) for name, value in rows.items()]
+    return [_fact(text(f"fact.{name}"), value, width) for name, value in rows.items()]
 
 
 def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
@@ -169,7 +169,7 @@ def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[s
         if value is not None:
             rows.append((name, text.units.show(value, "um", 2)))
     if part.diameter_mm is not None:
-        rows.append((text("records_page.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
+        rows.append((text("fact.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
         if part.nominal_diameter_mm is not None:
             off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
             allowed_um = part.diameter_tolerance_um
