@@ -94,7 +94,7 @@ class ReportedRun:
         part = self.story.product
         if part is None or part.passed is None or part.tolerance_um is None:
             return False
-        return (part.is_round and part.is_of_size is not False) is not part.passed
+        return part.is_good is not part.passed
 
 
 def reported_run(
@@ -106,7 +106,7 @@ def reported_run(
     """Return a run for its report; `points` are the measured parts of its job, oldest first, None unreadable."""
     job, problems = None, tuple[Problem, ...]()
     try:
-        job = story.job
+        job = story.read_job()
     except ProfileError as refused:
         problems = tuple(refused.problems)
     last = {part.part: part.number for part in story.parts}

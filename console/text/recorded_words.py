@@ -18,7 +18,7 @@ from profiles.problem import Problem
 if TYPE_CHECKING:
     from console.session.data.run_facts import RunFact
     from console.session.data.run_rows import Ending
-    from console.session.data.run_story import AlarmStory
+    from console.session.data.run_story import AlarmStory, RunEvent
 
 COMMANDS = {each.__name__: each.logged for each in Command.__subclasses__()}
 """Every command by its name, and whether it is an order of the operator."""
@@ -136,6 +136,15 @@ def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:
         at = printable(fact.at, 20)
         shown = text("report.taken_at", value=shown, at=at) if layout is Layout.REPORT else f"{shown} ({at})"
     return " · ".join(filter(None, (shown, *(text(each) for each in fact.notes))))
+
+
+def story_command_words(event: RunEvent, text: Catalogue) -> str:
+    """Return a recorded command with its values, and who gave it."""
+    data = event.data
+    plain = {k: v for k, v in data.items() if k not in ("command", "by") and not isinstance(v, list | dict)}
+    values = printable(", ".join(f"{key} {value}" for key, value in plain.items()), LONGEST)
+    by = printable(str(data.get("by") or ""), 30)
+    return "  ".join(filter(None, (command_words(str(data.get("command", "")), text), values, by)))
 
 
 def story_alarm_words(alarm: AlarmStory, text: Catalogue) -> str:

@@ -29,13 +29,13 @@ from console.text.cut_verdict import verdict_words
 from console.text.recorded_words import (
     Layout,
     clock,
-    command_words,
     fact_rows,
     local,
     part_words,
     reason_words,
     stage_words,
     story_alarm_words,
+    story_command_words,
     strategy_words,
 )
 from profiles.axis.response import Source
@@ -226,7 +226,7 @@ def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),
-        ("commands", [_command_line(each, text) for each in found.commands]),
+        ("commands", [f"{clock(each.at)}  {story_command_words(each, text)}" for each in found.commands]),
         ("alarms", [f"{clock(each.raised)}  {story_alarm_words(each, text)}" for each in found.alarms]),
         ("learned", [_learned_line(each, text) for each in found.accepted]),
     ):
@@ -281,13 +281,6 @@ def _part_line(part: RecordedPart, text: Catalogue) -> str:
         facts.append(f"D {part.diameter_mm:.3f} mm")
     facts += [text("records.reference")] if not part.product else []
     return " · ".join(filter(None, (*facts, part.trace_name, local(part.at))))
-
-
-def _command_line(event: RunEvent, text: Catalogue) -> str:
-    said = command_words(str(event.data.get("command", "")), text)
-    plain = {key: value for key, value in event.data.items() if key not in ("command", "by") and value != []}
-    values = ", ".join(f"{key} {value}" for key, value in plain.items() if not isinstance(value, list | dict))
-    return "  ".join(filter(None, (clock(event.at), said, values, str(event.data.get("by", "")))))
 
 
 def _learned_line(event: RunEvent, text: Catalogue) -> str:

@@ -337,6 +337,11 @@ class RecordedPart:
         off_um, most_um = self.off_nominal_um, self.diameter_tolerance_um
         return None if off_um is None or most_um is None else abs(off_um) <= most_um
 
+    @property
+    def is_good(self) -> bool:
+        """Whether its figures are within their tolerances; a size that was not measured is not judged."""
+        return self.is_round is not False and self.is_of_size is not False
+
     def read_trace(self) -> Trace | None:
         """Parse the trace, with the operator's answers in its header; None without one. ProfileError."""
         if self.trace is None:

@@ -118,9 +118,8 @@ class RunStory:
         """The last measured part that the run was for; None where it was not measured."""
         return next((part for part in reversed(self.parts) if part.product), None)
 
-    @property
-    def job(self) -> Job | None:
-        """The job as it was cut; None where its text was not kept. ProfileError: it cannot be read."""
+    def read_job(self) -> Job | None:
+        """Parse the job as it was cut; None where its text was not kept. ProfileError: it cannot be read."""
         kept = self.job_text
         return None if kept is None else job_from_table(parse_toml(kept.encode("utf-8", "replace"), ""))
 

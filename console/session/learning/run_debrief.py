@@ -116,7 +116,7 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
 
 def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...]:
     """Return why a part is not round. Raises ProblemError: what of the record does not suffice for it."""
-    trace, job = part.read_trace(), story.job
+    trace, job = part.read_trace(), story.read_job()
     if trace is None or job is None or story.machine_text is None:
         return ()
     machine = machine_from_table(parse_toml(story.machine_text.encode("utf-8", "replace"), ""))

@@ -69,7 +69,7 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: boo
             problems += error.problems
     job = None
     try:
-        job = found.job
+        job = found.read_job()
     except ProfileError as error:
         problems += error.problems
     same_machine = found.row.machine == machine.machine.name

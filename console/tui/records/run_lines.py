@@ -12,7 +12,6 @@ from console.text.cut_verdict import verdict_words
 from console.text.recorded_words import (
     Layout,
     clock,
-    command_words,
     fact_rows,
     fact_words,
     is_plain,
@@ -21,6 +20,7 @@ from console.text.recorded_words import (
     reason_words,
     stage_words,
     story_alarm_words,
+    story_command_words,
     strategy_words,
 )
 from console.text.run_debrief import debrief_sections
@@ -80,16 +80,14 @@ def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
         facts["limit"] = text.units.figure(part.tolerance_um, "um", 2)
     if part.passed is None:
         return [line((text("records_page.not_judged", **facts), Token.TEXT))]
-    round_enough = part.passed if part.tolerance_um is None else part.ront_um <= part.tolerance_um
-    lines = [_judged("", facts, passes=round_enough, text=text)]
-    allowed_um, nominal_mm = part.diameter_tolerance_um, part.nominal_diameter_mm
-    if part.diameter_mm is not None and nominal_mm is not None and allowed_um is not None:
+    lines = [_judged("", facts, passes=bool(part.is_round), text=text)]
+    allowed_um, of_size = part.diameter_tolerance_um, part.is_of_size
+    if part.diameter_mm is not None and allowed_um is not None and of_size is not None:
         facts = {
             "value": text.units.figure(part.diameter_mm, "mm", 3),
             "limit": text.units.short(allowed_um, "um"),
         }
-        inside = 1000.0 * abs(part.diameter_mm - nominal_mm) <= allowed_um
-        lines.append(_judged("diameter_", facts, passes=inside, text=text))
+        lines.append(_judged("diameter_", facts, passes=of_size, text=text))
     return lines
 
 
@@ -170,8 +168,7 @@ def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[s
             rows.append((name, text.units.show(value, "um", 2)))
     if part.diameter_mm is not None:
         rows.append((text("fact.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
-        if part.nominal_diameter_mm is not None:
-            off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
+        if (off_um := part.off_nominal_um) is not None:
             allowed_um = part.diameter_tolerance_um
             judged = "" if allowed_um is None else f" (± {text.units.short(allowed_um, 'um')})"
             rows.append((text("records_page.off_nominal"), f"{text.units.show(off_um, 'um', 1, '+')}{judged}"))
@@ -238,12 +235,8 @@ def _alarm_lines(alarms: tuple[AlarmStory, ...], text: Catalogue, width: int) ->
 
 
 def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) -> list[Line]:
-    lines: list[Line] = []
-    for event in commands:
-        said = command_words(str(event.data.get("command", "")), text)
-        by = printable(str(event.data.get("by") or ""), 30)
-        lines += hanging(dim(f"{clock(event.at)} "), f"{said}  {by}".rstrip(), width)
-    return lines
+    said = [(dim(f"{clock(each.at)} "), story_command_words(each, text)) for each in commands]
+    return [row for mark, words in said for row in hanging(mark, words, width)]
 
 
 def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
