@@ -48,15 +48,14 @@ def _reported(part: RecordedPart, setup: Mapping[str, Any]) -> ReportedPart:
     if part.trace is None:
         return ReportedPart(recorded=part)
     same = part.trace_sha256 in (None, hashlib.sha256(part.trace).hexdigest())
+    found, problems = None, tuple[Problem, ...]()
     try:
-        found = evaluated_part(part, setup)
-        assert found is not None and found.result is not None  # evaluated here, where it may be refused
+        found = evaluated_part(part, setup, "result", "profile_um")
     except ProfileError as refused:
-        return ReportedPart(recorded=part, problems=tuple(refused.problems), same_trace=same)
+        problems = tuple(refused.problems)
     except ValueError as refused:  # a header that no console has written
-        problem = Problem(code="trace.header_value", value=str(refused))
-        return ReportedPart(recorded=part, problems=(problem,), same_trace=same)
-    return ReportedPart(recorded=part, found=found, same_trace=same)
+        problems = (Problem(code="trace.header_value", value=str(refused)),)
+    return ReportedPart(recorded=part, found=found, problems=problems, same_trace=same)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

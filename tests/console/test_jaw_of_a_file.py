@@ -19,7 +19,6 @@ from console.session.learning.imported import examined
 from console.session.station.state import MeasuredPart, StationState
 from console.tui.inspecting.comparison import compared
 from console.tui.pages.inspect_lines import phase_from_jaw_deg
-from console.tui.records.opened_run import _traced
 from drivers.cutting.strategy import Strategy
 from profiles.store import load_job
 
@@ -89,7 +88,8 @@ def test_report_and_records_count_from_jaw_1(direction: str, tmp_path: Path) -> 
     assert printed is not None and printed.jaw_1_deg is not None
     way = -1.0 if direction == "ccw" else 1.0
     near(way * (float(printed.turn.angle_deg[int(np.argmax(printed.profile_um))]) - printed.jaw_1_deg))
-    (trace,) = _traced(part, {})
+    trace = evaluated_part(part, {}, on_spindle=True)
+    assert trace is not None
     assert trace.jaw_1_deg == 261.65
     near(float(trace.turn.angle_deg[int(np.argmax(trace.profile_um))]) - trace.jaw_1_deg)
 
@@ -108,8 +108,8 @@ def test_the_command_counts_from_jaw_1(
 def test_the_report_counts_from_jaw_1_of_the_part_as_records_does(tmp_path: Path) -> None:
     """Jaw 1 is where it was for the cut of the part, whatever the set-up of its run has."""
     part, setup = recorded(file(tmp_path, "cw").read_bytes(), 261.65), {"jaw_1_deg": 12.63}
-    printed, (shown,) = evaluated_part(part, setup), _traced(part, setup)
-    assert printed is not None and shown.jaw_1_deg == 261.65
+    printed, shown = evaluated_part(part, setup), evaluated_part(part, setup, on_spindle=True)
+    assert printed is not None and shown is not None and shown.jaw_1_deg == 261.65
     found = [each.past_jaw_1_deg(printed.jaw_1_deg or 0.0) for each in printed.result.harmonics if each.n == 3]
     on_spindle = [each.past_jaw_1_deg(261.65) for each in shown.result.harmonics if each.n == 3]
     assert found == pytest.approx(on_spindle, abs=1e-6)

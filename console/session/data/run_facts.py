@@ -6,6 +6,7 @@ To add one takes a row here and its words, `fact.KEY`; `fact.KEY.LAYOUT` where a
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -60,12 +61,6 @@ def setup_facts(story: RunStory) -> tuple[RunFact, ...]:
 
 def origin_facts(story: RunStory) -> tuple[RunFact, ...]:
     """Return by what a run can be found and made again: versions and hashes."""
-    versioned = next((event.data for event in story.events if event.kind == VERSIONED), None)
-    commit = None if versioned is None else (_text(versioned.get("commit")) or "")[:COMMIT_DIGITS]
-    named = ("job", "machine") if versioned else ()
-    notes = tuple(f"records.{name}_differs" for name in named if (versioned or {}).get(f"{name}_differs"))
-    if versioned is not None and not commit:
-        notes = ("records.no_commit", *notes)
     python = f"Python {story.python}" if story.python else None
     values = (
         ("run_id", Kind.TEXT, story.row.run_id),
@@ -76,7 +71,17 @@ def origin_facts(story: RunStory) -> tuple[RunFact, ...]:
         ("program_hash", Kind.HASH, program_sha256(story.program)),
     )
     facts = [RunFact(key=key, kind=kind, value=value) for key, kind, value in values]
-    return (*facts, *([RunFact(key="commit", kind=Kind.TEXT, value=commit, notes=notes)] if versioned else []))
+    versioned = [event.data for event in story.events if event.kind == VERSIONED]
+    return (*facts, *map(_commit, versioned[:1]))
+
+
+def _commit(event: Mapping[str, Any]) -> RunFact:
+    """Return the commit that the texts of a cut are from, and which of them differ from it."""
+    commit = _text(event.get("commit"))
+    notes = [] if commit else ["records.no_commit"]
+    notes += [f"records.{name}_differs" for name in ("job", "machine") if event.get(f"{name}_differs")]
+    value = None if commit is None else commit[:COMMIT_DIGITS]
+    return RunFact(key="commit", kind=Kind.TEXT, value=value, notes=tuple(notes))
 
 
 def program_sha256(program: str) -> str:

@@ -76,11 +76,12 @@ class EvaluatedPart:
 
 
 def evaluated_part(
-    part: RecordedPart, setup: Mapping[str, Any], *, on_spindle: bool = False
+    part: RecordedPart, setup: Mapping[str, Any], *at_once: str, on_spindle: bool = False
 ) -> EvaluatedPart | None:
     """Read the trace of a part of a run with this set-up, None without one; `on_spindle` at spindle angles.
 
-    Raises ProfileError: the trace cannot be read.
+    `at_once` are the properties that are computed here and not where they are first asked for.
+    Raises ProfileError: the trace cannot be read, or not evaluated.
     """
     trace = part.read_trace()
     if trace is None:
@@ -92,6 +93,9 @@ def evaluated_part(
     if on_spindle:
         jaw_1_deg = spindle_deg if header.phase_known else None
         turn = turn if jaw_1_deg is None else on_the_spindle(turn, header, jaw_1_deg)
-    return EvaluatedPart(
+    found = EvaluatedPart(
         recorded=part, header=header, trace=trace, turn=turn, jaw_1_deg=jaw_1_deg, warnings=warnings
     )
+    for name in at_once:
+        getattr(found, name)
+    return found

@@ -64,8 +64,7 @@ class OtherParts:
 
 def other_part(data: Path, point: PartPoint) -> OtherPart:
     """Read a part. SessionError: as `story`, and `inspect.no_trace`; ProfileError: its trace cannot be read."""
-    found = traced(story(data, point.run_id), point.part)
+    found = traced(story(data, point.run_id), point.part, "result")
     if found is None:
         raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
-    assert found.result.harmonics is not None  # evaluated here, beside the screen
     return OtherPart(point=point, found=found)

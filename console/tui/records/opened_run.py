@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from typing import Any
 
 from console.session.data.kept_files import jobs_folder
 from console.session.data.run_reader import RecordedPart, RunStory, Telemetry, story
@@ -64,7 +62,8 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: boo
     traces: list[EvaluatedPart] = []
     for part in _last_of_each(found.parts):
         try:
-            traces += _traced(part, found.setup)
+            shown = evaluated_part(part, found.setup, "profile_um", on_spindle=True)
+            traces += [] if shown is None else [shown]
         except ProblemError as error:
             problems += error.problems
     job = None
@@ -89,21 +88,10 @@ def _last_of_each(parts: tuple[RecordedPart, ...]) -> list[RecordedPart]:
     return list({(part.product, part.part): part for part in parts}.values())
 
 
-def traced(found: RunStory, part: str) -> EvaluatedPart | None:
-    """Return the trace of a product of a run, None where none was kept. ProfileError: it cannot be read."""
-    for each in reversed(_last_of_each(found.parts)):
-        if each.product and each.part == part:
-            return next(iter(_traced(each, found.setup)), None)
-    return None
-
-
-def _traced(part: RecordedPart, setup: Mapping[str, Any]) -> list[EvaluatedPart]:
-    """Return the trace of a part at spindle angles, nothing without one. ProfileError: it cannot be read."""
-    found = evaluated_part(part, setup, on_spindle=True)
-    if found is None:
-        return []
-    assert found.profile_um.size  # computed here, beside the screen
-    return [found]
+def traced(found: RunStory, part: str, *at_once: str) -> EvaluatedPart | None:
+    """Return a product of a run at spindle angles; raises and returns as `evaluated_part`, None without one."""
+    products = [each for each in _last_of_each(found.parts) if each.product and each.part == part]
+    return evaluated_part(products[-1], found.setup, *at_once, on_spindle=True) if products else None
 
 
 def _job_now(data: Path, found: RunStory) -> JobNow:
