@@ -145,9 +145,9 @@ def _after(run: ReportedRun, alarm: AlarmStory, text: Catalogue) -> str:
     """Return when an alarm was acknowledged, and when its cause was gone."""
     said = []
     if alarm.acknowledged is not None:
-        said.append(text("report.alarm_acknowledged", at=_time(run, alarm.acknowledged)))
+        said.append(text("alarms_page.acknowledged", at=_time(run, alarm.acknowledged)))
     if alarm.ended is not None:
-        said.append(text("report.alarm_ended", at=_time(run, alarm.ended)))
+        said.append(text("alarms_page.ended", at=_time(run, alarm.ended)))
     return ", ".join(said) or text("report.alarm_open")
 
 

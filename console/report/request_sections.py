@@ -68,7 +68,7 @@ def _rows(job: Job, keys: tuple[str, ...], text: Catalogue) -> list[tuple[str, s
             continue
         shown = value if isinstance(value, str) else exact(value, _UNITS[key])
         assumed = f" ({text('report.assumed')})" if key in job.assumed else ""
-        rows.append((text(f"report.field.{key}"), shown + assumed))
+        rows.append((text.either(f"report.field.{key}", f"setup.{key}"), shown + assumed))
     return rows
 
 

@@ -148,9 +148,9 @@ def story_command_words(event: RunEvent, text: Catalogue) -> str:
 
 
 def story_alarm_words(alarm: AlarmStory, text: Catalogue) -> str:
-    """Return a recorded alarm with when it was acknowledged, and when its cause was cleared."""
-    stamps = {"acknowledged": alarm.acknowledged, "cleared": alarm.ended}
-    told = [text(f"records.{name}", at=clock(at)) for name, at in stamps.items() if at is not None]
+    """Return a recorded alarm with when it was acknowledged, and when it ended."""
+    stamps = {"acknowledged": alarm.acknowledged, "ended": alarm.ended}
+    told = [f"({text(f'alarms_page.{name}', at=clock(at))})" for name, at in stamps.items() if at is not None]
     return " ".join([text.problem(alarm.problem), *told])
 
 
