@@ -44,6 +44,7 @@ from profiles.files import printable
 ID_DIGITS = 8
 WIDTH = 78
 INDENT = 2
+FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm", "diameter_tolerance_um")
 
 
 def filters_of(options: Namespace) -> RunFilters:
@@ -133,9 +134,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         **fields_of(row, "job", "machine", "simulated", "operator", "strategy", "stage", "compensation"),
         "inverted": row.inverted,
         "ended": asdict(row.ended),
-        **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
-        **fields_of(row, "diameter_tolerance_um"),
-        **fields_of(row, "failed", "proven", "damaged"),
+        **fields_of(row, *FIGURES, "failed", "proven", "damaged"),
     }
 
 
@@ -200,10 +199,9 @@ def story_fields(found: RunStory) -> dict[str, object]:
 
 
 def _part_fields(part: RecordedPart) -> dict[str, object]:
-    names = ("number", "part", "product", "ront_um", "tolerance_um", "passed", "diameter_mm")
     return {
         "at": part.at.isoformat(),
-        **fields_of(part, *names, "nominal_diameter_mm", "diameter_tolerance_um", "lobe_um_pp"),
+        **fields_of(part, "number", "part", "product", *FIGURES, "lobe_um_pp"),
         **fields_of(part, "trace_name", "trace_sha256"),
         "trace_bytes": None if part.trace is None else len(part.trace),
         "result": part.data,

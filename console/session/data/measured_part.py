@@ -17,19 +17,19 @@ from console.session.data.learned_store import NONE
 from console.session.data.run_rows import NOT_PROVEN
 from console.session.errors import SessionError
 from console.session.force_record import force_of
-from console.session.stages import Stage
 from drivers.simulator.plant.which_lathe import LATHE, WHICH
-from profiles.compensations.force_null import ForceNull
-from profiles.compensations.learned import HoldsFor
 from profiles.files import printable
 from profiles.own_values import from_json, number, number_or_none, text, whole
 from profiles.problem import Problem
 from profiles.traces import Trace, parse_trace
 
 if TYPE_CHECKING:
+    from profiles.compensations.force_null import ForceNull
+    from profiles.compensations.learned import HoldsFor
     from profiles.roundness import RoundnessResult
 
 LOCK_TIMEOUT_S = 1.0
+AIR = "air"  # of `Stage`, which takes the planner of cuts with it
 MOST_NAMED = 3  # simulated lathes in a message
 
 _QUERY = """
@@ -270,7 +270,7 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
     except (ValueError, TypeError, KeyError):
         # Written by another version of the console, which did not record how a cut on the screen was made.
         return [None] if kind == "cut" else []
-    return [] if stage == Stage.AIR or "passes" in event else [made]
+    return [] if stage == AIR or "passes" in event else [made]
 
 
 UNDATED = datetime.min.replace(tzinfo=UTC)
