@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.measure import extent, print_table, seconds
 from console.cli.measured.roundness_report import roundness_fields
 from console.session.cut.run import roundness_of
-from console.session.data.part_record import PartRecord
+from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME, opened
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunFilters, measured_parts, runs, story
@@ -34,7 +34,7 @@ LISTS = ("list, newest screenful", "list, of one job", "list, failed ones")
 MEASURED = (*LISTS, "one run in full", "chart of a job", "begin a run", "check at the start")
 
 
-def a_part(number: int) -> PartRecord:
+def a_part(number: int) -> RecordedPart:
     """Return a part with 3600 points; each has another trace."""
     random = np.random.default_rng(number)
     angle_deg = np.linspace(0.0, 360.0, 3600, endpoint=False)
@@ -42,7 +42,7 @@ def a_part(number: int) -> PartRecord:
     trace = Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta={"state": "free", "radius_mm": "25.9"})
     result = roundness_of(trace)
     um = result.ront_um + (5.0 if number % 100 == 0 else 0.0)
-    return PartRecord(
+    return RecordedPart(
         ront_um=um,
         trace=trace_content(trace),
         data=roundness_fields(result),

@@ -41,7 +41,7 @@ HALF_DONE = re.compile(r"\b(4[5-9]|5\d) %")
 
 FURTHER = {
     PageName.JOBS: "jobs_page.latest",
-    PageName.RECORDS: "records_page.time",
+    PageName.RECORDS: "fact.time",
     PageName.ALARMS: "alarms_page.log_title",
     PageName.MORE: "more.keys",
     PageName.SETTINGS: "settings.next.settings",

@@ -92,7 +92,7 @@ _FORMS = {"CutPlan": _plan, "PartLearning": _learning, "PartLobe": _lobe}
 @cache
 def names() -> Mapping[str, Any]:
     """Return the types that the state names without importing them (`TYPE_CHECKING`); they are for reading."""
-    from console.session.data.made_parts import MadeWith
+    from console.session.data.measured_part import MadeWith
     from console.session.force_record import ForceCheck
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning

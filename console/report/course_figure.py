@@ -21,8 +21,8 @@ from console.report.drawing import (
     ticks,
 )
 from console.report.markup import Markup
+from console.session.learning.job_chart import JobChart
 from profiles.arrays import Floats
-from profiles.metrology.process_statistics import RunChart
 
 MOST_DOTS = 500
 """Samples that are drawn one by one; of more, the lowest and the highest of each stretch."""
@@ -80,19 +80,18 @@ def chart_figure(
     title: str,
     description: str,
     names: tuple[str, str],
-    values: Sequence[float],
+    chart: JobChart,
     own: Sequence[int],
-    limit: float | None,
-    chart: RunChart | None,
 ) -> Markup:
-    """Return parts in the order of manufacture; `own` are the places of this run, `limit` is the tolerance."""
-    high = max(*values, limit or 0.0, 0.0 if chart is None else chart.upper)
+    """Return parts in the order of manufacture; `own` are the places of this run."""
+    values, limit, limits = chart.values_um, chart.upper_um, chart.limits
+    high = max(*values, limit or 0.0, 0.0 if limits is None else limits.upper)
     axes = Axes(x_range=(0.5, len(values) + 0.5), y_range=(0.0, 1.08 * high or 1.0))
     x_ticks = [x for x in ticks(1.0, max(2.0, float(len(values))), 10) if x == round(x) and x <= len(values)]
     drawn = frame(axes, names, x_ticks, ticks(*axes.y_range))
-    if chart is not None:
-        drawn.append(axes.level(chart.mean, GREY, 1.0))
-        drawn += [axes.level(each, GREY, 1.0, "2 3") for each in (chart.lower, chart.upper) if each > 0.0]
+    if limits is not None:
+        drawn.append(axes.level(limits.mean, GREY, 1.0))
+        drawn += [axes.level(each, GREY, 1.0, "2 3") for each in (limits.lower, limits.upper) if each > 0.0]
     if limit is not None:
         drawn.append(axes.level(limit, INK, 1.5, DASHED))
     points = [axes.at(place + 1.0, value) for place, value in enumerate(values)]
@@ -100,6 +99,6 @@ def chart_figure(
     for place, point in enumerate(points):
         mine = place in own
         drawn.append(circle(point, 4.0 if mine else 2.5, fill=ACCENT if mine else "#fff", stroke=INK))
-        if chart is not None and place in chart.beyond:
+        if place in chart.beyond:
             drawn.append(label((point[0], point[1] - 8.0), "!"))
     return picture(name, axes.size, title, description, *drawn)

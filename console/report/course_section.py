@@ -11,7 +11,6 @@ import numpy as np
 from console.report.course_figure import course_figure
 from console.report.drawing import figure
 from console.report.markup import Markup, element, paragraph, section, table
-from console.report.measured_section import part_words
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.report.verdict import ending_words
@@ -19,7 +18,7 @@ from console.session.data.run_reader import AlarmStory, RunEvent, Telemetry
 from console.session.data.run_rows import PROBLEMS, REASONS, recorded_problems
 from console.session.data.run_story import ACKNOWLEDGED, ENDED, POLLED, RAISED, TELEMETRY_END
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import order_words, problem_words
+from console.text.recorded_words import order_words, part_words, problem_words
 from profiles.arrays import Floats
 
 NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
@@ -69,7 +68,7 @@ def _in_part(telemetry: Telemetry, run: ReportedRun) -> InPart | None:
 
 
 def _drawn(run: ReportedRun, cut: InPart, text: Catalogue) -> Markup:
-    name, turns = part_words(cut.part, text), text("report.turns")
+    name, turns = part_words(cut.part or "part", text), text("report.turns")
     error, speed = cut.tool_error_um, cut.speed_rpm
     facts = {"part": name, "count": error.size}
     low, high = number(error.min(), 1), number(error.max(), 1)
@@ -135,7 +134,7 @@ def _alarms(run: ReportedRun, text: Catalogue) -> Markup:
         ]
         for alarm in alarms
     ]
-    return table(text("report.alarms"), head, rows, style="events")
+    return table(text("records.alarms"), head, rows, style="events")
 
 
 def _priority(alarm: AlarmStory, text: Catalogue) -> str:
@@ -146,9 +145,9 @@ def _after(run: ReportedRun, alarm: AlarmStory, text: Catalogue) -> str:
     """Return when an alarm was acknowledged, and when its cause was gone."""
     said = []
     if alarm.acknowledged is not None:
-        said.append(text("report.alarm_acknowledged", at=_time(run, alarm.acknowledged)))
+        said.append(text("alarms_page.acknowledged", at=_time(run, alarm.acknowledged)))
     if alarm.ended is not None:
-        said.append(text("report.alarm_ended", at=_time(run, alarm.ended)))
+        said.append(text("alarms_page.ended", at=_time(run, alarm.ended)))
     return ", ".join(said) or text("report.alarm_open")
 
 
@@ -161,7 +160,7 @@ def _events(run: ReportedRun, text: Catalogue) -> Markup | None:
     if not events:
         return None
     rows = [[_time(run, event.at), _name(event, text), _detail(event, text)] for event in events]
-    head = [text("report.at"), text("report.what"), text("report.detail")]
+    head = [text("fact.time"), text("report.what"), text("report.detail")]
     return table(text("report.events"), head, rows, style="events")
 
 
@@ -169,7 +168,7 @@ def _name(event: RunEvent, text: Catalogue) -> str:
     """Return what happened; of a kind that this console does not know, its name in the record."""
     data = event.data
     if event.kind == "step":
-        part, step = part_words(str(data.get("part", "")), text), str(data.get("step", ""))
+        part, step = part_words(str(data.get("part") or "part"), text), str(data.get("step", ""))
         return f"{part}: {_known('step', step, text)}"
     if event.kind == "command":
         return order_words(str(data.get("command", "")), text)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 
 from console.report.course_figure import chart_figure
 from console.report.drawing import figure
@@ -10,11 +10,12 @@ from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.session.data.run_rows import recorded_problems
+from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
 from profiles.forecast import forecast_um
-from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, capability_below, run_chart, trend
+from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, trend
 from profiles.strict_values import number_or_none
 
 
@@ -86,37 +87,35 @@ def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
 
 def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
     """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
-    points = run.points or ()
-    values = [point.ront_um for point in points]
-    if len(values) < 2:
+    points, row = run.points or (), run.story.row
+    if len(points) < 2:
         return None
-    own = [place for place, point in enumerate(points) if point.run_id == run.story.row.run_id]
-    limits = run_chart(values)
-    tolerance_um = points[-1].tolerance_um
-    caption = text("report.chart_caption", count=len(values), limit=um(tolerance_um))
-    names = (text("report.chart_axis"), "RONt, µm")
-    drawing = chart_figure("run-chart", text("report.chart"), caption, names, values, own, tolerance_um, limits)
-    return section(
-        "chart", text("report.chart"), figure(drawing, caption), listed(_statistics(values, tolerance_um, text))
-    )
+    found = job_chart(JobParts(job=row.job, strategy=row.strategy, points=points), Figure.RONT)
+    own = [place for place, point in enumerate(points) if point.run_id == row.run_id]
+    caption = text("report.chart_caption", count=len(points), limit=um(found.upper_um))
+    names = (text("part.part"), "RONt, µm")
+    drawing = chart_figure("run-chart", text("report.chart"), caption, names, found, own)
+    return section("chart", text("report.chart"), figure(drawing, caption), listed(_statistics(found, text)))
 
 
-def _statistics(values: Sequence[float], tolerance_um: float | None, text: Catalogue) -> Iterator[str]:
-    limits = run_chart(values)
+def _statistics(found: JobChart, text: Catalogue) -> Iterator[str]:
+    limits = found.limits
     if limits is None:
-        yield text("report.chart_few", count=len(values), least=LEAST_CHART)
+        yield text("report.chart_few", count=found.alike, least=LEAST_CHART)
     else:
         lower, upper = um(max(limits.lower, 0.0)), um(limits.upper)
         yield text("report.chart_limits", mean=um(limits.mean), lower=lower, upper=upper)
         yield text("report.chart_beyond", count=len(limits.beyond))
-    slope = trend(values)
+    if found.begins:
+        yield text("records_page.chart.alike", count=found.alike)
+    slope = trend(found.values_um[found.begins :])
     if slope is not None:
         key = "report.trend" if slope.significant else "report.no_trend"
         yield text(key, slope=f"{slope.per_part:+z.3f}", half=number(slope.half_width, 3))
-    able = None if tolerance_um is None else capability_below(values, tolerance_um)
+    able = found.capability
     if able is None:
-        yield text("report.no_capability", least=LEAST_PARTS)
+        facts = {"count": found.alike, "least": LEAST_PARTS, "beyond": len(found.beyond)}
+        yield f"Cpk: {text(f'records_page.chart.claim.{found.no_claim}', **facts)}"
     else:
-        facts = {"cpk": able.cpk, "low": able.cpk_low, "high": able.cpk_high}
-        shown = {key: number(value, 2) for key, value in facts.items()}
-        yield text("report.capability", parts=able.parts, **shown)
+        shown = {"cpk": able.cpk, "low": able.cpk_low, "high": able.cpk_high}
+        yield text("report.capability", parts=able.parts, **{k: number(v, 2) for k, v in shown.items()})

@@ -25,13 +25,13 @@ from console.report.drawing import (
     picture,
     step_125,
 )
-from console.report.evaluated import EvaluatedPart, Evaluation
 from console.report.markup import Markup, element, listed, paragraph, section, table
 from console.report.quantities import NOTHING, exact, mm, number, um
-from console.report.reported_run import ReportedRun
+from console.report.reported_run import ReportedPart, ReportedRun
 from console.report.verdict import SIGNS, Judgement
+from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import is_plain
+from console.text.recorded_words import is_plain, part_words
 from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
@@ -68,7 +68,7 @@ def _how(run: ReportedRun, text: Catalogue) -> Markup | None:
     state = text(f"state.{result.state}") if result.state in ("free", "clamped", "unknown") else result.state
     upr = NOTHING if result.filter_upr is None else exact(result.filter_upr)
     how = text("report.how_evaluated", upr=upr, state=state, points=result.points)
-    lines = [how, *(text.problem(each) for each in shown.found.warnings)]
+    lines = [how, *(text.problem(each) for each in (*shown.found.warnings, *result.warnings))]
     if shown.recorded.trace_name:
         lines.append(text("report.imported", name=shown.recorded.trace_name))
     return listed(lines)
@@ -79,6 +79,7 @@ REFERENCE, DIVISION = 76.0, 27.0
 DIVISIONS = 2
 RIM = REFERENCE + DIVISIONS * DIVISION
 SCALE_DEG = -78.0
+DRAWN_POINTS = 720  # some fourteen for each undulation that the filter passes
 LEAST_STEP_UM = 0.1  # a part is not shown rounder than it can be measured
 
 
@@ -184,9 +185,9 @@ def _plots(run: ReportedRun, text: Catalogue) -> Markup | None:
     if product is None:
         if before is None or not measured_before:
             return None
-        alone = Profile(angle_deg=before.angle_deg, deviation_um=before.deviation_um, bold=False)
+        alone = before
         return _plot("before", [alone], _marks(run, run.before, None), text, text("report.plot_before_only"))
-    mine = Profile(angle_deg=product.angle_deg, deviation_um=product.profile_um, bold=True)
+    mine = _drawn(product)
     marks = _marks(run, run.product, mine)
     magnified = _plot("alone", [mine], marks, text, text("report.plot_alone"))
     if before is None:
@@ -216,12 +217,20 @@ def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
     if run.before is not None and run.before.found is not None:
         found = run.before.found
         by_deg = 0.0 if jaw_1_deg is None or found.jaw_1_deg is None else jaw_1_deg - found.jaw_1_deg
-        return Profile(angle_deg=found.angle_deg + by_deg, deviation_um=found.profile_um, bold=False), True
+        return _drawn(found, by_deg, bold=False), True
     if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
         return None, False
     if is_plain(run.story.row.strategy):
         return None, False
     return _stated(run.job, jaw_1_deg), False
+
+
+def _drawn(found: EvaluatedPart, by_deg: float = 0.0, *, bold: bool = True) -> Profile:
+    """Return the profile of a part, turned by an angle, with as many points as are drawn."""
+    angle_deg = found.turn.angle_deg
+    order = np.argsort(np.mod(angle_deg, 360.0), kind="stable")
+    kept = order[:: max(1, math.ceil(order.size / DRAWN_POINTS))]
+    return Profile(angle_deg=angle_deg[kept] + by_deg, deviation_um=found.profile_um[kept], bold=bold)
 
 
 def _stated(job: Job, jaw_1_deg: float) -> Profile:
@@ -230,7 +239,7 @@ def _stated(job: Job, jaw_1_deg: float) -> Profile:
     return Profile(angle_deg=_TURN_DEG, deviation_um=free_state_lobe(job).at_um(turned), bold=False)
 
 
-def _marks(run: ReportedRun, part: EvaluatedPart | None, mine: Profile | None) -> Marks:
+def _marks(run: ReportedRun, part: ReportedPart | None, mine: Profile | None) -> Marks:
     tolerance_um = part.recorded.tolerance_um if part is not None else None
     jaws = 0 if run.job is None else run.job.jaws
     return Marks(
@@ -240,7 +249,7 @@ def _marks(run: ReportedRun, part: EvaluatedPart | None, mine: Profile | None) -
     )
 
 
-def _pair(run: ReportedRun) -> list[tuple[str, EvaluatedPart, Evaluation]]:
+def _pair(run: ReportedRun) -> list[tuple[str, ReportedPart, EvaluatedPart]]:
     """Return the parts of the columns, with the word of each."""
     chosen = (("before", run.before), ("after", run.product))
     return [(word, part, part.found) for word, part in chosen if part is not None and part.found is not None]
@@ -250,7 +259,7 @@ def _figures(run: ReportedRun, text: Catalogue) -> Markup | None:
     pair = _pair(run)
     if not pair:
         return None
-    head = [text("report.figure_um"), *(text(f"report.{word}") for word, _, _ in pair)]
+    head = [text("report.figure_um"), *(text(f"part.{word}") for word, _, _ in pair)]
     rows = [
         [f"RONt {kind}", *(number(found.result.circle(kind).ront_um, 3) for _, _, found in pair)]
         for kind in CIRCLES
@@ -268,12 +277,12 @@ def _diameters(run: ReportedRun, text: Catalogue) -> Markup | None:
     part = run.product
     if part is None or part.recorded.diameter_mm is None:
         return paragraph(text("report.no_diameter")) if part is not None else None
-    diameter, off_um = mm(part.recorded.diameter_mm), run.diameter_off_um
+    diameter, off_um = mm(part.recorded.diameter_mm), part.recorded.off_nominal_um
     if off_um is None:
         return paragraph(text("report.diameter", diameter=diameter))
     facts = {"diameter": diameter, "nominal": mm(part.recorded.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
     limit_um = part.recorded.diameter_tolerance_um
-    passes = run.diameter_passes
+    passes = None if part.recorded.passed is None else part.recorded.is_of_size
     if limit_um is None or passes is None:
         return paragraph(text("report.diameter_free", **facts))
     sign = SIGNS[Judgement.GOOD if passes else Judgement.BAD]
@@ -337,7 +346,7 @@ def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
     last = pair[-1][2]
     head = [
         text("report.order"),
-        *(text("report.pp_of", part=text(f"report.{word}")) for word, _, _ in pair),
+        *(text("report.pp_of", part=text(f"part.{word}")) for word, _, _ in pair),
         text("report.past_jaw" if last.jaw_1_deg is not None else "report.phase"),
     ]
     rows = [
@@ -352,7 +361,7 @@ def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
     return element("div", figure(drawing, caption), said)
 
 
-def _phase(found: Evaluation, n: int) -> str:
+def _phase(found: EvaluatedPart, n: int) -> str:
     harmonic = next(each for each in found.result.harmonics if each.n == n)
     phase_deg = harmonic.phase_deg
     if found.jaw_1_deg is not None:
@@ -367,10 +376,10 @@ def _all_parts(run: ReportedRun, text: Catalogue) -> Markup | None:
     parts = [(part.recorded, "") for part in run.parts]
     if not again and all(part in (run.before, run.product) for part in run.parts):
         return None
-    head = [text("report.part_name"), text("report.ront_um"), text("report.lobe_um"), text("report.diameter_mm")]
+    head = [text("part.part"), text("report.ront_um"), text("report.lobe_um"), text("report.diameter_mm")]
     rows = [
         [
-            " · ".join(filter(None, (part_words(part.part, text), note))),
+            " · ".join(filter(None, (part_words(part.part or "part", text), note))),
             number(part.ront_um, 3),
             number(part.lobe_um_pp, 3),
             number(part.diameter_mm, 4),
@@ -388,28 +397,19 @@ def _passed(passed: bool | None, text: Catalogue) -> str:
     return f"{sign} {text('report.good' if passed else 'report.bad')}"
 
 
-def part_words(name: str, text: Catalogue) -> str:
-    """Return the name of a part in this language: "part 2"."""
-    if not name:
-        return text("part.part")
-    word, _, number_of = name.partition(" ")
-    said = text(f"part.{word}")
-    return " ".join((word if said == f"part.{word}" else said, number_of)).strip()
-
-
 def _checks(run: ReportedRun, text: Catalogue) -> Markup:
     """Return whether each trace gives what was recorded."""
     lines = []
     for part in run.parts:
-        name = part_words(part.recorded.part, text)
+        name = part_words(part.recorded.part or "part", text)
         if part.recorded.trace is None:
             lines.append(text("report.check_no_trace", part=name, value=um(part.recorded.ront_um)))
         elif part.found is None:
             why = "; ".join(text.problem(each) for each in part.problems)
             lines.append(text("report.check_unusable", part=name, why=why))
-        elif part.differing:
+        elif differing := part.found.differing:
             facts = {"recorded": um(part.recorded.ront_um), "found": um(part.found.result.ront_um)}
-            lines.append(text("report.check_differs", part=name, figures=", ".join(part.differing), **facts))
+            lines.append(text("report.check_differs", part=name, figures=", ".join(differing), **facts))
         else:
             lines.append(text("report.check_same", part=name))
         if not part.same_trace:

@@ -133,12 +133,12 @@ def _head(run: ReportedRun, text: Catalogue) -> Markup:
     """Return who, what and when, and the verdict."""
     row = run.story.row
     rows = [
-        (text("report.job"), row.job),
-        (text("report.part"), _part(run, text)),
-        (text("report.machine"), row.machine),
-        (text("report.operator"), row.operator or text("report.not_recorded")),
+        (text("fact.job"), row.job),
+        (text("part.part"), _part(run, text)),
+        (text("fact.machine"), row.machine),
+        (text("fact.operator"), row.operator or text("report.not_recorded")),
         (text("report.started"), date_in(run.zone, row.started)),
-        (text("report.run_id"), row.run_id),
+        (text("fact.run_id.report"), row.run_id),
     ]
     found = verdict(run, text)
     sign = f"{SIGNS[found.judgement]} {text(f'report.verdict.{found.judgement}')}"

@@ -36,12 +36,6 @@ def mm(value: object) -> str:
     return with_unit(value, MM_DIGITS, "mm")
 
 
-def deg(value: object) -> str:
-    """Return an angle in degrees."""
-    shown = number(value, DEG_DIGITS)
-    return shown if shown == NOTHING else f"{shown}°"
-
-
 def exact(value: float, unit: str = "") -> str:
     """Return a number as it was typed, with its unit; one that was computed has more digits, and is rounded."""
     shown = f"{value:.12g}"

@@ -5,30 +5,24 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from console.report.markup import Markup, element, facts_table, listed, paragraph, plain, section
-from console.report.measured_section import part_words
 from console.report.quantities import DEG_DIGITS, MM_DIGITS, UM_DIGITS
 from console.report.reported_run import ReportedRun
-from console.report.request_sections import program_hash
+from console.session.data.run_facts import origin_facts
 from console.session.data.run_reader import How
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import Layout, fact_rows, part_words
 from profiles.job_labels import hash_of_job
 
 
 def provenance(run: ReportedRun, text: Catalogue) -> Markup:
     """Return versions and hashes, by which everything can be found again, and how numbers are rounded."""
     story = run.story
-    unknown = text("report.not_recorded")
     rows = [
-        (text("report.run_id"), story.row.run_id),
-        (text("report.software"), f"{story.software}, Python {story.python or unknown}"),
-        (text("report.controller"), f"{story.controller or unknown} ({story.family or unknown})"),
-        (text("report.job_hash"), story.job_sha256),
-        (text("report.machine_hash"), story.machine_sha256),
-        (text("report.program_hash"), program_hash(story.program)),
+        *fact_rows(origin_facts(story), text, Layout.REPORT),
         *(
-            (text("report.trace_hash", part=part_words(part.recorded.part, text)), part.recorded.trace_sha256)
-            for part in run.parts
-            if part.recorded.trace_sha256
+            (text("report.trace_hash", part=part_words(part.part or "part", text)), part.trace_sha256)
+            for part in (each.recorded for each in run.parts)
+            if part.trace_sha256
         ),
     ]
     digits = text("report.digits", um=10**-UM_DIGITS, mm=10**-MM_DIGITS, deg=10**-DEG_DIGITS)
@@ -80,9 +74,9 @@ def missing_lines(run: ReportedRun, text: Catalogue) -> Iterator[str]:  # noqa: 
         yield text("report.no_end")
     for part in run.parts:
         if part.recorded.trace is None:
-            yield text("report.no_trace", part=part_words(part.recorded.part, text))
+            yield text("report.no_trace", part=part_words(part.recorded.part or "part", text))
         elif part.doubtful:
-            yield text("report.trace_doubtful", part=part_words(part.recorded.part, text))
+            yield text("report.trace_doubtful", part=part_words(part.recorded.part or "part", text))
     for problem in run.job_problems:
         yield text.problem(problem)
     if run.points is None:

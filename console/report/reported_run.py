@@ -2,22 +2,60 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import hashlib
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
 from typing import Any
 
-from console.report.evaluated import EvaluatedPart, evaluated
-from console.session.data.run_reader import PartPoint, RecordedPart, RunStory
+from console.session.data.run_reader import PartPoint, RecordedPart, RunRow, RunStory
+from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
 from console.session.learning.run_debrief import RunDebrief
 from console.session.stages import Stage
-from profiles.files import parse_toml
-from profiles.job import Job, job_from_table
+from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
 BEFORE = "before"
 MOST_POINTS = 60
 """Parts of a run chart: more would not be told apart on paper."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReportedPart:
+    """A part of a run; `found` is None without a trace, or with `problems` that prevent an evaluation.
+
+    `same_trace` is whether the trace has its recorded hash.
+    """
+
+    recorded: RecordedPart
+    found: EvaluatedPart | None = None
+    problems: tuple[Problem, ...] = ()
+    same_trace: bool = True
+
+    @property
+    def doubtful(self) -> bool:
+        """Whether record and trace contradict each other."""
+        differs = self.found is not None and bool(self.found.differing)
+        return bool(differs or self.problems) or not self.same_trace
+
+    @property
+    def jaw_1_deg(self) -> float | None:
+        """Angle of jaw 1 in the trace, None where it is unknown."""
+        return None if self.found is None else self.found.jaw_1_deg
+
+
+def _reported(part: RecordedPart, setup: Mapping[str, Any]) -> ReportedPart:
+    if part.trace is None:
+        return ReportedPart(recorded=part)
+    same = part.trace_sha256 in (None, hashlib.sha256(part.trace).hexdigest())
+    found, problems = None, tuple[Problem, ...]()
+    try:
+        found = evaluated_part(part, setup, "result", "profile_um")
+    except ProfileError as refused:
+        problems = tuple(refused.problems)
+    except ValueError as refused:  # a header that no console has written
+        problems = (Problem(code="trace.header_value", value=str(refused)),)
+    return ReportedPart(recorded=part, found=found, problems=problems, same_trace=same)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,54 +71,29 @@ class ReportedRun:
     story: RunStory
     job: Job | None
     job_problems: tuple[Problem, ...]
-    parts: tuple[EvaluatedPart, ...]
+    parts: tuple[ReportedPart, ...]
     again: tuple[RecordedPart, ...]
     points: tuple[PartPoint, ...] | None
     zone: tzinfo | None
     debrief: RunDebrief | None = None
 
     @property
-    def product(self) -> EvaluatedPart | None:
+    def product(self) -> ReportedPart | None:
         """The newest part that the run was for; None where it was not measured."""
         return next((part for part in reversed(self.parts) if part.recorded.product), None)
 
     @property
-    def before(self) -> EvaluatedPart | None:
+    def before(self) -> ReportedPart | None:
         """The part cut without compensation, for comparison; None without one."""
         return next((p for p in self.parts if p.recorded.part == BEFORE and not p.recorded.product), None)
 
     @property
-    def setup(self) -> dict[str, Any]:
-        """Forces and alignment of the cut; of a run of an older console from the event that armed it."""
-        if self.story.setup:
-            return dict(self.story.setup)
-        return next((dict(event.data) for event in self.story.events if event.kind == "armed"), {})
-
-    @property
-    def diameter_passes(self) -> bool | None:
-        """Whether the mean diameter of the product is within its tolerance; None where that is not judged."""
-        off_um = self.diameter_off_um
-        if off_um is None or self.product is None or self.product.recorded.passed is None:
-            return None
-        most_um = self.product.recorded.diameter_tolerance_um
-        return None if most_um is None else abs(off_um) <= most_um
-
-    @property
-    def diameter_off_um(self) -> float | None:
-        """How much the product is larger than its nominal diameter, um; None where either is not known."""
-        recorded = None if self.product is None else self.product.recorded
-        if recorded is None or recorded.diameter_mm is None or recorded.nominal_diameter_mm is None:
-            return None
-        return 1000.0 * (recorded.diameter_mm - recorded.nominal_diameter_mm)
-
-    @property
     def contradicts_itself(self) -> bool:
         """Whether the product's recorded judgement does not follow from its recorded figures."""
-        recorded = None if self.product is None else self.product.recorded
-        if recorded is None or recorded.passed is None or recorded.tolerance_um is None:
+        part = self.story.product
+        if part is None or part.passed is None or part.tolerance_um is None:
             return False
-        good = recorded.ront_um <= recorded.tolerance_um and self.diameter_passes is not False
-        return good is not recorded.passed
+        return part.is_good is not part.passed
 
 
 def reported_run(
@@ -90,37 +103,26 @@ def reported_run(
     debrief: RunDebrief | None = None,
 ) -> ReportedRun:
     """Return a run for its report; `points` are the measured parts of its job, oldest first, None unreadable."""
-    job, problems = _job_of(story)
+    job, problems = None, tuple[Problem, ...]()
+    try:
+        job = story.read_job()
+    except ProfileError as refused:
+        problems = tuple(refused.problems)
     last = {part.part: part.number for part in story.parts}
-    jaw_1_deg = _jaw_of(story)
     return ReportedRun(
         story=story,
         job=job,
         job_problems=problems,
-        parts=tuple(evaluated(part, jaw_1_deg) for part in story.parts if last[part.part] == part.number),
+        parts=tuple(_reported(part, story.setup) for part in story.parts if last[part.part] == part.number),
         again=tuple(part for part in story.parts if last[part.part] != part.number),
-        points=None if points is None else _up_to(story.row.run_id, points),
+        points=None if points is None else _up_to(story.row, points),
         zone=zone,
         debrief=debrief,
     )
 
 
-def _job_of(story: RunStory) -> tuple[Job | None, tuple[Problem, ...]]:
-    if story.job_text is None:
-        return None, ()
-    try:
-        return job_from_table(parse_toml(story.job_text.encode("utf-8", "replace"), "")), ()
-    except ProfileError as refused:
-        return None, tuple(refused.problems)
-
-
-def _jaw_of(story: RunStory) -> float | None:
-    stated = story.setup.get("jaw_1_deg")
-    return float(stated) if isinstance(stated, int | float) and not isinstance(stated, bool) else None
-
-
-def _up_to(run_id: str, points: Sequence[PartPoint]) -> tuple[PartPoint, ...]:
-    """Return whole parts up to those of a run; none where it has none, such as a part that was never judged."""
-    whole = [point for point in points if point.stage in (None, Stage.FULL)]
-    last = max((place for place, point in enumerate(whole) if point.run_id == run_id), default=-1)
+def _up_to(row: RunRow, points: Sequence[PartPoint]) -> tuple[PartPoint, ...]:
+    """Return whole parts of a run's strategy, up to those of the run; none where it has none, as never judged."""
+    whole = [each for each in points if each.stage in (None, Stage.FULL) and each.strategy == row.strategy]
+    last = max((place for place, point in enumerate(whole) if point.run_id == row.run_id), default=-1)
     return tuple(whole[: last + 1][-MOST_POINTS:])

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping
 
 from console.report.markup import Markup, facts_table, joined, listed, paragraph, section
-from console.report.quantities import deg, exact, mm, with_unit
+from console.report.quantities import exact
 from console.report.reported_run import ReportedRun
+from console.session.data.run_facts import program_sha256, setup_facts
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import stage_words
+from console.text.recorded_words import Layout, fact_rows, stage_words
 from profiles.job import JOB_FIELDS, NO_LOBE, Job
 
 PART = ("material", "diameter_mm", "wall_thickness_mm", "overhang_mm", "jaws")
@@ -68,7 +68,7 @@ def _rows(job: Job, keys: tuple[str, ...], text: Catalogue) -> list[tuple[str, s
             continue
         shown = value if isinstance(value, str) else exact(value, _UNITS[key])
         assumed = f" ({text('report.assumed')})" if key in job.assumed else ""
-        rows.append((text(f"report.field.{key}"), shown + assumed))
+        rows.append((text.either(f"report.field.{key}", f"setup.{key}"), shown + assumed))
     return rows
 
 
@@ -81,17 +81,10 @@ def _lobe(job: Job, text: Catalogue) -> list[tuple[str, str]]:
 
 def set_up(run: ReportedRun, text: Catalogue) -> Markup:
     """Return the alignment and the forces of the cut, and when each was taken."""
-    setup, title = run.setup, text("report.set")
+    setup, title = run.story.setup_as_armed, text("report.set")
     if not setup:
         return section("set", title, paragraph(text("report.no_setup")))
-    rows = [
-        (
-            text("report.set_force"),
-            _stamped(with_unit(setup.get("force_n"), 1, "N"), setup.get("clamped_at"), text),
-        ),
-        (text("report.set_jaw"), _stamped(deg(setup.get("jaw_1_deg")), setup.get("jaw_1_at"), text)),
-        (text("report.set_zero"), _stamped(mm(setup.get("zero_radius_mm")), setup.get("touch_off_at"), text)),
-    ]
+    rows = fact_rows(setup_facts(run.story), text, Layout.REPORT)
     aligned = setup.get("aligned")
     if isinstance(aligned, bool):
         rows.append((text("report.set_origin"), text("report.aligned" if aligned else "report.from_files")))
@@ -106,10 +99,6 @@ def set_up(run: ReportedRun, text: Catalogue) -> Markup:
         facts_table(text("report.set_table"), rows),
         joined([paragraph(text("report.set_warnings")), listed(said)]) if said else None,
     )
-
-
-def _stamped(value: str, at: object, text: Catalogue) -> str:
-    return text("report.taken_at", value=value, at=str(at)) if at else value
 
 
 def _items(value: object) -> list[tuple[object, object]]:
@@ -127,17 +116,17 @@ def sent(run: ReportedRun, text: Catalogue) -> Markup:
         learned = text("report.nothing_learned")
     else:
         learned = text("report.version", version=version)
-    inverted = run.setup.get("inverted")
+    inverted = run.story.setup_as_armed.get("inverted")
     lines = len(story.program.splitlines())
     rows = [
-        (text("report.strategy"), text(f"strategy.{row.strategy}.named")),
+        (text("fact.strategy"), text(f"strategy.{row.strategy}.named")),
         (text("report.stage"), stage),
         (text("report.compensation"), learned),
         (text("report.inverted"), _inverted(inverted, text)),
-        (text("report.controller"), story.controller or text("report.not_recorded")),
-        (text("report.address"), _address(run.setup.get("address"), text)),
+        (text("fact.controller"), story.controller or text("report.not_recorded")),
+        (text("report.address"), _address(run.story.setup_as_armed.get("address"), text)),
         (text("report.program"), text("report.program_size", count=lines)),
-        (text("report.program_hash"), program_hash(story.program)),
+        (text("fact.program_hash"), program_sha256(story.program)),
     ]
     several = sum(part.recorded.product for part in run.parts) > 1
     return section(
@@ -158,8 +147,3 @@ def _address(address: object, text: Catalogue) -> str:
     if address is None:
         return text("report.not_recorded")
     return str(address) or text("report.own_process")
-
-
-def program_hash(program: str) -> str:
-    """Return the SHA-256 of a program."""
-    return hashlib.sha256(program.encode("utf-8", "surrogatepass")).hexdigest()

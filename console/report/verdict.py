@@ -69,9 +69,9 @@ def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
     recorded = product.recorded
     if recorded.tolerance_um is not None:
         value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
-        key = "report.why.round" if recorded.ront_um <= recorded.tolerance_um else "report.why.not_round"
+        key = "report.why.round" if recorded.is_round else "report.why.not_round"
         yield text(key, value=value, limit=limit)
-    passes, off_um, limit_um = run.diameter_passes, run.diameter_off_um, recorded.diameter_tolerance_um
+    passes, off_um, limit_um = recorded.is_of_size, recorded.off_nominal_um, recorded.diameter_tolerance_um
     if passes is not None and off_um is not None and limit_um is not None:
         value, limit = against_limit(abs(off_um), limit_um)
         key = "report.why.diameter" if passes else "report.why.not_diameter"

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import replace
+from datetime import datetime
+from enum import StrEnum
 from typing import TYPE_CHECKING
 
 from console.session.stages import Stage
@@ -14,7 +16,9 @@ from profiles.files import printable
 from profiles.problem import Problem
 
 if TYPE_CHECKING:
+    from console.session.data.run_facts import RunFact
     from console.session.data.run_rows import Ending
+    from console.session.data.run_story import AlarmStory, RunEvent
 
 COMMANDS = {each.__name__: each.logged for each in Command.__subclasses__()}
 """Every command by its name, and whether it is an order of the operator."""
@@ -86,3 +90,75 @@ def part_words(name: str, text: Catalogue) -> str:
     word, _, number = name.partition(" ")
     said = text(f"part.{word}")
     return " ".join((word if said == f"part.{word}" else said, number)).strip()
+
+
+class Layout(StrEnum):
+    """Where a fact of a run is shown."""
+
+    PAGE = "page"
+    COMMAND = "command"
+    REPORT = "report"
+
+
+_DIGITS = {"N": (1, 0, 1), "deg": (2, 2, 2), "mm": (3, 3, 4)}
+"""Of a fact by its kind, in the order of the layouts."""
+
+SHORT_HASH = 16
+
+
+def fact_rows(facts: Iterable[RunFact], text: Catalogue, layout: Layout) -> list[tuple[str, str]]:
+    """Return name and value of each fact; one that is not recorded is told in the report, and else left out."""
+    rows = [(fact_name(each, text, layout), fact_words(each, text, layout)) for each in facts]
+    unknown = text("report.not_recorded") if layout is Layout.REPORT else ""
+    return [(name, value or unknown) for name, value in rows if value or unknown]
+
+
+def fact_name(fact: RunFact, text: Catalogue, layout: Layout) -> str:
+    """Return what a layout calls a fact."""
+    return text.either(f"fact.{fact.key}.{layout}", f"fact.{fact.key}")
+
+
+def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:
+    """Return the value of a fact with its unit, when it was taken, and what is noted of it; "" for none."""
+    value = fact.value
+    if isinstance(value, str):
+        shown = value[:SHORT_HASH] if fact.kind == "hash" and layout is Layout.COMMAND else printable(value, 100)
+    elif value is None:
+        shown = ""
+    else:
+        digits = _DIGITS[fact.kind][[*Layout].index(layout)]
+        if fact.kind == "mm" and layout is Layout.PAGE:
+            shown = f"R {text.units.show(value, 'mm', digits)}"
+        else:
+            shown = f"{value:z.{digits}f} {fact.kind}"
+            shown = shown if layout is Layout.COMMAND else shown.replace(" deg", "°")
+    if shown and fact.at:
+        at = printable(fact.at, 20)
+        shown = text("report.taken_at", value=shown, at=at) if layout is Layout.REPORT else f"{shown} ({at})"
+    return " · ".join(filter(None, (shown, *(text(each) for each in fact.notes))))
+
+
+def story_command_words(event: RunEvent, text: Catalogue) -> str:
+    """Return a recorded command with its values, and who gave it."""
+    data = event.data
+    plain = {k: v for k, v in data.items() if k not in ("command", "by") and not isinstance(v, list | dict)}
+    values = printable(", ".join(f"{key} {value}" for key, value in plain.items()), LONGEST)
+    by = printable(str(data.get("by") or ""), 30)
+    return "  ".join(filter(None, (command_words(str(data.get("command", "")), text), values, by)))
+
+
+def story_alarm_words(alarm: AlarmStory, text: Catalogue) -> str:
+    """Return a recorded alarm with when it was acknowledged, and when it ended."""
+    stamps = {"acknowledged": alarm.acknowledged, "ended": alarm.ended}
+    told = [f"({text(f'alarms_page.{name}', at=clock(at))})" for name, at in stamps.items() if at is not None]
+    return " ".join([text.problem(alarm.problem), *told])
+
+
+def local(date: datetime) -> str:
+    """Return a date in local time, to the minute; a dash for a damaged one."""
+    return "–" if date.year < 2 else date.astimezone().strftime("%Y-%m-%d %H:%M")
+
+
+def clock(date: datetime) -> str:
+    """Return the time of a date, local, to the second; a dash for a damaged one."""
+    return "–" if date.year < 2 else date.astimezone().strftime("%H:%M:%S")

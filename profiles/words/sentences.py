@@ -55,6 +55,10 @@ class Sentences:
             return " ".join([key, *(f"{name}={value}" for name, value in fields.items())])
         return entry.format(**{**self._always, **fields})
 
+    def either(self, key: str, other: str, /, **fields: object) -> str:
+        """Return the sentence of `key`, that of the `other` where there is none."""
+        return self(key if key in self._entries else other, **fields)
+
     def problem(self, problem: _Facts) -> str:
         """Return one line that names what, where, value, limit and remedy."""
         key = f"problem.{problem.code}.{problem.key}"

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.session.data.made_parts import MadeWith, made_with, parts_made
+from console.session.data.measured_part import CutPart, MadeWith, made_with, parts_made
 from console.session.learning.part_learning import learning_of
 from console.session.station.commands import (
     Adjust,
@@ -383,7 +383,7 @@ def test_a_part_that_was_changed_teaches_nothing_and_says_what_it_was(tmp_path: 
     assert made_with({}, made.header(), []).changed == "gain +1 %"
     machine, loaded = load_machine("lee-2001-lathe"), load_job("lee-2001-experiment-1")
     trace = Trace(angle_deg=np.arange(0.0, 360.0), deviation_um=np.zeros(360), meta={})
-    found = learning_of(loaded, loaded.job.name, made, trace, machine, tmp_path)
+    found = learning_of(loaded, loaded.job.name, CutPart(made=made), trace, machine, tmp_path)
     assert [(problem.code, problem.value) for problem in found.reasons] == [
         ("learned.changed_in_cut", "gain +1 %")
     ]

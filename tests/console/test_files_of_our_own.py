@@ -20,7 +20,7 @@ from console.session.data.calibrations import Calibration
 from console.session.data.history import last_results
 from console.session.data.kept_files import data_folder
 from console.session.data.learned_store import asked_for
-from console.session.data.made_parts import cuts_of, parts_made
+from console.session.data.measured_part import cuts_of, parts_made
 from console.session.data.records import RunRecord
 from drivers.errors import DriverError
 from drivers.pmac.dialect import DIALECTS

@@ -13,13 +13,12 @@ import numpy as np
 import pytest
 
 from console.__main__ import main
-from console.report.evaluated import evaluated as evaluated_for_report
 from console.session.data.run_reader import RecordedPart
+from console.session.learning.evaluated_part import evaluated_part
 from console.session.learning.imported import examined
 from console.session.station.state import MeasuredPart, StationState
 from console.tui.inspecting.comparison import compared
 from console.tui.pages.inspect_lines import phase_from_jaw_deg
-from console.tui.records.opened_run import _traced
 from drivers.cutting.strategy import Strategy
 from profiles.store import load_job
 
@@ -85,13 +84,14 @@ def recorded(content: bytes, jaw_1_deg: float) -> RecordedPart:
 @pytest.mark.parametrize("direction", ["cw", "ccw"])
 def test_report_and_records_count_from_jaw_1(direction: str, tmp_path: Path) -> None:
     part = recorded(file(tmp_path, direction).read_bytes(), 261.65)
-    printed = evaluated_for_report(part, 261.65).found
+    printed = evaluated_part(part, {})
     assert printed is not None and printed.jaw_1_deg is not None
     way = -1.0 if direction == "ccw" else 1.0
-    near(way * (float(printed.angle_deg[int(np.argmax(printed.profile_um))]) - printed.jaw_1_deg))
-    (trace,) = _traced(part, {})
+    near(way * (float(printed.turn.angle_deg[int(np.argmax(printed.profile_um))]) - printed.jaw_1_deg))
+    trace = evaluated_part(part, {}, on_spindle=True)
+    assert trace is not None
     assert trace.jaw_1_deg == 261.65
-    near(float(trace.angle_deg[int(np.argmax(trace.profile_um))]) - trace.jaw_1_deg)
+    near(float(trace.turn.angle_deg[int(np.argmax(trace.profile_um))]) - trace.jaw_1_deg)
 
 
 @pytest.mark.parametrize("direction", ["cw", "ccw"])
@@ -103,3 +103,13 @@ def test_the_command_counts_from_jaw_1(
     listed = json.loads(capsys.readouterr().out)
     (lobe,) = (each for each in listed["harmonics"] if each["n"] == 3)
     assert lobe["past_jaw_1_deg"] == pytest.approx(PAST_DEG, abs=0.01)
+
+
+def test_the_report_counts_from_jaw_1_of_the_part_as_records_does(tmp_path: Path) -> None:
+    """Jaw 1 is where it was for the cut of the part, whatever the set-up of its run has."""
+    part, setup = recorded(file(tmp_path, "cw").read_bytes(), 261.65), {"jaw_1_deg": 12.63}
+    printed, shown = evaluated_part(part, setup), evaluated_part(part, setup, on_spindle=True)
+    assert printed is not None and shown is not None and shown.jaw_1_deg == 261.65
+    found = [each.past_jaw_1_deg(printed.jaw_1_deg or 0.0) for each in printed.result.harmonics if each.n == 3]
+    on_spindle = [each.past_jaw_1_deg(261.65) for each in shown.result.harmonics if each.n == 3]
+    assert found == pytest.approx(on_spindle, abs=1e-6)

@@ -15,7 +15,7 @@ from console.cli.commands import build
 from console.cli.machine.run_cut import learn_hint, tell_cut_with
 from console.cli.machine.run_request import requested
 from console.session.data.learned_store import asked_for, store
-from console.session.data.made_parts import MadeWith, made_with
+from console.session.data.measured_part import MadeWith, made_with
 from console.session.errors import SessionError
 from console.session.stages import nominal_path
 from console.text.catalogue import load

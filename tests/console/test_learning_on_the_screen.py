@@ -12,7 +12,7 @@ import pytest
 
 from console.session.cut.simulated_parts import next_part
 from console.session.data.learned_store import asked_for, store
-from console.session.data.made_parts import cuts_of, parts_made
+from console.session.data.measured_part import CutPart, cuts_of, parts_made
 from console.session.errors import SessionError
 from console.session.learning.part_learning import PartLearning, accept, learning_of, revert
 from console.session.stages import Stage, nominal_path
@@ -253,7 +253,7 @@ def test_a_part_that_teaches_nothing_says_why(shop: Shop, change: dict[str, Any]
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3.0 * angle_deg)), meta={"simulated": "yes"})
     armed = shop.armed(**change)
-    found = learning_of(armed.loaded, armed.job.name, armed.made, trace, shop.machine, shop.data)
+    found = learning_of(armed.loaded, armed.job.name, CutPart(made=armed.made), trace, shop.machine, shop.data)
     assert found.taught is None and [problem.code for problem in found.problems] == [code]
     with pytest.raises(SessionError, match=code.replace(".", r"\.")):
         accept(found, shop.data)

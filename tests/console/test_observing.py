@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from console.session.cut.alignment import JawAngle, TouchOff, clamping_of, problems
-from console.session.data.made_parts import MadeWith
+from console.session.data.measured_part import MadeWith
 from console.session.station.commands import (
     ApplyGains,
     Approach,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -12,6 +13,7 @@ import pytest
 
 from console.report.page import report_page
 from console.report.reported_run import reported_run
+from console.session.data import run_facts
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunStory
 from console.session.data.run_rows import problem_events
@@ -143,3 +145,39 @@ def test_the_log_has_the_name_under_which_a_job_is_stored_and_no_refused_entry()
     said = [entry_words(entry, load("en")) for entry in log.entries]
     assert said[0].startswith("ring renamed to ring 2")
     assert "secret" not in said[1]
+
+
+def test_a_fact_is_one_row_and_its_words_for_page_command_report_and_debrief(
+    tmp_path: Path, console: Console, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    row = ("coolant", run_facts.Kind.TEXT, "coolant", "coolant_at")
+    monkeypatch.setattr(run_facts, "SETUP", (*run_facts.SETUP, row))
+    setup = {"force_n": 1314.0, "coolant": "oil 5 %", "coolant_at": "2 Jan 08:45"}
+    found = recorded(tmp_path, turned(), setup=json.dumps(setup))
+    run, data = found.row.run_id, ("--data", str(tmp_path))
+    told = {
+        "page": page_words(tmp_path, found, load("en")),
+        "report": report_words(tmp_path, found, load("en")),
+        **{name: console("records", name, run, *data).out for name in ("show", "debrief")},
+    }
+    for where, words in told.items():
+        shown = "oil 5 %, taken 2 Jan 08:45" if where == "report" else "oil 5 % (2 Jan 08:45)"
+        assert "fact.coolant" in words and shown in words, where
+    for name in ("show", "debrief"):
+        assert json.loads(console("records", name, run, *data, "--json").out)["setup"] == setup
+
+
+def test_the_set_up_of_an_older_console_is_known_everywhere(tmp_path: Path, console: Console) -> None:
+    """It kept the forces with the event that armed the run, which only the report read."""
+    found = recorded(tmp_path, turned(), setup=None)
+    shown = console("records", "show", found.row.run_id, "--data", str(tmp_path)).out
+    assert "1314 N" in shown
+    assert "1314.0 N" in page_words(tmp_path, found, load("en"))
+    assert "1314.0 N" in report_words(tmp_path, found, load("en"))
+
+
+def test_a_damaged_date_of_an_event_is_a_dash(tmp_path: Path) -> None:
+    from console.text.recorded_words import clock, local
+
+    damaged = datetime.min.replace(tzinfo=UTC)
+    assert (local(damaged), clock(damaged)) == ("–", "–")

@@ -313,6 +313,18 @@ def test_the_run_chart_has_the_parts_up_to_this_one(tmp_path: Path) -> None:
     assert "Run chart" not in words(page_of(tmp_path, runs[0]))
 
 
+def test_the_run_chart_claims_no_more_than_the_page_records_does(tmp_path: Path) -> None:
+    """Parts of another strategy are left out, and limits start over with another compensation."""
+    recorded(tmp_path, {"": lobed(9.0)}, strategy="none")
+    for version in (None, 2):
+        for number in range(20):
+            run = recorded(tmp_path, {"": lobed(1.0 + 0.1 * (number % 3))}, compensation=version)
+    said = words(page_of(tmp_path, run))
+    assert "RONt of the last 40 whole parts" in said
+    assert "Limits and indices: the last 20 parts" in said
+    assert "Cpk: not claimed from 20 parts made alike: it takes 30." in said
+
+
 @pytest.mark.parametrize(
     ("value", "shown"),
     [

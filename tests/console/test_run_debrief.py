@@ -18,7 +18,7 @@ from console.report.reported_run import reported_run
 from console.school.training.lesson import load_lesson
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
-from console.session.data.made_parts import MadeWith, tool_event
+from console.session.data.measured_part import MadeWith, tool_event
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_reader import RunStory, runs, story
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief

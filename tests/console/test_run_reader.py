@@ -20,7 +20,7 @@ import pytest
 
 from console.session.cut.run import roundness_of
 from console.session.data import records
-from console.session.data.part_record import PartRecord
+from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_log import RunLog
@@ -59,8 +59,8 @@ def record(folder: Path, *ums: float, **changes: Any) -> str:
     return run.run_id
 
 
-def part(um: float, **changes: Any) -> PartRecord:
-    made = PartRecord(ront_um=um, trace=b"# state: free\n", data={}, tolerance_um=5.0, passed=um <= 5.0)
+def part(um: float, **changes: Any) -> RecordedPart:
+    made = RecordedPart(ront_um=um, trace=b"# state: free\n", data={}, tolerance_um=5.0, passed=um <= 5.0)
     return replace(made, **changes)
 
 

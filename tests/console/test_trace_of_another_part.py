@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from console.session.cut.recording import part_record
-from console.session.data.made_parts import MadeWith
+from console.session.data.measured_part import MadeWith
 from console.session.data.records import RunRecord
 from console.session.learning.imported import ImportedTrace, examined
 from console.session.learning.provenance import of_this_part, taken_before

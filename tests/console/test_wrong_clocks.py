@@ -12,7 +12,7 @@ import pytest
 from console.session.data.history import last_results
 from console.session.data.kept_files import is_ahead
 from console.session.data.learned_store import asked_for
-from console.session.data.made_parts import cuts_of, date_problems, parts_made
+from console.session.data.measured_part import cuts_of, date_problems, parts_made
 from console.session.data.records import RunRecord
 from console.text.catalogue import load
 from profiles.store import load_job, load_machine

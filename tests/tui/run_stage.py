@@ -13,7 +13,7 @@ import numpy as np
 
 from console.session.cut.alignment import Alignment
 from console.session.cut.telemetry import CutFigures, Phase, SpindleRipple
-from console.session.data.made_parts import MadeWith
+from console.session.data.measured_part import MadeWith
 from console.session.station.progress import CutProgress, CutStage, Synchronisation
 from console.session.station.state import Activity, Armed, StationState, StopState, TouchedBlank
 from console.session.work import Work

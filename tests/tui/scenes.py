@@ -22,7 +22,7 @@ from console.session.cut.alignment import Alignment, JawAngle, TouchOff, aligned
 from console.session.cut.telemetry import Phase, SpindleRipple
 from console.session.data import records
 from console.session.data.kept_files import jobs_folder
-from console.session.data.made_parts import MadeWith
+from console.session.data.measured_part import MadeWith
 from console.session.data.record_file import FILE_NAME
 from console.session.learning.learning_steps import taught_by
 from console.session.learning.part_learning import PartLearning

@@ -301,7 +301,7 @@ def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -
     work = signed()
     point = measured_parts(tmp_path, work.job.name, work.machine.machine.name, True)[-1]
     other = other_part(tmp_path, point)
-    assert other.judged.ront_um == pytest.approx(point.ront_um)
+    assert other.found.result.ront_um == pytest.approx(point.ront_um)
     seen = compared(MEASURED, Looked(), other)
     assert seen is not None and seen.before.ront_um == pytest.approx(point.ront_um)
     # With a filter that it does not support both keep that of the verdict.

@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from console.session.data.run_reader import PartPoint
+from console.session.learning.job_chart import Figure, JobChart, JobParts, NoClaim, job_chart
 from console.text.catalogue import load
 from console.tui.lines import plain, width_of
 from console.tui.plot.run_chart_view import chart_cells
-from console.tui.records.job_chart import Figure, JobChart, JobParts, NoClaim, job_chart
 from console.tui.records.panels import chart_lines, chart_picture
 from console.units import METRIC
 from tests.tui.stage import LANGUAGES

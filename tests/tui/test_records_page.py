@@ -18,12 +18,12 @@ from rich.cells import cell_len
 
 from console.session.data import run_reader
 from console.session.data.record_file import FILE_NAME
+from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
 from console.session.station.state import Activity
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
 from console.tui.records import beside, listing, reading
-from console.tui.records.job_chart import Figure, JobChart, JobParts, job_chart
 from profiles.store import load_job
 from tests.tui import records_stage
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, play_on

@@ -25,7 +25,7 @@ from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.kept_files import RunDates
 from console.session.data.learned_store import NONE
-from console.session.data.made_parts import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
+from console.session.data.measured_part import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse

@@ -22,7 +22,7 @@ from console.session.data.learned_store import (
     lathe_problems,
     versions,
 )
-from console.session.data.made_parts import newest_part
+from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
 from console.session.learning.history import history_of

@@ -16,7 +16,7 @@ from console.cli.output import show, tell
 from console.session.data.calibrated_chuck import CalibratedMachine
 from console.session.data.kept_files import is_ahead, utc_now
 from console.session.data.learned_store import asked_for, elsewhere_problems, store, versions
-from console.session.data.made_parts import KEYS
+from console.session.data.measured_part import KEYS
 from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
 from console.session.learning.learning_record import record_accepted

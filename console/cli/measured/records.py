@@ -50,9 +50,8 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """List, show, debrief or export what is recorded; nothing is changed."""
-    from console.cli.measured.records_debrief import debrief_run
     from console.cli.measured.records_export import export
-    from console.cli.measured.records_report import list_runs, show_run
+    from console.cli.measured.records_report import debrief_run, list_runs, show_run
 
     acts: dict[str, Callable[[Namespace, Catalogue], None]] = {
         "list": list_runs,

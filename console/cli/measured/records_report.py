@@ -6,13 +6,12 @@ from argparse import Namespace
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from datetime import datetime
-from typing import Any
 
 from console.cli.library import data_of
 from console.cli.output import fields_of, show
+from console.session.data.run_facts import origin_facts, setup_facts
 from console.session.data.run_reader import (
     MODEL,
-    AlarmStory,
     How,
     RecordedPart,
     RunEvent,
@@ -24,18 +23,28 @@ from console.session.data.run_reader import (
     story,
 )
 from console.session.data.run_story import POLLED
-from console.session.data.version_control import VERSIONED
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from console.text.cut_verdict import verdict_words
-from console.text.recorded_words import command_words, part_words, reason_words, stage_words, strategy_words
+from console.text.recorded_words import (
+    Layout,
+    clock,
+    fact_rows,
+    local,
+    part_words,
+    reason_words,
+    stage_words,
+    story_alarm_words,
+    story_command_words,
+    strategy_words,
+)
 from profiles.axis.response import Source
 from profiles.files import printable
 
 ID_DIGITS = 8
-COMMIT_DIGITS = 12
 WIDTH = 78
 INDENT = 2
+FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm", "diameter_tolerance_um")
 
 
 def filters_of(options: Namespace) -> RunFilters:
@@ -78,7 +87,7 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
     `lathe` is named where the runs are of several.
     """
     sim = [text("sim")] if row.simulated else []
-    head = "  ".join([row.run_id[:ID_DIGITS], _local(row.started), *sim, row.job])
+    head = "  ".join([row.run_id[:ID_DIGITS], local(row.started), *sim, row.job])
     facts = [_result(row, text), _ended(row, text), row.machine, strategy_words(row.strategy, text)]
     stage = stage_words(row.strategy, row.stage, text)
     facts += [each for each in (stage, _compensation(row, text), row.operator or "") if each]
@@ -125,9 +134,7 @@ def row_fields(row: RunRow) -> dict[str, object]:
         **fields_of(row, "job", "machine", "simulated", "operator", "strategy", "stage", "compensation"),
         "inverted": row.inverted,
         "ended": asdict(row.ended),
-        **fields_of(row, "ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm"),
-        **fields_of(row, "diameter_tolerance_um"),
-        **fields_of(row, "failed", "proven", "damaged"),
+        **fields_of(row, *FIGURES, "failed", "proven", "damaged"),
     }
 
 
@@ -137,6 +144,32 @@ def show_run(options: Namespace, text: Catalogue) -> None:
     lathe = options.lathes.get(found.row.run_id, "")
     of_lathe = {"lathe": lathe} if lathe else {}
     show(options, lambda: {**story_fields(found), **of_lathe}, lambda: _story_lines(found, text, lathe))
+
+
+def debrief_run(options: Namespace, text: Catalogue) -> None:
+    """Print what a run cost, why, and what to do next time; as JSON with codes beside the sentences."""
+    from console.session.learning.run_debrief import run_debrief
+    from console.text.run_debrief import debrief_sections, told_words
+
+    data = data_of(options)
+    found = story(data, options.run)
+    debrief = run_debrief(found, data)
+    sections = debrief_sections(debrief, text)
+    facts = table(fact_rows(setup_facts(found), text, Layout.COMMAND))
+    told = [line for title, rows in sections for line in ("", title, *_indented(rows))]
+    show(
+        options,
+        lambda: {
+            **row_fields(found.row),
+            "setup": found.setup,
+            "causes": [asdict(cause) for cause in debrief.causes],
+            "next": [each.value for each in debrief.advice],
+            "happened": [{"at_s": each.at_s, "text": told_words(each, text)} for each in debrief.happened],
+            "unknown": [each.code for each in debrief.unknown],
+            "text": dict(sections),
+        },
+        lambda: [*row_lines(found.row, text), *(["", *facts] if facts else []), *told],
+    )
 
 
 def story_fields(found: RunStory) -> dict[str, object]:
@@ -166,10 +199,9 @@ def story_fields(found: RunStory) -> dict[str, object]:
 
 
 def _part_fields(part: RecordedPart) -> dict[str, object]:
-    names = ("number", "part", "product", "ront_um", "tolerance_um", "passed", "diameter_mm")
     return {
         "at": part.at.isoformat(),
-        **fields_of(part, *names, "nominal_diameter_mm", "diameter_tolerance_um", "lobe_um_pp"),
+        **fields_of(part, "number", "part", "product", *FIGURES, "lobe_um_pp"),
         **fields_of(part, "trace_name", "trace_sha256"),
         "trace_bytes": None if part.trace is None else len(part.trace),
         "result": part.data,
@@ -192,8 +224,8 @@ def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),
-        ("commands", [_command_line(each, text) for each in found.commands]),
-        ("alarms", [_alarm_line(each, text) for each in found.alarms]),
+        ("commands", [f"{clock(each.at)}  {story_command_words(each, text)}" for each in found.commands]),
+        ("alarms", [f"{clock(each.raised)}  {story_alarm_words(each, text)}" for each in found.alarms]),
         ("learned", [_learned_line(each, text) for each in found.accepted]),
     ):
         lines += ["", text(f"records.{name}"), *(_indented(told) or [_nothing(text)])]
@@ -212,39 +244,9 @@ def _indented(lines: Iterable[str]) -> list[str]:
 
 def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
     """Return what the run rests on, as far as it is recorded."""
-    setup = found.setup
-    rows = {
-        "run": found.row.run_id,
-        "software": " · ".join(filter(None, (found.software, found.python and f"Python {found.python}"))),
-        "controller": " · ".join(filter(None, (found.controller, found.family))),
-        "job_hash": found.job_sha256[:16],
-        "machine_hash": found.machine_sha256[:16],
-        "commit": _commit(found, text),
-        "force": _with_unit(setup, "force_n", "N", ".0f", "clamped_at"),
-        "jaw": _with_unit(setup, "jaw_1_deg", "deg", ".2f", "jaw_1_at"),
-        "radius": _with_unit(setup, "zero_radius_mm", "mm", ".3f", "touch_off_at"),
-        "diameter": _diameter(found.row, text),
-    }
-    return [(text(f"records.{name}"), value) for name, value in rows.items() if value]
-
-
-def _commit(found: RunStory, text: Catalogue) -> str:
-    """Return the commit that the texts of a cut are from, and which of them differ from it."""
-    event = next((event.data for event in found.events if event.kind == VERSIONED), None)
-    if event is None:
-        return ""
-    commit = event.get("commit")
-    differing = [text(f"records.{name}_differs") for name in ("job", "machine") if event.get(f"{name}_differs")]
-    shown = commit[:COMMIT_DIGITS] if isinstance(commit, str) else text("records.no_commit")
-    return " · ".join((shown, *differing))
-
-
-def _with_unit(setup: Mapping[str, Any], key: str, unit: str, digits: str, stamp: str) -> str:
-    value = setup.get(key)
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return ""
-    at = setup.get(stamp)
-    return f"{value:{digits}} {unit}" + (f" ({at})" if isinstance(at, str) else "")
+    rows = fact_rows((*origin_facts(found), *setup_facts(found)), text, Layout.COMMAND)
+    diameter = _diameter(found.row, text)
+    return [*rows, *([(text("records.diameter"), diameter)] if diameter else [])]
 
 
 def _diameter(row: RunRow, text: Catalogue) -> str:
@@ -276,30 +278,9 @@ def _part_line(part: RecordedPart, text: Catalogue) -> str:
     if part.diameter_mm is not None:
         facts.append(f"D {part.diameter_mm:.3f} mm")
     facts += [text("records.reference")] if not part.product else []
-    return " · ".join(filter(None, (*facts, part.trace_name, _local(part.at))))
-
-
-def _command_line(event: RunEvent, text: Catalogue) -> str:
-    said = command_words(str(event.data.get("command", "")), text)
-    plain = {key: value for key, value in event.data.items() if key not in ("command", "by") and value != []}
-    values = ", ".join(f"{key} {value}" for key, value in plain.items() if not isinstance(value, list | dict))
-    return "  ".join(filter(None, (_clock(event.at), said, values, str(event.data.get("by", "")))))
-
-
-def _alarm_line(alarm: AlarmStory, text: Catalogue) -> str:
-    stamps = {"acknowledged": alarm.acknowledged, "ended": alarm.ended}
-    told = [text(f"records.{name}", at=_clock(at)) for name, at in stamps.items() if at is not None]
-    return "  ".join([_clock(alarm.raised), text.problem(alarm.problem), *told])
+    return " · ".join(filter(None, (*facts, part.trace_name, local(part.at))))
 
 
 def _learned_line(event: RunEvent, text: Catalogue) -> str:
     version, by = event.data.get("version"), event.data.get("by", "")
-    return f"{_local(event.at)}  {text('records.version', version=version)}  {by}".rstrip()
-
-
-def _local(date: datetime) -> str:
-    return date.astimezone().strftime("%Y-%m-%d %H:%M")
-
-
-def _clock(date: datetime) -> str:
-    return date.astimezone().strftime("%H:%M:%S")
+    return f"{local(event.at)}  {text('records.version', version=version)}  {by}".rstrip()

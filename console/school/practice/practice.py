@@ -10,7 +10,7 @@ from console.flight.recording import Recording
 from console.school.practice.moment_before import Before, before
 from console.school.practice.recorded_event import RecordedEvent, event_of
 from console.session.cut.alignment import Alignment, aligned_machine
-from console.session.data.made_parts import MODEL
+from console.session.data.measured_part import MODEL
 from console.session.station.begins import Begins
 from console.session.station.jogging import tool_in_part
 from drivers.placed import Placed

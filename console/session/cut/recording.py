@@ -11,7 +11,7 @@ import numpy as np
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.telemetry import PHASE_SAMPLES, Floats, phase_of
-from console.session.data.part_record import PartRecord, result_data
+from console.session.data.measured_part import RecordedPart, result_data
 from console.session.data.run_log import Poll, RunLog
 from console.session.stages import Stage
 from drivers.cutting.planning import CutPlan
@@ -209,7 +209,7 @@ def part_record(
     made: Mapping[str, str] | None = None,
     file: tuple[str, bytes] | None = None,
     more: Mapping[str, object] | None = None,
-) -> PartRecord:
+) -> RecordedPart:
     """Return what the record keeps of a measured part.
 
     `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
@@ -218,12 +218,11 @@ def part_record(
     diameter_mm = mean_diameter_of(trace, result)
     judged = name.product and name.proven and stage is Stage.FULL
     with_made = replace(trace, meta={**trace.meta, **(made or {})})
-    return PartRecord(
+    part = RecordedPart(
         part=name.name,
         product=name.product,
         ront_um=result.ront_um,
         tolerance_um=job.roundness_tolerance_um,
-        passed=_passes(job, result, diameter_mm) if judged else None,
         diameter_mm=diameter_mm,
         nominal_diameter_mm=job.finished_diameter_mm,
         diameter_tolerance_um=job.diameter_tolerance_um,
@@ -232,14 +231,7 @@ def part_record(
         trace=trace_content(with_made) if file is None else file[1],
         trace_name=None if file is None else file[0],
     )
-
-
-def _passes(job: Job, result: RoundnessResult, diameter_mm: float | None) -> bool:
-    """Whether a part is round, and of its diameter where that is measured and has a tolerance."""
-    most_um, is_round = job.diameter_tolerance_um, result.ront_um <= job.roundness_tolerance_um
-    if most_um is None or diameter_mm is None:
-        return is_round
-    return is_round and abs(diameter_mm - job.finished_diameter_mm) * 1000.0 <= most_um
+    return replace(part, passed=part.is_good if judged else None)
 
 
 def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:

@@ -14,6 +14,7 @@ import sqlite3
 import tempfile
 import time
 import uuid
+import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, closing, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -21,7 +22,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from console.session.data.kept_files import utc_now
-from console.session.data.part_record import PartRecord, Statement, measurement
+from console.session.data.measured_part import PART_COLUMNS, RecordedPart
 from console.session.data.record_file import (
     FILE_NAME,
     is_damage,
@@ -53,6 +54,9 @@ PATIENCE_S = 60.0  # at the end of a simulated run: nothing that moves waits for
 RESERVE_BYTES = 262_144  # of a run: for how it ends, where the disk becomes full in it
 LEAST_FREE_BYTES = 50_000_000
 """Free space without which no run begins: some hundred times what a long cut needs, as others write, too."""
+
+
+Statement = tuple[str, tuple[object, ...]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -182,7 +186,7 @@ class RunRecord:
             damaged = isinstance(error, sqlite3.Error) and is_damage(error)
             raise record_error("record.damaged" if damaged else "record.unwritable", self._path, error) from error
 
-    def add(self, kind: str, data: Mapping[str, object], part: PartRecord | None = None) -> None:
+    def add(self, kind: str, data: Mapping[str, object], part: RecordedPart | None = None) -> None:
         """Add an event, and the measurement that it is of; they are on disk when this returns.
 
         Raises SessionError: `record.lost`, the run must not continue.
@@ -190,7 +194,8 @@ class RunRecord:
         try:
             at_utc = self.log.dates.now()
             event = event_statement(self.run_id, at_utc, kind, {MACHINE_S: self.log.dates.machine_s(), **data})
-            self._write([event, *measurement(self.run_id, at_utc, part)], time.monotonic() + self._timeout_s)
+            statements = [event, *_measurement(self.run_id, at_utc, part)]
+            self._write(statements, time.monotonic() + self._timeout_s)
         except sqlite3.Error as error:
             raise record_error("record.lost", self._path, error) from error
         self.refuse_lost()
@@ -242,7 +247,7 @@ def add_to_run(
     run_id: str,
     kind: str,
     data: Mapping[str, object],
-    part: PartRecord | None = None,
+    part: RecordedPart | None = None,
     *,
     timeout_s: float = DRIVES_ON_TIMEOUT_S,
 ) -> None:
@@ -253,7 +258,7 @@ def add_to_run(
     until_s = time.monotonic() + timeout_s
     with closing(opened(folder, until_s, checked=False)) as database:
         at_utc = utc_now()
-        statements = [event_statement(run_id, at_utc, kind, data), *measurement(run_id, at_utc, part)]
+        statements = [event_statement(run_id, at_utc, kind, data), *_measurement(run_id, at_utc, part)]
         try:
             retrying(lambda: transaction(database, statements), until_s)
         except sqlite3.Error as error:
@@ -281,6 +286,26 @@ def _run(row: Mapping[str, object]) -> list[Statement]:
     return [
         *(("INSERT OR IGNORE INTO texts VALUES (?, ?)", (sums[each], texts[each])) for each in texts),
         (f"INSERT INTO runs ({columns}) VALUES ({marks})", tuple(values.values())),
+    ]
+
+
+_NEXT = "SELECT coalesce(max(number), 0) FROM measurements WHERE run_id = ?"
+_INSERT = (
+    f"INSERT INTO measurements (run_id, number, at_utc, trace_sha256, data, {', '.join(PART_COLUMNS)})"
+    f" SELECT ?, 1 + ({_NEXT}), ?, ?, ?, {', '.join('?' * len(PART_COLUMNS))}"
+)
+
+
+def _measurement(run_id: str, at_utc: str, part: RecordedPart | None) -> list[Statement]:
+    """Return the statements that keep a part; none without one."""
+    if part is None:
+        return []
+    trace, values = part.trace or b"", (getattr(part, name) for name in PART_COLUMNS)
+    plain = tuple(int(value) if isinstance(value, bool) else value for value in values)
+    sha256 = hashlib.sha256(trace).hexdigest()
+    return [
+        (_INSERT, (run_id, run_id, at_utc, sha256, shown(part.data), *plain)),
+        (f"INSERT INTO traces SELECT ?, ({_NEXT}), ?", (run_id, run_id, zlib.compress(trace, 6))),
     ]
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.home import account_name
+from console.session.data.measured_part import PART_COLUMNS, PartPoint, RecordedPart, column_values
 from console.session.data.record_file import (
     FILE_NAME,
     damage_as_error,
@@ -34,7 +35,7 @@ from console.session.data.run_rows import (
     inverted_of,
     rows_where,
 )
-from console.session.data.run_story import AlarmStory, RecordedPart, RunEvent, RunStory, Telemetry, story_of
+from console.session.data.run_story import AlarmStory, RunEvent, RunStory, Telemetry, story_of
 from console.session.errors import SessionError
 from profiles.files import printable
 from profiles.problem import Problem
@@ -89,28 +90,6 @@ class RunFilters:
     failed: bool = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartPoint:
-    """A measured product of a job: a point of a run chart. `lobe_um_pp` is its harmonic at the number of jaws.
-
-    `compensation` and `inverted` are those of `RunRow`.
-    """
-
-    run_id: str
-    at: datetime
-    part: str
-    ront_um: float
-    tolerance_um: float | None
-    diameter_mm: float | None
-    nominal_diameter_mm: float | None
-    diameter_tolerance_um: float | None
-    lobe_um_pp: float | None
-    strategy: str
-    stage: str | None
-    compensation: str | None
-    inverted: str | None = None
-
-
 def runs(
     folder: Path, filters: RunFilters | None = None, before: str | None = None, limit: int = LIST_LIMIT
 ) -> tuple[RunRow, ...]:
@@ -163,9 +142,9 @@ def story(folder: Path, run_id_prefix: str) -> RunStory:
         return story_of(database, found[0])
 
 
-_MEASURED = """
-SELECT measurements.run_id, measurements.at_utc, part, ront_um, measurements.tolerance_um, runs.tolerance_um,
-    diameter_mm, nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, strategy, stage, compensation, setup
+_MEASURED = f"""
+SELECT measurements.run_id, measurements.at_utc, strategy, stage, compensation, setup, runs.tolerance_um,
+    {", ".join(f"measurements.{name}" for name in PART_COLUMNS)}
 FROM runs JOIN measurements ON measurements.run_id = runs.run_id
 WHERE product = 1 AND job = ? AND machine = ? AND simulated = ?
 AND number = (SELECT max(number) FROM measurements AS again WHERE again.run_id = measurements.run_id
@@ -189,22 +168,18 @@ def measured_parts(
 
 
 def _point(found: Sequence[Any]) -> PartPoint:
-    run_id, at_utc, part, ront_um, of_part, of_run, diameter_mm, nominal_mm, diameter_um, *more = found
-    lobe, strategy, stage, version, setup = more
+    run_id, at_utc, strategy, stage, version, setup, of_run, *columns = found
+    values = column_values(columns)
+    if values["tolerance_um"] is None:
+        values["tolerance_um"] = of_run
     return PartPoint(
         run_id=run_id,
         at=date_of(at_utc)[0],
-        part=part,
-        ront_um=ront_um,
-        tolerance_um=of_part if of_part is not None else of_run,
-        diameter_mm=diameter_mm,
-        nominal_diameter_mm=nominal_mm,
-        diameter_tolerance_um=diameter_um,
-        lobe_um_pp=lobe,
         strategy=strategy,
         stage=stage,
         compensation=None if stage is None else MODEL if version is None else str(version),
         inverted=inverted_of(setup),
+        **values,
     )
 
 

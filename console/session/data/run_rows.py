@@ -152,23 +152,27 @@ def _ends(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, lis
     return found
 
 
-def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, Sequence[Any]]:
-    """Return the newest measurement of each run's product."""
+_FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter_mm", "diameter_tolerance_um")
+
+
+def _parts(database: sqlite3.Connection, run_ids: Sequence[str]) -> dict[str, dict[str, Any]]:
+    """Return the newest measurement of each run's product: its figures by their names."""
     query = (
-        "SELECT run_id, ront_um, tolerance_um, passed, diameter_mm, nominal_diameter_mm,"
-        " diameter_tolerance_um FROM measurements"
+        f"SELECT run_id, {', '.join(_FIGURES)} FROM measurements"
         f" WHERE product = 1 AND run_id IN ({_marks(run_ids)}) ORDER BY run_id, number"
     )
-    return {run_id: part for run_id, *part in database.execute(query, tuple(run_ids))}
+    found = database.execute(query, tuple(run_ids))
+    return {run_id: dict(zip(_FIGURES, part, strict=True)) for run_id, *part in found}
 
 
 def _marks(values: Iterable[object]) -> str:
     return ", ".join("?" for _ in values)
 
 
-def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, damaged: bool = False) -> RunRow:
+def _row(run: Sequence[Any], ends: list[Event], part: dict[str, Any] | None, *, damaged: bool = False) -> RunRow:
     run_id, started, job, machine, simulated, strategy, operator, stage, compensation, tolerance_um, setup = run
-    ront_um, limit_um, passed, diameter_mm, nominal_mm, diameter_um = part or (None,) * 6
+    figures = {**(part or {})}
+    limit_um, passed = figures.pop("tolerance_um", None), figures.pop("passed", None)
     made = _made(ends) if stage is None else (stage, MODEL if compensation is None else str(compensation))
     begun, ahead = date_of(started)
     return RunRow(
@@ -183,11 +187,8 @@ def _row(run: Sequence[Any], ends: list[Event], part: Sequence[Any] | None, *, d
         compensation=made[1],
         inverted=inverted_of(setup),
         ended=_ending(ends),
-        ront_um=ront_um,
+        **figures,
         tolerance_um=tolerance_um if tolerance_um is not None else limit_um,
-        diameter_mm=diameter_mm,
-        nominal_diameter_mm=nominal_mm,
-        diameter_tolerance_um=diameter_um,
         passed=None if passed is None else bool(passed),
         proven=not any(table_of(data).get("cut_verdict") == NOT_PROVEN for _, data in ends),
         damaged=damaged or ahead,

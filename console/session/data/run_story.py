@@ -13,8 +13,11 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from console.session.data.measured_part import PART_COLUMNS, RecordedPart, column_values
 from console.session.data.record_schema import GATHERED_COLUMNS, TELEMETRY_COLUMNS
 from console.session.data.run_rows import RunRow, date_of, problem_of, table_of
+from profiles.files import parse_toml
+from profiles.job import Job, job_from_table
 from profiles.problem import Problem
 from profiles.strict_values import number_or_none
 from profiles.traces import CAP_BYTES
@@ -71,33 +74,6 @@ class AlarmStory:
     ended: datetime | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RecordedPart:
-    """A measured part of a run.
-
-    `part` names it among those of its run, empty for the only one; `product` is False of one that was cut for
-    comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
-    learning step ("learning"). `trace` are the bytes of the trace's file, as `profiles.traces.parse_trace` takes
-    them; None where it was not kept or cannot be read. `trace_name` is that of an imported file.
-    """
-
-    number: int
-    at: datetime
-    part: str
-    product: bool
-    ront_um: float
-    tolerance_um: float | None
-    passed: bool | None
-    diameter_mm: float | None
-    nominal_diameter_mm: float | None
-    diameter_tolerance_um: float | None
-    lobe_um_pp: float | None
-    data: Mapping[str, Any]
-    trace_sha256: str | None = None
-    trace_name: str | None = None
-    trace: bytes | None = field(default=None, repr=False)
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Telemetry:
     """Telemetry of one cut, or a gathered window: M `rows` of `columns`, float32, shape (M, len(columns)).
@@ -149,6 +125,22 @@ class RunStory:
     parts: tuple[RecordedPart, ...]
     telemetry: tuple[Telemetry, ...]
     damaged: tuple[str, ...] = ()
+
+    @property
+    def product(self) -> RecordedPart | None:
+        """The last measured part that the run was for; None where it was not measured."""
+        return next((part for part in reversed(self.parts) if part.product), None)
+
+    def read_job(self) -> Job | None:
+        """Parse the job as it was cut; None where its text was not kept. ProfileError: it cannot be read."""
+        kept = self.job_text
+        return None if kept is None else job_from_table(parse_toml(kept.encode("utf-8", "replace"), ""))
+
+    @property
+    def setup_as_armed(self) -> Mapping[str, Any]:
+        """Forces and alignment of the cut; of a run of an older console from the event that armed it."""
+        armed = (event.data for event in self.events if event.kind == "armed")
+        return self.setup or next(armed, {})
 
     @property
     def cut_verdict(self) -> Mapping[str, Any]:
@@ -218,8 +210,7 @@ _RUN = """SELECT software, python, controller, family, job_sha256, job_text_sha2
     machine_text_sha256, program, setup FROM runs WHERE run_id = ?"""
 _TEXT = "SELECT content FROM texts WHERE sha256 = ?"
 _EVENTS = "SELECT number, at_utc, kind, data FROM events WHERE run_id = ? ORDER BY number"
-_PARTS = """SELECT number, at_utc, part, product, ront_um, tolerance_um, passed, diameter_mm,
-    nominal_diameter_mm, diameter_tolerance_um, lobe_um_pp, data, trace_sha256, trace_name
+_PARTS = f"""SELECT number, at_utc, data, trace_sha256, {", ".join(PART_COLUMNS)}
     FROM measurements WHERE run_id = ? ORDER BY number"""
 _TRACE = "SELECT content FROM traces WHERE run_id = ? AND number = ?"
 _TELEMETRY = "SELECT part, kind, begun_utc, data FROM telemetry WHERE run_id = ? ORDER BY number"
@@ -286,24 +277,9 @@ def _controller(events: Iterable[RunEvent]) -> str | None:
 
 
 def _part(found: Sequence[Any]) -> RecordedPart:
-    number, at, part, product, ront_um, tolerance_um, passed, diameter_mm, *more = found
-    nominal_mm, diameter_um, lobe, data, sha256, name = more
-    return RecordedPart(
-        number=number,
-        at=date_of(at)[0],
-        part=part,
-        product=bool(product),
-        ront_um=ront_um,
-        tolerance_um=tolerance_um,
-        passed=None if passed is None else bool(passed),
-        diameter_mm=diameter_mm,
-        nominal_diameter_mm=nominal_mm,
-        diameter_tolerance_um=diameter_um,
-        lobe_um_pp=lobe,
-        data=table_of(data),
-        trace_sha256=sha256,
-        trace_name=name,
-    )
+    number, at, data, sha256, *columns = found
+    known = {"number": number, "at": date_of(at)[0], "data": table_of(data), "trace_sha256": sha256}
+    return RecordedPart(**known, **column_values(columns))
 
 
 def _text(database: sqlite3.Connection, sha256: str | None) -> str | None:

@@ -13,7 +13,7 @@ from types import MappingProxyType
 import numpy as np
 
 from console.session.cut.run import FILTER_UPR
-from console.session.data.made_parts import is_other_lathe
+from console.session.data.measured_part import is_other_lathe
 from console.session.errors import SessionError, refuse
 from console.session.learning.learning_steps import is_simulated, lathe_of
 from profiles.arrays import read_only

@@ -13,7 +13,7 @@ from console.session.cut.alignment import Alignment, JawAngle, aligned_job
 from console.session.cut.run import FILTER_UPR
 from console.session.data.identified import kept_file, response_in
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, lathe_problems, versions
-from console.session.data.made_parts import (
+from console.session.data.measured_part import (
     AS_FILED,
     CUT_JAW,
     INVERTED,
@@ -25,8 +25,8 @@ from console.session.data.made_parts import (
     push_um,
     tool_lobe_um,
 )
-from console.session.data.made_parts import MODEL as MADE_BY_MODEL
-from console.session.data.made_parts import date_problems as cut_date_problems
+from console.session.data.measured_part import MODEL as MADE_BY_MODEL
+from console.session.data.measured_part import date_problems as cut_date_problems
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck
 from console.session.learning.fingerprint import of_mean_clamping

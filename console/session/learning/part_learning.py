@@ -8,7 +8,7 @@ from typing import Any
 
 from console.session.data.kept_files import utc_now
 from console.session.data.learned_store import store, versions
-from console.session.data.made_parts import MadeWith
+from console.session.data.measured_part import CutPart, MadeWith
 from console.session.errors import SessionError
 from console.session.learning.learning_steps import Taught, reverted, taught_by
 from profiles.compensations.learned import LearnedCompensation
@@ -34,22 +34,21 @@ class PartLearning:
 def learning_of(
     job: LoadedJob | None,
     name: str,
-    made: MadeWith,
+    part: CutPart,
     trace: Trace,
     machine: LoadedMachine,
     data: Path,
-    tool_um: complex = 0j,
-    push_um: float = 0.0,
 ) -> PartLearning:
-    """Return the learning step from the part of a cut, `made` by `job` as saved; None where `name` was edited.
+    """Return the learning step from a part that was cut by `job` as saved; None where `name` was edited.
 
     An objection to learning does not invalidate the measurement.
     """
+    made = part.made
     if job is None:
         return PartLearning(made=made, problems=(Problem(code="learned.edited_part", key=name),))
     try:
         how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now()}
-        how |= {"tool_um": tool_um, "push_um": push_um}
+        how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um}
         taught = taught_by(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))

@@ -9,7 +9,7 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from console.session.data.made_parts import KEYS, MadeWith, parts_made
+from console.session.data.measured_part import KEYS, MadeWith, parts_made
 from console.session.data.run_reader import cuts_of_run, other_run_of_trace
 from console.session.errors import SessionError
 from console.session.learning.imported import ImportedTrace

@@ -11,9 +11,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
-from types import MappingProxyType
 
-from console.session.data.made_parts import made_with, parts_made, tool_lobe_um
+from console.session.data.measured_part import made_with, parts_made, tool_lobe_um
 from console.session.data.run_reader import How, RecordedPart, RunEvent, RunStory
 from console.session.data.run_rows import FAILED_HOW
 from console.session.data.run_story import COMMAND
@@ -23,11 +22,9 @@ from console.session.stop_keys import is_by_key
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.causes import Cause
 from profiles.files import parse_toml
-from profiles.job import job_from_table
 from profiles.machine import machine_from_table
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
-from profiles.traces import Trace, parse_trace
 
 SEEN_WITHIN_S = 60.0
 
@@ -91,9 +88,9 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
 
     Unless it `explains`, causes are left for later: to find them takes a second of numerics.
     """
-    part = next((each for each in reversed(story.parts) if each.product), None)
+    part = story.product
     judged = part is not None and part.passed is not None and part.tolerance_um is not None
-    fails_round = judged and part is not None and part.ront_um > (part.tolerance_um or 0.0)
+    fails_round = judged and part is not None and not part.is_round
     causes: tuple[Cause, ...] = ()
     unknown = list(_unknown(story, part))
     if fails_round and not explains:
@@ -103,7 +100,8 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
             causes = _causes(story, part, data)
         except ProblemError as error:
             unknown += error.problems
-    happened, off_um = tuple(_happened(story)), _off_um(part)
+    happened = tuple(_happened(story))
+    off_um = part.off_nominal_um if part is not None and part.is_of_size is False else None
     found = RunDebrief(
         happened=happened,
         part=part,
@@ -119,16 +117,15 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
 
 def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...]:
     """Return why a part is not round. Raises ProblemError: what of the record does not suffice for it."""
-    if part.trace is None or story.job_text is None or story.machine_text is None:
+    trace, job = part.read_trace(), story.read_job()
+    if trace is None or job is None or story.machine_text is None:
         return ()
-    trace = _trace_of(part, part.trace)
-    job = job_from_table(parse_toml(story.job_text.encode("utf-8", "replace"), ""))
     machine = machine_from_table(parse_toml(story.machine_text.encode("utf-8", "replace"), ""))
     cuts = [(event.kind, json.dumps(dict(event.data)), "") for event in _ends(story)]
     made = made_with({}, trace.meta, parts_made(cuts))
     taught = taught_by(
         trace,
-        LoadedJob(job=job, path=Path(story.row.job), sha256=story.job_sha256, text=story.job_text),
+        LoadedJob(job=job, path=Path(story.row.job), sha256=story.job_sha256, text=story.job_text or ""),
         LoadedMachine(machine=machine, path=Path(story.row.machine), sha256=story.machine_sha256),
         data,
         made,
@@ -138,13 +135,6 @@ def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...
         tool_um=tool_lobe_um(cuts[-1][1]) if cuts else 0j,
     )
     return taught.causes
-
-
-def _trace_of(part: RecordedPart, content: bytes) -> Trace:
-    trace = parse_trace(content, where=part.trace_name or "")
-    answers = part.data.get("answers")
-    given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, dict) else {}
-    return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
 
 
 def _ends(story: RunStory) -> tuple[RunEvent, ...]:
@@ -172,15 +162,6 @@ def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
         yield Problem(code="debrief.no_tool_error")
     if part.diameter_mm is None:
         yield Problem(code="debrief.no_diameter")
-
-
-def _off_um(part: RecordedPart | None) -> float | None:
-    """Return by how much a diameter is out of its tolerance's middle, where it is out of it."""
-    if part is None or part.diameter_mm is None or part.nominal_diameter_mm is None:
-        return None
-    off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
-    most_um = part.diameter_tolerance_um
-    return off_um if most_um is not None and abs(off_um) > most_um else None
 
 
 def _happened(story: RunStory) -> Iterator[Told]:

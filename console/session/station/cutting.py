@@ -20,7 +20,7 @@ from console.session.cut.telemetry import expected_lag
 from console.session.data.calibrated_chuck import calibrations_of
 from console.session.data.identified import changed_problems
 from console.session.data.learned_store import NONE, asked_for, versions
-from console.session.data.made_parts import AS_FILED, MODEL, MadeWith, newest_part, tool_event
+from console.session.data.measured_part import AS_FILED, MODEL, MadeWith, newest_part, tool_event
 from console.session.data.records import RunFacts, begin_record
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse

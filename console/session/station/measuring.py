@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
 
 from console.session.cut.alignment import unclamped
 from console.session.cut.recording import PartName, mean_diameter_of, part_record
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
-from console.session.data.made_parts import MadeWith, newest_part
-from console.session.data.part_record import PartRecord
+from console.session.data.measured_part import CutPart, RecordedPart, newest_part
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
@@ -44,7 +43,7 @@ def measure_simulated(context: StationContext) -> None:
         raise SessionError(Problem(code="session.no_gauge"))
     trace = context.shop.measure()
     sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
-    part = _judged(context, _just_cut(context, started), trace, (GAUGE, sha256))
+    part = _judged(context, _just_cut(context, started), (started.job, started.loaded), trace, (GAUGE, sha256))
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
     if context.record is not None:
@@ -60,25 +59,6 @@ MOST_OFFSET_UM = 200.0
 """More than that is no drift of a tool: the touch-off has to be made again."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Cut:
-    """The cut of a measured part: its job with jaw 1 as found, and as saved; `run_id` of one that is not open.
-
-    `tool_um` is the tool error at the order of the lobe, `push_um` what the path has left of the push of the cut,
-    `lathe` the simulated lathe that has cut it,
-    `proven` whether it is proven to be the planned one.
-    """
-
-    job: Job
-    loaded: LoadedJob | None
-    made: MadeWith
-    tool_um: complex = 0j
-    push_um: float = 0.0
-    run_id: str | None = None
-    lathe: str = ""
-    proven: bool = True
-
-
 def take_trace(context: StationContext, command: TakeTrace) -> None:
     """Judge the part in the chuck, or else the newest one of the job in the record, by the trace in a file.
 
@@ -91,10 +71,10 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
     in_chuck = context.state.cut_done
-    cut = _cut_of(context, command)
+    cut, job, loaded = _cut_of(context, command)
     try:
         simulated = context.shop is not None
-        found = examined(command.path, cut.job, command.answers, simulated=simulated, lathe=cut.lathe)
+        found = examined(command.path, job, command.answers, simulated=simulated, lathe=cut.lathe)
     except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
@@ -102,9 +82,9 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
-    part = _judged(context, cut, found.trace, (printable(found.path.name), found.sha256), found)
+    part = _judged(context, cut, (job, loaded), found.trace, (printable(found.path.name), found.sha256), found)
     measured = {**_event(part), **_file_event(found), **command.answers}
-    asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(cut.job)}
+    asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job)}
     kept = _kept(part, found.trace, (printable(found.path.name), found.content), asked)
     if cut.run_id is not None:
         add_to_run(context.records, cut.run_id, "measured", measured, kept)
@@ -117,11 +97,11 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     _publish(context, part)
 
 
-def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
-    """Return the cut of the part that a trace is taken for."""
+def _cut_of(context: StationContext, command: TakeTrace) -> tuple[CutPart, Job, LoadedJob | None]:
+    """Return the part that a trace is taken for, with its job: jaw 1 as found for the cut, and as saved."""
     started = context.started
     if context.state.cut_done and started is not None:
-        return _just_cut(context, started)
+        return _just_cut(context, started), started.job, started.loaded
     loaded = command.loaded
     if loaded is None:
         raise SessionError(Problem(code="learned.edited_part", key=command.job.name))
@@ -129,27 +109,16 @@ def _cut_of(context: StationContext, command: TakeTrace) -> _Cut:
     part = newest_part(context.records, asked)
     if part is None:
         raise SessionError(Problem(code="session.nothing_cut"))
-    return _Cut(
-        job=as_cut(loaded.job, part.made),
-        loaded=loaded,
-        made=part.made,
-        tool_um=part.tool_lobe_um,
-        push_um=part.push_um,
-        run_id=part.run_id,
-        lathe=part.lathe,
-        proven=part.proven,
-    )
+    return part, as_cut(loaded.job, part.made), loaded
 
 
-def _just_cut(context: StationContext, started: Armed) -> _Cut:
-    """Return the cut of the part in the chuck."""
+def _just_cut(context: StationContext, started: Armed) -> CutPart:
+    """Return the part in the chuck."""
     progress = context.state.cut
     figures = None if progress is None else progress.figures
-    return _Cut(
-        job=started.job,
-        loaded=started.loaded,
+    return CutPart(
         made=started.made,
-        tool_um=0j if figures is None else figures.tool_lobe_um,
+        tool_lobe_um=0j if figures is None else figures.tool_lobe_um,
         push_um=0.0 if figures is None else figures.push_um,
         lathe=context.state.lathe,
         proven=figures is not None and figures.verdict.proven,
@@ -157,36 +126,41 @@ def _just_cut(context: StationContext, started: Armed) -> _Cut:
 
 
 def _judged(
-    context: StationContext, cut: _Cut, trace: Trace, file: tuple[str, str], found: ImportedTrace | None = None
+    context: StationContext,
+    cut: CutPart,
+    of: tuple[Job, LoadedJob | None],
+    trace: Trace,
+    file: tuple[str, str],
+    found: ImportedTrace | None = None,
 ) -> MeasuredPart:
-    """Return a measured part with its learning step, or its lobe; `file` is the trace with its hash."""
-    machine, data = context.loaded_machine, context.records
+    """Return a measured part `of` a job with its learning step, or its lobe; `file` is the trace with its hash."""
+    (job, loaded), machine, data = of, context.loaded_machine, context.records
     result = roundness_of(trace) if found is None else found.result
     assert result is not None
     if found is not None:
         result = replace(result, warnings=(*found.warnings, *result.warnings))
     diameter_mm = mean_diameter_of(trace, result)
     offset_um = None
-    if diameter_mm is not None and size_doubt(diameter_mm / 2.0, cut.job) is None:
-        offset_um = tool_offset_um(diameter_mm, cut.job.finished_diameter_mm)
+    if diameter_mm is not None and size_doubt(diameter_mm / 2.0, job) is None:
+        offset_um = tool_offset_um(diameter_mm, job.finished_diameter_mm)
     strategy, turn = Strategy(cut.made.strategy), trace if found is None else found.turn
     phase_known = header_of(trace.meta)[0].phase_known if found is None else found.phase_known
     lobe = None
     if not strategy.traits.follows_lobe:
-        lobe = PartLobe(loaded=cut.loaded, file=file[0], file_sha256=file[1])
-        lobe = lobe_of(turn, cut.job, lobe, phase_known=phase_known, simulated=context.shop is not None)
+        lobe = PartLobe(loaded=loaded, file=file[0], file_sha256=file[1])
+        lobe = lobe_of(turn, job, lobe, phase_known=phase_known, simulated=context.shop is not None)
     return MeasuredPart(
-        job=cut.job,
+        job=job,
         strategy=strategy,
         trace=turn,
         result=result,
-        jaw_1_deg=cut.job.jaw_1_deg,
+        jaw_1_deg=job.jaw_1_deg,
         phase_known=phase_known,
         lobe=lobe,
         diameter_mm=diameter_mm,
         tool_offset_um=offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
-        learning=learning_of(cut.loaded, cut.job.name, cut.made, trace, machine, data, cut.tool_um, cut.push_um),
+        learning=learning_of(loaded, job.name, cut, trace, machine, data),
         run_id=cut.run_id,
         proven=cut.proven,
     )
@@ -241,7 +215,7 @@ def _kept(
     trace: Trace,
     file: tuple[str, bytes] | None = None,
     asked: Mapping[str, object] = MappingProxyType({}),
-) -> PartRecord:
+) -> RecordedPart:
     """Return what the record keeps of a part.
 
     `file` is the name and the content of an imported trace, `asked` what it was judged with beside its header.

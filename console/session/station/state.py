@@ -18,7 +18,7 @@ from profiles.problem import Problem
 from profiles.trace_files.plausible import DIAMETER_STATED, size_doubt
 
 if TYPE_CHECKING:
-    from console.session.data.made_parts import MadeWith
+    from console.session.data.measured_part import MadeWith
     from console.session.force_record import ForceCheck
     from console.session.learning.calibrating import PartLobe
     from console.session.learning.part_learning import PartLearning

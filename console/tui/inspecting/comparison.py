@@ -62,7 +62,8 @@ def compared(state: StationState, looked: Looked = VERDICT, other: OtherPart | N
     if part is None:
         return None
     plain = _plain(state, part)
-    traces = [part.trace, *([] if plain is None else [plain.trace]), *([] if other is None else [other.turn])]
+    traces = [part.trace, *(() if plain is None else (plain.trace,))]
+    traces += [] if other is None else [other.found.turn]
     supported = supported_upr(traces)
     if looked.filter_upr is not None and looked.filter_upr not in supported:
         looked = replace(looked, filter_upr=None)
@@ -118,8 +119,9 @@ def _side(seen: Evaluated, jaw_1_deg: float, own_jaw_deg: float | None) -> Side:
 
 
 def _other_side(other: OtherPart, part: MeasuredPart, upr: float | None, circle: str) -> Side:
-    seen = evaluated(other.turn, other.judged, upr, circle, other.radius_mm)
-    return _side(seen, part.jaw_1_deg, other.jaw_1_deg)
+    found = other.found
+    seen = evaluated(found.turn, found.result, upr, circle, found.radius_mm)
+    return _side(seen, part.jaw_1_deg, found.jaw_1_deg)
 
 
 def _stated(part: MeasuredPart) -> Side:

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.session.data.run_reader import PartPoint, measured_parts, story
+from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.station.state import MeasuredPart
 from console.tui.records.beside import Beside, Problems
 from console.tui.records.opened_run import traced
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
-from profiles.roundness import RoundnessResult, evaluate
-from profiles.strict_values import number_or_none
-from profiles.traces import Trace
 
 MOST_PARTS = 200
 """The newest parts that are offered."""
@@ -21,13 +19,10 @@ MOST_PARTS = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OtherPart:
-    """A recorded part: one turn of its trace, judged as its record has it; `jaw_1_deg` None where not known."""
+    """A recorded part of the same job: how it was made, and its trace at spindle angles, judged."""
 
     point: PartPoint
-    turn: Trace
-    judged: RoundnessResult
-    jaw_1_deg: float | None
-    radius_mm: float | None
+    found: EvaluatedPart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,17 +64,7 @@ class OtherParts:
 
 def other_part(data: Path, point: PartPoint) -> OtherPart:
     """Read a part. SessionError: as `story`, and `inspect.no_trace`; ProfileError: its trace cannot be read."""
-    found = traced(story(data, point.run_id), point.part)
+    found = traced(story(data, point.run_id), point.part, "result")
     if found is None:
         raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
-    values, turn = found.part.data, found.turn
-    radius_mm, upr = number_or_none(values.get("radius_mm")), number_or_none(values.get("filter_upr"))
-    state = str(values.get("state", "unknown"))
-    judged = evaluate(
-        turn.angle_deg,
-        turn.deviation_um,
-        upr,
-        state=state if state in ("free", "clamped") else "unknown",
-        radius_mm=radius_mm,
-    )
-    return OtherPart(point=point, turn=turn, judged=judged, jaw_1_deg=found.jaw_1_deg, radius_mm=radius_mm)
+    return OtherPart(point=point, found=found)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from console.session.data.run_reader import PartPoint
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import local
 from console.tui.inspecting.other_part import OtherPart, OtherParts, WhichParts
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.inspect_lines import made_of_point
-from console.tui.records.list_lines import local
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.files import printable

@@ -7,13 +7,12 @@ import math
 from console.session.data.run_reader import MODEL, PartPoint
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import plain_cut_words
+from console.text.recorded_words import local, plain_cut_words
 from console.tui.inspecting.comparison import Comparison, Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.learn_lines import identified_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
-from console.tui.records.list_lines import local
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.metrology.circles import CIRCLES

@@ -6,7 +6,7 @@ import re
 from contextlib import suppress
 from datetime import UTC, datetime
 
-from console.session.data.made_parts import MODEL, MadeWith
+from console.session.data.measured_part import MODEL, MadeWith
 from console.session.force_record import ForceCheck
 from console.session.learning.learning_steps import Taught
 from console.session.learning.part_learning import PartLearning

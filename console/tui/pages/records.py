@@ -8,13 +8,13 @@ from textual.widgets import Input
 from textual.widgets.input import Selection
 
 from console.session.data.run_reader import RunFilters
+from console.session.learning.job_chart import Figure, JobChart
 from console.session.station.state import StationState
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.page import ChartPage
 from console.tui.records.beside import Problems
-from console.tui.records.job_chart import Figure, JobChart
 from console.tui.records.list_lines import RunList
 from console.tui.records.listing import ALL, PIECE, Listing, Wanted
 from console.tui.records.panels import Mode, RecordsPanels, full_lines

@@ -12,7 +12,7 @@ from textual.containers import Horizontal
 from textual.widgets import Input
 
 from console.session.data.learned_store import asked_for
-from console.session.data.made_parts import CutPart, newest_part
+from console.session.data.measured_part import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, offered, trace_folder
 from console.session.errors import fault_problem
 from console.session.learning.imported import QUESTIONS, ImportedTrace, examined

@@ -8,7 +8,7 @@ from datetime import datetime
 from pathlib import Path
 
 from console.session.cut.run import FILTER_UPR
-from console.session.data.made_parts import CutPart
+from console.session.data.measured_part import CutPart
 from console.session.learning.imported import QUESTIONS, ImportedTrace
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, hanging, line, name_in, ranged, wrapped

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import datetime
 
 from console.session.data.run_reader import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
+from console.text.recorded_words import local
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
 from console.tui.records.listing import Listing, Wanted
 from console.tui.theme import Token
@@ -34,11 +34,6 @@ class RunList:
         """The selected run, None where there are none."""
         rows = self.listing.rows
         return rows[self.selected] if 0 <= self.selected < len(rows) else None
-
-
-def local(date: datetime) -> str:
-    """Return a date as the list shows it, local time."""
-    return NOTHING if date.year < 2 else date.astimezone().strftime("%Y-%m-%d %H:%M")
 
 
 def judged(row: RunRow, units: Units) -> Piece:
@@ -70,12 +65,12 @@ def run_lines(runs: RunList, text: Catalogue, width: int, height: int, *, everyw
     """Return the heading and the rows around the selected run; cost by what is shown."""
     columns = _columns(width, everywhere=everywhere)
     name_width = max(width - 3 - _TIME - _RONT - _HOW - _SIM - sum(cells for _, cells in columns), 1)
-    head = [fitted(f"   {text('records_page.time')}", 3 + _TIME), fitted(text("records_page.job"), name_width)]
+    head = [fitted(f"   {text('fact.time')}", 3 + _TIME), fitted(text("fact.job"), name_width)]
     head += [
         to_the_right(f"RONt {text.units.unit('um')}".ljust(9), _RONT + 1),
         fitted(text("records_page.ended"), _HOW + _SIM - 1),
     ]
-    head += [fitted(text(f"records_page.{name}"), cells) for name, cells in columns]
+    head += [fitted(text(f"fact.{name}"), cells) for name, cells in columns]
     rows = [_row(runs, place, columns, name_width, text) for place in visible(runs, max(height - 1, 1))]
     return [line(dim("".join(head))), *rows][: max(height, 0)]
 
@@ -130,7 +125,7 @@ def _row(runs: RunList, place: int, columns: Sequence[tuple[str, int]], name_wid
     pieces: list[Piece] = [
         (f"{mark}{fitted(local(row.started), _TIME)}{name}", Token.TEXT),
         judged(row, text.units),
-        (" " + fitted(text(f"records_page.how.{how}"), _HOW - 1), ended_token),
+        (" " + fitted(text.either(f"records_page.how.{how}", f"records.how.{how}"), _HOW - 1), ended_token),
         (fitted(text("sim") if row.simulated else "", _SIM), Token.DIM),
         *((fitted(_value(row, name, cells - 1, text), cells), Token.DIM) for name, cells in columns),
     ]

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-import tomllib
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
-from types import MappingProxyType
-from typing import Any
 
 from console.session.data.kept_files import jobs_folder
 from console.session.data.run_reader import RecordedPart, RunStory, Telemetry, story
 from console.session.data.run_story import POLLED
-from console.session.learning.imported import on_the_spindle, one_turn
+from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
 from console.session.learning.run_debrief import RunDebrief, run_debrief
-from profiles.arrays import Floats
-from profiles.job import Job, job_from_table
+from profiles.job import Job
 from profiles.problem import Problem, ProblemError, ProfileError
-from profiles.roundness import centred_profile
 from profiles.store import LoadedMachine, list_jobs, load_job
-from profiles.strict_values import number_or_none
-from profiles.trace_files.header import header_of
-from profiles.traces import Trace, parse_trace
 
 
 class JobNow(StrEnum):
@@ -34,25 +25,11 @@ class JobNow(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class RecordedTrace:
-    """A trace as the page plots it: M angles, deg, and M deviations from its circle, um, filtered as then.
-
-    `turn` is the trace itself, of one turn. `jaw_1_deg` is None where the angles are not tied to the chuck.
-    """
-
-    part: RecordedPart
-    turn: Trace
-    angle_deg: Floats
-    profile_um: Floats
-    jaw_1_deg: float | None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenedRun:
     """A run; `job` is the one that was cut, None where it is not recorded. `problems` are those of its data."""
 
     story: RunStory
-    traces: tuple[RecordedTrace, ...]
+    traces: tuple[EvaluatedPart, ...]
     job: Job | None
     job_now: JobNow
     machine_changed: bool
@@ -60,21 +37,16 @@ class OpenedRun:
     problems: tuple[Problem, ...] = ()
 
     @property
-    def product(self) -> RecordedPart | None:
-        """The last measured product, as the list of runs judges it; None without one."""
-        return next((part for part in reversed(self.story.parts) if part.product), None)
-
-    @property
-    def trace(self) -> RecordedTrace | None:
-        """The trace of the product, None where there is none that can be shown."""
-        product = self.product
-        return next((each for each in self.traces if each.part is product), None)
+    def trace(self) -> EvaluatedPart | None:
+        """The trace of the product at spindle angles, None where there is none that can be shown."""
+        product = self.story.product
+        return next((each for each in self.traces if each.recorded is product), None)
 
     @property
     def telemetry(self) -> Telemetry | None:
         """The telemetry of the cut of the product, else of the last cut; None without any."""
         polled = [each for each in self.story.telemetry if each.kind == POLLED and len(each.rows)]
-        name = None if self.product is None else self.product.part
+        name = None if self.story.product is None else self.story.product.part
         of_product = [each for each in polled if each.part == name]
         found = of_product or polled
         return found[-1] if found else None
@@ -87,19 +59,18 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: boo
     """
     found = story(data, run_id)
     problems: list[Problem] = []
-    traces: list[RecordedTrace] = []
+    traces: list[EvaluatedPart] = []
     for part in _last_of_each(found.parts):
         try:
-            traces += _traced(part, found.setup)
+            shown = evaluated_part(part, found.setup, "profile_um", on_spindle=True)
+            traces += [] if shown is None else [shown]
         except ProblemError as error:
             problems += error.problems
     job = None
     try:
-        job = None if found.job_text is None else job_from_table(tomllib.loads(found.job_text))
+        job = found.read_job()
     except ProfileError as error:
         problems += error.problems
-    except tomllib.TOMLDecodeError as error:
-        problems.append(Problem(code="session.fault", value=" ".join(str(error).split())))
     same_machine = found.row.machine == machine.machine.name
     return OpenedRun(
         story=found,
@@ -117,30 +88,10 @@ def _last_of_each(parts: tuple[RecordedPart, ...]) -> list[RecordedPart]:
     return list({(part.product, part.part): part for part in parts}.values())
 
 
-def traced(found: RunStory, part: str) -> RecordedTrace | None:
-    """Return the trace of a product of a run, None where none was kept. ProfileError: it cannot be read."""
-    for each in reversed(_last_of_each(found.parts)):
-        if each.product and each.part == part:
-            return next(_traced(each, found.setup), None)
-    return None
-
-
-def _traced(part: RecordedPart, setup: Mapping[str, Any]) -> Iterator[RecordedTrace]:
-    """Yield the trace of a part, nothing without one. ProfileError: it cannot be read."""
-    if part.trace is None:
-        return
-    trace = parse_trace(part.trace, where=part.trace_name or "")
-    answers = part.data.get("answers")
-    if isinstance(answers, dict):
-        given = {key: value for key, value in answers.items() if isinstance(value, str)}
-        trace = replace(trace, meta=MappingProxyType({**trace.meta, **given}))
-    header, _ = header_of(trace.meta)
-    turn = one_turn(trace, header)
-    jaw_1_deg = number_or_none(part.data.get("jaw_1_deg", setup.get("jaw_1_deg"))) if header.phase_known else None
-    if jaw_1_deg is not None:
-        turn = on_the_spindle(turn, header, jaw_1_deg)
-    profile_um = centred_profile(turn.angle_deg, turn.deviation_um, number_or_none(part.data.get("filter_upr")))
-    yield RecordedTrace(part=part, turn=turn, angle_deg=turn.angle_deg, profile_um=profile_um, jaw_1_deg=jaw_1_deg)
+def traced(found: RunStory, part: str, *at_once: str) -> EvaluatedPart | None:
+    """Return a product of a run at spindle angles; raises and returns as `evaluated_part`, None without one."""
+    products = [each for each in _last_of_each(found.parts) if each.product and each.part == part]
+    return evaluated_part(products[-1], found.setup, *at_once, on_spindle=True) if products else None
 
 
 def _job_now(data: Path, found: RunStory) -> JobNow:

@@ -12,8 +12,10 @@ from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 from textual.widget import Widget
 
+from console.session.learning.evaluated_part import EvaluatedPart
+from console.session.learning.job_chart import Figure, JobChart, NoClaim
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import part_words
+from console.text.recorded_words import local, part_words
 from console.tui.lines import (
     BLANK,
     NOTHING,
@@ -36,10 +38,9 @@ from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.beside import Problems
-from console.tui.records.job_chart import Figure, JobChart, NoClaim
-from console.tui.records.list_lines import RunList, hidden_words, local, nothing_lines, run_lines, title_words
+from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
 from console.tui.records.listing import Listing, Wanted
-from console.tui.records.opened_run import OpenedRun, RecordedTrace
+from console.tui.records.opened_run import OpenedRun
 from console.tui.records.reading import Opened
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
@@ -103,13 +104,13 @@ class Pair:
         return self.marked, self.other
 
 
-def polar_of(traces: Sequence[tuple[RecordedTrace | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
+def polar_of(traces: Sequence[tuple[EvaluatedPart | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
     """Return what is plotted, with jaw 1 of all at the angle of the last; each with its token, or dashed."""
     shown = [(trace, token, dashed) for trace, token, dashed in traces if trace is not None]
     jaw_1_deg = shown[-1][0].jaw_1_deg if shown else None
     polar = [
         PolarTrace(
-            angle_deg=trace.angle_deg + _turn_deg(trace, jaw_1_deg),
+            angle_deg=trace.turn.angle_deg + _turn_deg(trace, jaw_1_deg),
             deviation_um=trace.profile_um,
             token=token,
             dashed=dashed,
@@ -119,7 +120,7 @@ def polar_of(traces: Sequence[tuple[RecordedTrace | None, Token, bool]]) -> tupl
     return polar, [] if jaw_1_deg is None else [Mark(angle_deg=jaw_1_deg, label="1")]
 
 
-def _turn_deg(trace: RecordedTrace, jaw_1_deg: float | None) -> float:
+def _turn_deg(trace: EvaluatedPart, jaw_1_deg: float | None) -> float:
     return 0.0 if jaw_1_deg is None or trace.jaw_1_deg is None else jaw_1_deg - trace.jaw_1_deg
 
 
@@ -127,7 +128,7 @@ def pair_caption(pair: Pair, um_per_division: float, text: Catalogue, width: int
     """Return the legend of the two traces, and their scale."""
     rows = []
     for run, key in zip(pair.sides, (BEFORE_KEY, AFTER_KEY), strict=True):
-        part = run.product
+        part = run.story.product
         ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
         token = Token.BEFORE if run is pair.marked else Token.AFTER
         rows.append(
@@ -159,8 +160,8 @@ def _rows(pair: Pair, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
 
 
 def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
-    row, part, job, units = run.story.row, run.product, run.job, text.units
-    values = {units.unit("um"): local(row.started)[5:], text("records_page.job"): printable(row.job)}
+    row, part, job, units = run.story.row, run.story.product, run.job, text.units
+    values = {units.unit("um"): local(row.started)[5:], text("fact.job"): printable(row.job)}
     if part is not None:
         values["RONt"] = f"{units.figure(part.ront_um, 'um', 2)} {_MARKS[part.passed]}"
         for name in ("RONp", "RONv", "RONq"):
@@ -169,16 +170,18 @@ def _values(run: OpenedRun, text: Catalogue) -> dict[str, str]:
             values[f"D {units.unit('mm')}"] = units.figure(part.diameter_mm, "mm", 3)
         harmonics = {text("inspect_page.harmonic", n=n): um_pp for n, um_pp in jaw_harmonics(part, run)}
         values |= {name: units.figure(um_pp, "um", 2) for name, um_pp in harmonics.items()}
-    values[text("records_page.ended")] = text(f"records_page.how.{row.ended.how}")
-    values[text("records_page.made")] = made_of(row, text)
+    values[text("records_page.ended")] = text.either(
+        f"records_page.how.{row.ended.how}", f"records.how.{row.ended.how}"
+    )
+    values[text("fact.made")] = made_of(row, text)
     values[text("records_page.force_n")] = _shown(run.story.setup.get("force_n"), _one)
-    values[f"{text('records_page.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
+    values[f"{text('fact.jaw')} °"] = _shown(run.story.setup.get("jaw_1_deg"), _one)
     if job is not None:
         values["rpm"] = f"{job.spindle_speed_rpm:.0f}"
         values[text("records_page.depth_mm")] = units.figure(job.depth_of_cut_mm, "mm", 3)
     values[text("records_page.of.alarms")] = str(len(run.story.alarms))
-    values[text("records_page.machine")] = printable(row.machine)
-    values[text("records_page.operator")] = printable(row.operator or NOTHING)
+    values[text("fact.machine")] = printable(row.machine)
+    values[text("fact.operator")] = printable(row.operator or NOTHING)
     return values
 
 
@@ -394,7 +397,7 @@ class RecordsPanels:
 
     def _show_run(self, run: OpenedRun, found: Opened, top: int) -> int:
         text, panel = self._text, self._run
-        others = [(each, Token.BEFORE, True) for each in run.traces if not each.part.product]
+        others = [(each, Token.BEFORE, True) for each in run.traces if not each.recorded.product]
         polar, marks = polar_of([*others, (run.trace, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
@@ -489,7 +492,7 @@ def program_lines(run: OpenedRun) -> list[Line]:
 
 def evaluated_words(run: OpenedRun, text: Catalogue) -> str:
     """Return state, circle and filter of the figures, as they were evaluated."""
-    part = run.product
+    part = run.story.product
     if part is None:
         return NOTHING
     state, upr = part.data.get("state"), part.data.get("filter_upr")
@@ -502,7 +505,7 @@ def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width
     """Return the legend of the traces of a run, where jaw 1 is, and the scale."""
     rows = []
     for each in run.traces:
-        part = each.part
+        part = each.recorded
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
         rows.append(

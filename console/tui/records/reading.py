@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.session.data.run_reader import RunRow
+from console.session.learning.job_chart import Figure, JobChart, job_chart, job_parts
 from console.tui.records.beside import Beside, Problems
-from console.tui.records.job_chart import Figure, JobChart, job_chart, job_parts
 from console.tui.records.listing import Listing, Wanted, listed
 from console.tui.records.opened_run import OpenedRun, opened_run
 from profiles.store import LoadedMachine

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from datetime import datetime
-from typing import Any
+from collections.abc import Mapping
 
+from console.session.data.run_facts import Kind, origin_facts, setup_facts
 from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow, RunStory
 from console.session.data.run_rows import recorded_problems
 from console.text.catalogue import Catalogue
 from console.text.cut_verdict import verdict_words
 from console.text.recorded_words import (
-    command_words,
+    Layout,
+    clock,
+    fact_rows,
+    fact_words,
     is_plain,
+    local,
     problem_words,
     reason_words,
     stage_words,
+    story_alarm_words,
+    story_command_words,
     strategy_words,
 )
 from console.text.run_debrief import debrief_sections
@@ -23,7 +28,6 @@ from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wr
 from console.tui.pages.inspect_lines import FRONT_MULTIPLES
 from console.tui.pages.jobs_lines import job_lines
 from console.tui.pages.learn_lines import identified_words
-from console.tui.records.list_lines import local
 from console.tui.records.opened_run import JobNow, OpenedRun
 from console.tui.theme import Token
 from profiles.files import printable
@@ -32,6 +36,7 @@ from profiles.strict_values import number_or_none
 
 _LABEL = 15
 _WIDEST = 60
+_UNNAMED = ("software", "controller")  # told by what they are
 
 
 def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
@@ -57,8 +62,8 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
-    part, row = run.product, run.story.row
-    lines = verdict(part, text) if part is not None else [line(dim(text("records_page.not_measured")))]
+    part, row = run.story.product, run.story.row
+    lines = verdict(part, text) if part is not None else [line(dim(text("records.not_measured")))]
     told = ending_words(run.story, text)
     lines += wrapped(told, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
@@ -75,16 +80,14 @@ def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
         facts["limit"] = text.units.figure(part.tolerance_um, "um", 2)
     if part.passed is None:
         return [line((text("records_page.not_judged", **facts), Token.TEXT))]
-    round_enough = part.passed if part.tolerance_um is None else part.ront_um <= part.tolerance_um
-    lines = [_judged("", facts, passes=round_enough, text=text)]
-    allowed_um, nominal_mm = part.diameter_tolerance_um, part.nominal_diameter_mm
-    if part.diameter_mm is not None and nominal_mm is not None and allowed_um is not None:
+    lines = [_judged("", facts, passes=bool(part.is_round), text=text)]
+    allowed_um, of_size = part.diameter_tolerance_um, part.is_of_size
+    if part.diameter_mm is not None and allowed_um is not None and of_size is not None:
         facts = {
             "value": text.units.figure(part.diameter_mm, "mm", 3),
             "limit": text.units.short(allowed_um, "um"),
         }
-        inside = 1000.0 * abs(part.diameter_mm - nominal_mm) <= allowed_um
-        lines.append(_judged("diameter_", facts, passes=inside, text=text))
+        lines.append(_judged("diameter_", facts, passes=of_size, text=text))
     return lines
 
 
@@ -98,7 +101,7 @@ def ending_words(story: RunStory, text: Catalogue) -> str:
     ended = story.row.ended
     said = [text(f"records_page.ending.{ended.how}")]
     if ended.turn is not None:
-        said.append(text("records_page.turn", turn=f"{ended.turn:.1f}"))
+        said.append(text("records.turn", turn=f"{ended.turn:.1f}"))
     if ended.reason:
         said.append(reason_words(ended, text, [each.problem for each in story.alarms]))
     if ended.by:
@@ -124,7 +127,7 @@ def _damage_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     lines: list[Line] = []
     if run.story.damaged:
         what = printable(", ".join(run.story.damaged), 80)
-        lines += hanging(("! ", Token.WARNING), text("records_page.damaged", what=what), width, Token.WARNING)
+        lines += hanging(("! ", Token.WARNING), text("records.damaged", what=what), width, Token.WARNING)
     if run.story.complete is False:
         lines += hanging(("! ", Token.WARNING), text("records_page.incomplete"), width, Token.WARNING)
     for problem in run.problems:
@@ -140,11 +143,11 @@ def _cut_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
         "machine": printable(row.machine, 40),
         "made": made_of(row, text),
     }
-    return [_fact(text(f"records_page.{name}"), value, width) for name, value in rows.items()]
+    return [_fact(text(f"fact.{name}"), value, width) for name, value in rows.items()]
 
 
 def _figure_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    part = run.product
+    part = run.story.product
     if part is None:
         return []
     rows = [_fact(name, value, width) for name, value in figures(part, run, text)]
@@ -164,9 +167,8 @@ def figures(part: RecordedPart, run: OpenedRun, text: Catalogue) -> list[tuple[s
         if value is not None:
             rows.append((name, text.units.show(value, "um", 2)))
     if part.diameter_mm is not None:
-        rows.append((text("records_page.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
-        if part.nominal_diameter_mm is not None:
-            off_um = 1000.0 * (part.diameter_mm - part.nominal_diameter_mm)
+        rows.append((text("fact.diameter"), text.units.show(part.diameter_mm, "mm", 3)))
+        if (off_um := part.off_nominal_um) is not None:
             allowed_um = part.diameter_tolerance_um
             judged = "" if allowed_um is None else f" (± {text.units.short(allowed_um, 'um')})"
             rows.append((text("records_page.off_nominal"), f"{text.units.show(off_um, 'um', 1, '+')}{judged}"))
@@ -192,22 +194,9 @@ def jaw_harmonics(part: RecordedPart, run: OpenedRun) -> list[tuple[int, float]]
 
 
 def _setup_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    setup = run.story.setup
-    rows = (
-        ("force", _with_unit(setup, "force_n", lambda value: f"{value:.1f} N"), setup.get("clamped_at")),
-        ("jaw", _with_unit(setup, "jaw_1_deg", lambda value: f"{value:.2f}°"), setup.get("jaw_1_at")),
-        (
-            "radius",
-            _with_unit(setup, "zero_radius_mm", lambda value: f"R {text.units.show(value, 'mm', 3)}"),
-            setup.get("touch_off_at"),
-        ),
-    )
-    lines = []
-    for name, value, at in rows:
-        if value:
-            stamp = f" ({printable(at, 20)})" if isinstance(at, str) else ""
-            lines.append(_fact(text(f"records_page.{name}"), value + stamp, width))
-    if setup.get("aligned") is False:
+    rows = fact_rows(setup_facts(run.story), text, Layout.PAGE)
+    lines = [_fact(name, value, width) for name, value in rows]
+    if run.story.setup.get("aligned") is False:
         lines += wrapped(text("records_page.not_aligned"), width, Token.DIM)
     return lines
 
@@ -224,7 +213,7 @@ def _job_lines(run: OpenedRun, text: Catalogue, width: int, room: int) -> list[L
 def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return the learning step that the part has proposed, or why none; and those that were accepted."""
     lines: list[Line] = []
-    proposed = None if run.product is None else run.product.data.get("learning")
+    proposed = None if run.story.product is None else run.story.product.data.get("learning")
     if isinstance(proposed, dict):
         if proposed.get("version") is not None:
             left = number_or_none(proposed.get("expected_ront_um"))
@@ -241,39 +230,21 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 
 
 def _alarm_lines(alarms: tuple[AlarmStory, ...], text: Catalogue, width: int) -> list[Line]:
-    lines: list[Line] = []
-    for alarm in alarms:
-        stamps = {"acknowledged": alarm.acknowledged, "over": alarm.ended}
-        said = [text(f"records_page.{name}", at=_clock(at)) for name, at in stamps.items() if at is not None]
-        words = " ".join([text.problem(alarm.problem), *said])
-        lines += hanging(dim(f"{_clock(alarm.raised)} "), words, width)
-    return lines
+    said = [(dim(f"{clock(each.raised)} "), story_alarm_words(each, text)) for each in alarms]
+    return [row for mark, words in said for row in hanging(mark, words, width)]
 
 
 def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) -> list[Line]:
-    lines: list[Line] = []
-    for event in commands:
-        said = command_words(str(event.data.get("command", "")), text)
-        by = printable(str(event.data.get("by") or ""), 30)
-        lines += hanging(dim(f"{_clock(event.at)} "), f"{said}  {by}".rstrip(), width)
-    return lines
+    said = [(dim(f"{clock(each.at)} "), story_command_words(each, text)) for each in commands]
+    return [row for mark, words in said for row in hanging(mark, words, width)]
 
 
 def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    told = run.story
-    python = f"Python {told.python}" if told.python else None
-    rows = [" · ".join(filter(None, each)) for each in ((told.software, python), (told.controller, told.family))]
-    said = [*rows, text("records_page.id", id=told.row.run_id)]
-    return [each for row in said if row for each in wrapped(printable(row), width, Token.DIM)]
-
-
-def _with_unit(setup: Mapping[str, Any], key: str, form: Callable[[float], str]) -> str:
-    value = number_or_none(setup.get(key))
-    return "" if value is None else form(value)
-
-
-def _clock(date: datetime) -> str:
-    return date.astimezone().strftime("%H:%M:%S")
+    facts = [each for each in origin_facts(run.story) if each.kind is not Kind.HASH]
+    named = [each for each in facts if each.key not in _UNNAMED]
+    said = [fact_words(each, text, Layout.PAGE) for each in facts if each.key in _UNNAMED]
+    said += [" ".join(row) for row in fact_rows(named, text, Layout.PAGE)]
+    return [each for row in said if row for each in wrapped(row, width, Token.DIM)]
 
 
 def _fact(label: str, value: str, width: int) -> Line:

@@ -129,11 +129,7 @@ def job_chart(parts: JobParts, figure: Figure, *, judge: bool = True) -> JobChar
 
 
 def _value_um(point: PartPoint, figure: Figure) -> float | None:
-    if figure is Figure.RONT:
-        return point.ront_um
-    if point.diameter_mm is None or point.nominal_diameter_mm is None:
-        return None
-    return 1000.0 * (point.diameter_mm - point.nominal_diameter_mm)
+    return point.ront_um if figure is Figure.RONT else point.off_nominal_um
 
 
 def _begins(points: Sequence[PartPoint]) -> int:

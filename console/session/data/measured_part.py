@@ -1,26 +1,35 @@
-"""Provenance of a measured part: the cut it is from, by arguments, its trace and the run record."""
+"""A measured part: the cut it is from (how it was made), and its figures and trace as the record keeps them.
+
+How a part was cut is known by arguments, by its trace, and by the run record.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
 
 from console.session.data.kept_files import ahead_problems
 from console.session.data.learned_store import NONE
 from console.session.data.run_rows import NOT_PROVEN
 from console.session.errors import SessionError
 from console.session.force_record import force_of
-from console.session.stages import Stage
 from drivers.simulator.plant.which_lathe import LATHE, WHICH
-from profiles.compensations.force_null import ForceNull
-from profiles.compensations.learned import HoldsFor
 from profiles.files import printable
 from profiles.problem import Problem
 from profiles.strict_values import from_json, number, number_or_none, text, whole
+from profiles.traces import Trace, parse_trace
+
+if TYPE_CHECKING:
+    from profiles.compensations.force_null import ForceNull
+    from profiles.compensations.learned import HoldsFor
+    from profiles.roundness import RoundnessResult
 
 LOCK_TIMEOUT_S = 1.0
+AIR = "air"  # of `Stage`, which takes the planner of cuts with it
 MOST_NAMED = 3  # simulated lathes in a message
 
 _QUERY = """
@@ -169,8 +178,9 @@ def is_other_lathe(stated: str, recorded: str | None) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutPart:
-    """A part in the run record: run, how it was made, when its cut ended, and whether another was begun since.
+    """A part that was cut: how, in which run, when its cut ended, and whether another was begun since.
 
+    `run_id` is None where its run is open.
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, `push_um` the push at its entry
     beyond what its path makes up for, 0 where the record does not have it.
     `lathe` is the simulated lathe that has cut it, "" where the record names none.
@@ -178,10 +188,10 @@ class CutPart:
     where the record says that the cut is not proven to be the planned one.
     """
 
-    run_id: str
     made: MadeWith
-    at_utc: str
-    cut_since: bool
+    run_id: str | None = None
+    at_utc: str = ""
+    cut_since: bool = False
     lathe: str = ""
     tool_lobe_um: complex = 0j
     push_um: float = 0.0
@@ -260,4 +270,114 @@ def _made(kind: str, data: str) -> list[MadeWith | None]:
     except (ValueError, TypeError, KeyError):
         # Written by another version of the console, which did not record how a cut on the screen was made.
         return [None] if kind == "cut" else []
-    return [] if stage == Stage.AIR or "passes" in event else [made]
+    return [] if stage == AIR or "passes" in event else [made]
+
+
+UNDATED = datetime.min.replace(tzinfo=UTC)
+
+PART_COLUMNS = (
+    "part",
+    "product",
+    "ront_um",
+    "tolerance_um",
+    "passed",
+    "diameter_mm",
+    "nominal_diameter_mm",
+    "diameter_tolerance_um",
+    "lobe_um_pp",
+    "trace_name",
+)
+"""Columns of `measurements` that are fields of `RecordedPart`."""
+
+_BOOLEAN = ("product", "passed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedPart:
+    """A measured part of a run.
+
+    `part` names it among those of its run, empty for the only one; `product` is False of one that was cut for
+    comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
+    learning step ("learning"). `trace` are the bytes of the trace's file, as `profiles.traces.parse_trace` takes
+    them; None where it was not kept or cannot be read. `trace_name` is that of an imported file. `number`, `at`
+    and `trace_sha256` are given by the record.
+    """
+
+    ront_um: float
+    part: str = ""
+    product: bool = True
+    tolerance_um: float | None = None
+    passed: bool | None = None
+    diameter_mm: float | None = None
+    nominal_diameter_mm: float | None = None
+    diameter_tolerance_um: float | None = None
+    lobe_um_pp: float | None = None
+    trace_name: str | None = None
+    trace: bytes | None = field(default=None, repr=False)
+    data: Mapping[str, Any] = field(default_factory=dict)
+    number: int = 0
+    at: datetime = UNDATED
+    trace_sha256: str | None = None
+
+    @property
+    def is_round(self) -> bool | None:
+        """Whether RONt is within its tolerance; the verdict where no tolerance is recorded."""
+        return self.passed if self.tolerance_um is None else self.ront_um <= self.tolerance_um
+
+    @property
+    def off_nominal_um(self) -> float | None:
+        """How much the mean diameter is larger than the nominal one, um; None where either is not known."""
+        if self.diameter_mm is None or self.nominal_diameter_mm is None:
+            return None
+        return 1000.0 * (self.diameter_mm - self.nominal_diameter_mm)
+
+    @property
+    def is_of_size(self) -> bool | None:
+        """Whether the mean diameter is within its tolerance; None without a diameter or a tolerance."""
+        off_um, most_um = self.off_nominal_um, self.diameter_tolerance_um
+        return None if off_um is None or most_um is None else abs(off_um) <= most_um
+
+    @property
+    def is_good(self) -> bool:
+        """Whether its figures are within their tolerances; a size that was not measured is not judged."""
+        return self.is_round is not False and self.is_of_size is not False
+
+    def read_trace(self) -> Trace | None:
+        """Parse the trace, with the operator's answers in its header; None without one. ProfileError."""
+        if self.trace is None:
+            return None
+        trace, answers = parse_trace(self.trace, where=self.trace_name or ""), self.data.get("answers")
+        given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, Mapping) else {}
+        return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PartPoint(RecordedPart):
+    """A measured product of a job: a point of a run chart; without its trace and its data.
+
+    `lobe_um_pp` is its harmonic at the number of jaws; `compensation` and `inverted` are those of `RunRow`.
+    """
+
+    run_id: str
+    strategy: str
+    stage: str | None
+    compensation: str | None
+    inverted: str | None = None
+
+
+def column_values(columns: Iterable[Any]) -> dict[str, Any]:
+    """Return the values of `PART_COLUMNS`, as read from the file, by their names."""
+    found = dict(zip(PART_COLUMNS, columns, strict=True))
+    return {k: bool(v) if k in _BOOLEAN and v is not None else v for k, v in found.items()}
+
+
+_SHOWN = ("reference_circle", "filter_upr", "state", "points", "eccentricity_um", "mean_deviation_um", "left_out")
+
+
+def result_data(result: RoundnessResult) -> dict[str, object]:
+    """Return the parameters and harmonics of a part; lengths in um, angles in degrees."""
+    return {
+        **{f"{name}_um": getattr(result, f"{name.lower()}_um") for name in ("RONt", "RONp", "RONv", "RONq")},
+        **{name: getattr(result, name) for name in _SHOWN},
+        "harmonics": [asdict(harmonic) for harmonic in result.harmonics],
+    }
