@@ -5,6 +5,10 @@ from __future__ import annotations
 import sys
 
 from console.session.data.trace_folder import export_trace
+from console.session.guide.measured_part import fails
+from console.session.guide.refusals import LOOKS, refused
+from console.session.guide.rows import INSPECT, row_of
+from console.session.guide.situation import Situation
 from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import MeasuredPart, StationState
 from console.tui.calibrating.draft import TYPED_OUT, value_of
@@ -12,7 +16,6 @@ from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
 from console.tui.inspecting.comparison import Comparison, compared
 from console.tui.inspecting.evaluation import VERDICT, Looked, supported_upr, with_next_circle, with_next_filter
-from console.tui.inspecting.next_words import fails, next_word, where
 from console.tui.inspecting.other_part import which_parts
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
@@ -24,9 +27,8 @@ from console.tui.pages.learning_keys import accept_part, revert_version
 from console.tui.pages.lobe_lines import lobe_lines
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
-from console.tui.refusals.inspect_reasons import LOOKS, inspect_reasons
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import KEYS, UiContext, View
 from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -171,7 +173,10 @@ class InspectPage(ChartPage):
             return self._parts.why_not(action)
         if action in LOOKS and view.state.measured is not None:
             return self._why_not_looked(action, view)
-        return inspect_reasons(action, view)
+        return refused(action, self._now(view), KEYS[action])
+
+    def _now(self, view: View) -> Situation:
+        return Situation(state=view.state, work=view.work, machine=self.ui.machine.machine, now_s=view.now_s)
 
     @property
     def keys(self) -> tuple[RowKey, ...]:
@@ -205,7 +210,7 @@ class InspectPage(ChartPage):
             return line((self._parts.next_words(), Token.ACTION))
         if self._asks and view.state.measured is not None:
             return line((self.ui.text("inspect_page.next_question"), Token.ACTION))
-        return line((self.ui.text(f"inspect_page.{next_word(view)}"), Token.ACTION))
+        return line((self.ui.text(row_of(INSPECT, self._now(view)).sentence), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return the learning step of the last part or why none, and every figure of it; or how to get a part."""
@@ -392,5 +397,5 @@ class InspectPage(ChartPage):
         text = self.ui.text
         lines = wrapped(text("inspect_page.nothing"), width)
         what = "how_measure" if state.cut_done else "how_cut"
-        how = wrapped(text(f"inspect_page.{what}{where(state)}"), width)
+        how = wrapped(text(f"inspect_page.{what}{'' if state.simulated else '_outside'}"), width)
         return [*lines, BLANK, *how, *mark_lines(text, state.marks_mm, width, "inspect_page")]
