@@ -10,8 +10,8 @@ from collections.abc import Callable
 from console.session.cut.alignment import AlignStep, force_problems, step_problems, table_problems
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.guide.measured_part import why_not_accepted, why_not_reverted
-from console.session.guide.rows import Condition, always, at_step
-from console.session.guide.situation import Situation
+from console.session.guide.rows import Condition, Row, always, at_step
+from console.session.guide.situation import Phase, Situation
 from console.session.guide.start_checks import failing
 from console.session.guide.waiting import wait_problems
 from console.session.station.adjusting.holding import hold_refusal
@@ -37,6 +37,13 @@ def refused(action: str, now: Situation, key: str = "") -> Problems:
         if when(now):
             return wait_problems(now.state, key) if problems is _wait else problems(now)
     return ()
+
+
+def why_not(row: Row, now: Situation) -> Problems:
+    """Return why the key of a step does nothing now, else what a cut cannot start without, until it starts."""
+    against = refused(row.key or "", now)
+    is_start = row.key is None or row.word.startswith("inspect.") or now.phase is Phase.CUTTING
+    return against if against or is_start else failing(now.checks)
 
 
 def _because(code: str, key: str = "", limit: str = "") -> Callable[[Situation], Problems]:

@@ -236,10 +236,10 @@ INSPECT = (
     ),
     Row("inspect.made_worse", lambda s: "learned.worse" in s.not_taught, "page.align"),
     Row("inspect.worse", lambda s: "learned.diverges" in s.not_taught, "inspect.revert"),
-    Row("inspect.force", _contradicts, "align.back", do.Forget),
+    Row("inspect.force", _contradicts, "page.align"),
     Row("inspect.half", lambda s: _HALF(s) and s.is_kept, "preview.stage"),
     Row("inspect.kept", lambda s: s.is_kept, "inspect.next"),
-    Row("inspect.check_jaw", lambda s: s.taught is not None and is_elsewhere(s.taught), "align.back", do.Forget),
+    Row("inspect.check_jaw", lambda s: s.taught is not None and is_elsewhere(s.taught), "page.align"),
     Row("inspect.half_learn", lambda s: _HALF(s) and s.stands_out, "inspect.accept"),
     Row("inspect.half", _HALF, "preview.stage"),
     *_when(
@@ -253,7 +253,7 @@ INSPECT = (
     ),
     Row("inspect.failed", lambda s: s.taught is None, "inspect.next"),
     Row("inspect.failed_scatter", lambda s: not s.stands_out, "inspect.accept"),
-    Row("inspect.failed_jaw", lambda s: s.taught is not None and jaw_explains(s.taught), "align.back", do.Forget),
+    Row("inspect.failed_jaw", lambda s: s.taught is not None and jaw_explains(s.taught), "page.align"),
     Row("inspect.failed_learn", always, "inspect.accept"),
 )
 
@@ -268,10 +268,16 @@ def _table_of(now: Situation) -> tuple[Row, ...]:
     state = now.state
     if now.waiting in ("lost", "observing", "connecting"):
         return ALIGN
-    if now.phase in (Phase.STOPPED, Phase.CUTTING) or state.armed is not None or now.tables_on or now.left_in_part:
+    under_way = now.phase in (Phase.STOPPED, Phase.CUTTING) or state.activity in (
+        Activity.ARMING,
+        Activity.RETRACTING,
+    )
+    if under_way or state.armed is not None or now.tables_on or now.left_in_part:
         return RUN
+    if now.waiting and state.activity is not Activity.MEASURING:
+        return ALIGN
     if state.cut_done or (state.measured is not None and now.alignment.clamping is None):
         return INSPECT
-    if now.work is None or state.activity in (Activity.ARMING, Activity.RETRACTING):
+    if now.work is None or row_of(ALIGN_STEPS, now).word == "align.valid":
         return RUN
-    return RUN if row_of(ALIGN_STEPS, now).word == "align.valid" else ALIGN
+    return ALIGN
