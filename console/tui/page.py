@@ -15,26 +15,11 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName, RowKey
 from console.tui.layout import TALL_ROWS, WIDE
 from console.tui.lines import Line
-from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
 
 ROWS_FOR_PLOTS = 16  # rows of the page below which numbers take the room of the plots
 _ROOMY_ROWS = 22
-
-
-_UNDER_WAY = frozenset(
-    f"run.{name}"
-    for name in ("positioning", "retracting", "holding", "paused", "returning", "hold_asked", "run_up", "cutting")
-) | {"run.taken_out"}
-_WAITING = frozenset({"run.loading", "run.moves", "run.wait"}) | {
-    f"align.{name}" for name in ("lost", "stopping", "stopped", "observing", "connecting", "moving", "busy")
-}
-
-
-def step_token(word: str) -> Token:
-    """Return how the next step with this word of the guide is shown."""
-    return Token.DIM if word in _WAITING else Token.STRONG if word in _UNDER_WAY else Token.ACTION
 
 
 class Page(Container):

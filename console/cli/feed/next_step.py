@@ -36,35 +36,29 @@ def main(options: Namespace, text: Catalogue) -> int:
     return follow(options, text, show, LEAST_HZ, once=not options.follow)
 
 
-def _news(step: FeedStep | None) -> tuple[object, ...]:
-    return () if step is None else (step.word, step.why)
+def _news(step: FeedStep | None) -> object:
+    return step and (step.word, step.why)
 
 
 def _shown(state: FeedState, options: Namespace, text: Catalogue) -> str:
     step = state.next
     said = text("next.none") if step is None else step_words(step, state, text)
     if options.json:
-        named = {"schema": state.schema, "machine": state.machine, "process": state.process}
-        return json.dumps({**named, "next": None if step is None else {**asdict(step), "text": said}})
-    rows = [f"{head(state, datetime.fromisoformat(state.at_utc).astimezone(), text)}  {said}"]
-    return "\n".join([*rows, *(f"  - {text.problem(problem)}" for problem in (() if step is None else step.why))])
+        named = {"schema": state.schema, "machine": state.machine, "process": state.process, "text": said}
+        return json.dumps({**named, "next": None if step is None else asdict(step)})
+    at = datetime.fromisoformat(state.at_utc).astimezone()
+    why = () if step is None else step.why
+    return "\n".join([f"{head(state, at, text)}  {said}", *(f"  - {text.problem(each)}" for each in why)])
 
 
 def step_words(step: FeedStep, state: FeedState, text: Catalogue) -> str:
     """Return the page and the sentence of a step; the word itself where this console has no sentence for it."""
     page, _, name = step.word.partition(".")
-    key, angle_deg = f"{page}_page.next.{name}", state.axes.spindle_deg
+    key, facts = f"{page}_page.next.{name}", {"force": step.force_n, "left": step.left_s}
     if page not in PAGES:
         return step.word
-    said = text(
-        key,
-        force=_figure(step.force_n, 0),
-        radius="–" if step.radius_mm is None else text.units.figure(step.radius_mm, "mm", 3),
-        angle=_figure(angle_deg, 2),
-        left=_figure(step.left_s, 0),
-    )
+    figures = {fact: "–" if value is None else f"{value:.0f}" for fact, value in facts.items()}
+    radius = "–" if step.radius_mm is None else text.units.figure(step.radius_mm, "mm", 3)
+    angle = "–" if state.axes.spindle_deg is None else f"{state.axes.spindle_deg:.2f}"
+    said = text(key, radius=radius, angle=angle, **figures)
     return step.word if said.startswith(key) else f"{text(f'page.{page}')}: {said}"
-
-
-def _figure(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}f}"

@@ -11,9 +11,9 @@ from console.session.cut.alignment import AlignStep, force_problems, step_proble
 from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, spread_problem
 from console.session.guide.measured_part import why_not_accepted, why_not_reverted
 from console.session.guide.rows import Condition, Row, always, at_step
-from console.session.guide.situation import Phase, Situation
+from console.session.guide.situation import Phase, Situation, phase_of
 from console.session.guide.start_checks import failing
-from console.session.guide.waiting import wait_problems
+from console.session.guide.waiting import wait_problems, waiting
 from console.session.station.adjusting.holding import hold_refusal
 from console.session.station.commands import HoldFeed, ResumeFeed
 from console.session.station.jogging import no_retract
@@ -42,7 +42,7 @@ def refused(action: str, now: Situation, key: str = "") -> Problems:
 def why_not(row: Row, now: Situation) -> Problems:
     """Return why the key of a step does nothing now, else what a cut cannot start without, until it starts."""
     against = refused(row.key or "", now)
-    is_start = row.key is None or row.word.startswith("inspect.") or now.phase is Phase.CUTTING
+    is_start = row.key is None or row.word.startswith("inspect.") or phase_of(now.state) is Phase.CUTTING
     return against if against or is_start else failing(now.checks)
 
 
@@ -76,8 +76,7 @@ def _come_out(s: Situation) -> Problems:
 
 
 def _spread(s: Situation) -> Problems:
-    problem = None if s.job is None else spread_problem(s.alignment.flanks, allowed_spread_deg(s.job))
-    return () if problem is None else (problem,)
+    return () if s.job is None else _one(spread_problem(s.alignment.flanks, allowed_spread_deg(s.job)))
 
 
 def _can_take_back(s: Situation) -> bool:
@@ -99,12 +98,8 @@ def _is_armed(s: Situation) -> bool:
     return s.state.armed is not None and s.now_s <= s.state.armed.until_s
 
 
-def _hold(command: HoldFeed | ResumeFeed) -> Callable[[Situation], Problems]:
-    def problems(s: Situation) -> Problems:
-        found = hold_refusal(command, s.state)
-        return () if found is None else (found,)
-
-    return problems
+def _one(found: Problem | None) -> Problems:
+    return () if found is None else (found,)
 
 
 def _no_retract(s: Situation) -> Problems:
@@ -112,15 +107,14 @@ def _no_retract(s: Situation) -> Problems:
     found = no_retract(s.state.snapshot, s.machine, s.alignment)
     if found is None and not s.tables_on and s.in_part is False:
         found = Problem(code="screen.tool_is_out")
-    return () if found is None else (found,)
+    return _one(found)
 
 
 def _size_doubt(s: Situation) -> Problems:
-    doubt = None if s.state.measured is None else s.state.measured.size_doubt
-    return () if doubt is None else (doubt,)
+    return _one(None if s.state.measured is None else s.state.measured.size_doubt)
 
 
-_WAITS: Against = (lambda s: bool(s.waiting), _wait)
+_WAITS: Against = (lambda s: bool(waiting(s.state)), _wait)
 _NO_JOB: Against = (lambda s: s.work is None, _because("screen.nothing_to_align"))
 _NO_PART: Against = (lambda s: s.state.measured is None, _because("trace.no_part"))
 _BESIDE = _because("alignment.beside_part", key="tool")
@@ -178,8 +172,8 @@ _RUN: dict[str, tuple[Against, ...]] = {
         (lambda s: not _is_armed(s), _because("screen.not_armed")),
         _WAITS,
     ),
-    "run.feed_hold": ((always, _hold(HoldFeed())),),
-    "run.one_turn": ((always, _hold(ResumeFeed(one_turn=True))),),
+    "run.feed_hold": ((always, lambda s: _one(hold_refusal(HoldFeed(), s.state))),),
+    "run.one_turn": ((always, lambda s: _one(hold_refusal(ResumeFeed(one_turn=True), s.state))),),
     "run.hold": (
         (
             lambda s: s.state.activity is not Activity.CUTTING or s.state.cut is None,

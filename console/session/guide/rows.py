@@ -11,8 +11,10 @@ from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import AlignStep, force_problems
 from console.session.cut.jaw_by_indicator import READINGS
-from console.session.guide.measured_part import fails, follows_lobe, is_elsewhere, jaw_explains
-from console.session.guide.situation import Phase, Situation
+from console.session.guide.measured_part import fails, follows_lobe, is_elsewhere, is_kept, is_taken, jaw_explains
+from console.session.guide.situation import Phase, Situation, phase_of
+from console.session.guide.start_checks import is_over
+from console.session.guide.waiting import waiting
 from console.session.stages import Stage
 from console.session.station import commands as do
 from console.session.station.progress import CutStage
@@ -62,12 +64,12 @@ def at_step(*steps: AlignStep | None) -> Condition:
     return lambda s: s.step in steps
 
 
-def _part(also: Callable[[MeasuredPart], bool]) -> Condition:
-    return lambda s: s.state.measured is not None and also(s.state.measured)
+def _part(also: Callable[[MeasuredPart, Situation], bool]) -> Condition:
+    return lambda s: s.state.measured is not None and also(s.state.measured, s)
 
 
 def _waits(word: str) -> Condition:
-    return lambda s: s.waiting == word
+    return lambda s: waiting(s.state) == word
 
 
 def _in_stage(*stages: CutStage) -> Condition:
@@ -86,14 +88,12 @@ def _in_air(s: Situation) -> bool:
     return s.state.cut is not None and s.state.cut.in_air
 
 
-def _contradicts(s: Situation) -> bool:
-    part, force = s.state.measured, s.state.force
-    return part is not None and part.is_half and force is not None and force.contradicts(part.job) is not None
-
-
-_HALF = _part(lambda part: part.is_half)
-_OFF_SIZE = _part(lambda part: part.diameter_passes is False)
-
+_HALF = _part(lambda part, _: part.is_half)
+_TAKEN = _part(lambda part, s: is_taken(part.lobe, s.work))
+_HAS_LOBE = _part(lambda part, _: part.lobe is not None and not part.lobe.reasons)
+_KEPT = _part(lambda part, s: is_kept(part.learning, s.work))
+_OFF_SIZE = _part(lambda part, _: part.diameter_passes is False)
+_WRONG = _part(lambda part, s: s.state.force is not None and s.state.force.contradicts(part.job) is not None)
 
 ALIGN_STEPS = (
     Row("align.no_job", lambda s: s.job is None and s.step is None, "page.jobs"),
@@ -146,24 +146,20 @@ ALIGN_STEPS = (
 )
 
 ALIGN = (
-    Row("align.lost", _waits("lost")),
-    Row("align.stopping", _waits("stopping")),
     Row("align.stopped", _waits("stopped"), "recover", do.Recover),
     Row("align.observing", _waits("observing"), "take_over", do.TakeControl),
-    Row("align.connecting", _waits("connecting")),
-    Row("align.moving", _waits("moving")),
-    Row("align.busy", _waits("busy")),
+    *(Row(f"align.{word}", _waits(word)) for word in ("lost", "stopping", "connecting", "moving", "busy")),
     *ALIGN_STEPS,
 )
 
 RUN = (
     *_when(
-        lambda s: s.phase is Phase.STOPPED,
-        Row("run.stopped", lambda s: s.waiting == "stopped", "recover", do.Recover),
+        lambda s: phase_of(s.state) is Phase.STOPPED,
+        Row("run.stopped", lambda s: waiting(s.state) == "stopped", "recover", do.Recover),
         Row("run.stopping", always),
     ),
     *_when(
-        lambda s: s.phase is Phase.CUTTING,
+        lambda s: phase_of(s.state) is Phase.CUTTING,
         Row("run.positioning", _in_stage(CutStage.POSITION)),
         Row("run.retracting", _in_stage(CutStage.RETRACT)),
         Row("run.holding", lambda s: s.state.cut is not None and s.state.cut.holding),
@@ -179,7 +175,7 @@ RUN = (
     Row("run.moves", lambda s: s.state.activity is not Activity.READY and s.state.moving),
     Row("run.wait", lambda s: s.state.activity is not Activity.READY),
     *_when(
-        lambda s: s.phase is Phase.ENDED and s.is_over,
+        lambda s: phase_of(s.state) is Phase.ENDED and is_over(s.state),
         Row("run.measured", lambda s: not s.state.cut_done, "page.inspect"),
         Row("run.measure", lambda s: s.state.simulated, "page.inspect"),
         Row("run.take_out", always, "align.off", do.DisableDrives),
@@ -228,26 +224,24 @@ INSPECT = (
         Row("inspect.cut_outside", always, "page.run"),
     ),
     *_when(
-        _part(lambda part: not part.strategy.traits.follows_lobe),
-        Row("inspect.lobe_taken", lambda s: s.lobe_taken and follows_lobe(s.work), "inspect.next"),
-        Row("inspect.lobe_plain", lambda s: s.lobe_taken, "preview.strategy"),
-        Row("inspect.lobe", _part(lambda part: part.lobe is not None and not part.lobe.reasons), "inspect.accept"),
+        _part(lambda part, _: not part.strategy.traits.follows_lobe),
+        Row("inspect.lobe_taken", lambda s: _TAKEN(s) and follows_lobe(s.work), "inspect.next"),
+        Row("inspect.lobe_plain", _TAKEN, "preview.strategy"),
+        Row("inspect.lobe", _HAS_LOBE, "inspect.accept"),
         Row("inspect.no_lobe", always, "inspect.next"),
     ),
     Row("inspect.made_worse", lambda s: "learned.worse" in s.not_taught, "page.align"),
     Row("inspect.worse", lambda s: "learned.diverges" in s.not_taught, "inspect.revert"),
-    Row("inspect.force", _contradicts, "page.align"),
-    Row("inspect.half", lambda s: _HALF(s) and s.is_kept, "preview.stage"),
-    Row("inspect.kept", lambda s: s.is_kept, "inspect.next"),
+    Row("inspect.force", lambda s: _HALF(s) and _WRONG(s), "page.align"),
+    Row("inspect.half", lambda s: _HALF(s) and _KEPT(s), "preview.stage"),
+    Row("inspect.kept", _KEPT, "inspect.next"),
     Row("inspect.check_jaw", lambda s: s.taught is not None and is_elsewhere(s.taught), "page.align"),
     Row("inspect.half_learn", lambda s: _HALF(s) and s.stands_out, "inspect.accept"),
     Row("inspect.half", _HALF, "preview.stage"),
     *_when(
-        _part(lambda part: not fails(part)),
+        _part(lambda part, _: not fails(part)),
         Row("inspect.part_learn", lambda s: s.stands_out, "inspect.accept"),
-        Row(
-            "inspect.diameter", lambda s: _OFF_SIZE(s) and _part(lambda part: part.offset_taken)(s), "inspect.next"
-        ),
+        Row("inspect.diameter", _part(lambda part, s: _OFF_SIZE(s) and part.offset_taken), "inspect.next"),
         Row("inspect.offset", _OFF_SIZE, "inspect.offset", do.CorrectTouchOff),
         Row("inspect.part", always, "inspect.next"),
     ),
@@ -266,15 +260,15 @@ def next_step(now: Situation) -> Row:
 def _table_of(now: Situation) -> tuple[Row, ...]:
     """Return the table of the present phase of the job."""
     state = now.state
-    if now.waiting in ("lost", "observing", "connecting"):
+    if waiting(state) in ("lost", "observing", "connecting"):
         return ALIGN
-    under_way = now.phase in (Phase.STOPPED, Phase.CUTTING) or state.activity in (
+    under_way = phase_of(now.state) in (Phase.STOPPED, Phase.CUTTING) or state.activity in (
         Activity.ARMING,
         Activity.RETRACTING,
     )
     if under_way or state.armed is not None or now.tables_on or now.left_in_part:
         return RUN
-    if now.waiting and state.activity is not Activity.MEASURING:
+    if waiting(state) and state.activity is not Activity.MEASURING:
         return ALIGN
     if state.cut_done or (state.measured is not None and now.alignment.clamping is None):
         return INSPECT

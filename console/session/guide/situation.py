@@ -9,9 +9,8 @@ from functools import cached_property
 
 from console.session.cut.alignment import ENDED_EARLY, Alignment, AlignStep, step_now, table_problems
 from console.session.cut.interlocks import Interlock
-from console.session.guide.measured_part import in_scatter, is_kept, is_taken
-from console.session.guide.start_checks import checks, is_over
-from console.session.guide.waiting import waiting
+from console.session.guide.measured_part import in_scatter
+from console.session.guide.start_checks import checks
 from console.session.learning.learning_steps import Taught
 from console.session.stages import without_half
 from console.session.station.jogging import clears_tables, over_part, tool_in_part
@@ -93,16 +92,6 @@ class Situation:
     def alignment(self) -> Alignment:
         """What is known of the set-up."""
         return self.state.alignment
-
-    @cached_property
-    def waiting(self) -> str:
-        """What must end before a command is accepted, in a word; empty for nothing."""
-        return waiting(self.state)
-
-    @cached_property
-    def phase(self) -> Phase:
-        """The phase of the cut."""
-        return phase_of(self.state)
 
     @cached_property
     def step(self) -> AlignStep | None:
@@ -207,11 +196,6 @@ class Situation:
         return next((check.name for check in self.checks if check.problems), "")
 
     @property
-    def is_over(self) -> bool:
-        """Whether the clamped blank is cut to its end: the next cut needs another one."""
-        return is_over(self.state)
-
-    @property
     def feed_hold(self) -> HoldState | None:
         """The state of a feed hold in the cut; None without one."""
         cut = self.state.cut
@@ -240,15 +224,3 @@ class Situation:
     def stands_out(self) -> bool:
         """Whether more is left than the scatter of clampings, which alone is no reason to stay for a part."""
         return self.taught is not None and not in_scatter(self.taught)
-
-    @property
-    def lobe_taken(self) -> bool:
-        """Whether the open job has the lobe of the measured part."""
-        part = self.state.measured
-        return part is not None and is_taken(part.lobe, self.work)
-
-    @property
-    def is_kept(self) -> bool:
-        """Whether the next cut uses what the measured part teaches."""
-        part = self.state.measured
-        return part is not None and is_kept(part.learning, self.work)

@@ -72,10 +72,10 @@ def _blank_check(state: StationState) -> Iterator[Interlock]:
 def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Interlock]:
     chosen: tuple[Problem, ...] | None = None
     if state.armed is not None:
-        job, strategy = state.armed.job, state.armed.strategy
+        job, strategy, stage = state.armed.job, state.armed.strategy, state.armed.made.stage
     elif work is not None:
-        job, strategy = work.job, Strategy(work.strategy)
-        if work.compensation is not None or work.inverts is not None or work.stage != Stage.FULL:
+        job, strategy, stage = work.job, Strategy(work.strategy), work.stage
+        if work.compensation is not None or work.inverts is not None or stage != Stage.FULL:
             chosen = chosen_problems(work, simulated=state.simulated, lathe=state.lathe)
     else:
         yield Interlock(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
@@ -86,45 +86,25 @@ def _of_work(state: StationState, work: Work | None, machine: MachineProfile) ->
     aside = () if work is None or state.armed is not None else work.set_aside
     if chosen is not None or aside:
         yield Interlock(name="learned", problems=chosen or (), warnings=aside)
-    yield from _force_check(state, work)
-    yield from _fingerprint_check(state, work, job, machine, strategy)
+    placed = job if state.armed is not None else aligned_job(job, state.alignment)
+    # The cutting force of the half stage may have contradicted a full one.
+    against = None if state.force is None else state.force.contradicts(placed)
+    if against is not None and stage == Stage.FULL and strategy.traits.inverts:
+        yield Interlock(name="force", warnings=(against,))
+    if strategy.traits.inverts and (unlikely := _unlikely_readings(state, stage, placed, machine)):
+        yield Interlock(name="fingerprint", warnings=unlikely)
     yield Interlock(name="aligned", problems=problems(state.alignment, job))
 
 
-def _force_check(state: StationState, work: Work | None) -> Iterator[Interlock]:
-    """Warn of a full stage that the cutting force of the half one has contradicted."""
-    if state.force is None:
-        return
-    if state.armed is not None:
-        job, stage, strategy = state.armed.job, state.armed.made.stage, state.armed.strategy
-    elif work is not None:
-        job, stage = aligned_job(work.job, state.alignment), work.stage
-        strategy = Strategy(work.strategy)
-    else:
-        return
-    against = state.force.contradicts(job) if stage == Stage.FULL and strategy.traits.inverts else None
-    if against is not None:
-        yield Interlock(name="force", warnings=(against,))
-
-
-def _fingerprint_check(
-    state: StationState, work: Work | None, job: Job, machine: MachineProfile, strategy: Strategy
-) -> Iterator[Interlock]:
-    """Warn of indicator readings far from what is expected: of job and chuck, once armed of all parts so far."""
+def _unlikely_readings(state: StationState, stage: str, job: Job, machine: MachineProfile) -> tuple[Problem, ...]:
+    """Return what is unlikely of the indicator readings: by job and chuck, once armed by all parts so far."""
     readings = state.alignment.readings
-    if readings is None or not strategy.traits.inverts:
-        return
-    if state.armed is not None:
-        unlikely = state.armed.warnings
-    elif work is not None and work.stage == Stage.AIR:
-        return
-    else:
-        try:
-            unlikely = expected_of(readings, aligned_job(job, state.alignment), machine)
-        except ProfileError:  # arming refuses them with the reason
-            return
-    if unlikely:
-        yield Interlock(name="fingerprint", warnings=unlikely)
+    if readings is None or state.armed is not None:
+        return () if readings is None or state.armed is None else state.armed.warnings
+    try:
+        return () if stage == Stage.AIR else expected_of(readings, job, machine)
+    except ProfileError:  # arming refuses them with the reason
+        return ()
 
 
 def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:

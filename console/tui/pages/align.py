@@ -14,6 +14,7 @@ from console.session.cut.jaw_by_indicator import allowed_spread_deg, between_deg
 from console.session.guide.refusals import refused
 from console.session.guide.rows import ALIGN, row_of
 from console.session.guide.situation import NEAR_MARK_DEG, Situation, angle_deg
+from console.session.guide.waiting import waiting
 from console.session.station import commands
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
@@ -24,7 +25,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, dim, line, width_of
 from console.tui.link.far_terminal import WITHIN_S
-from console.tui.page import Page, step_token
+from console.tui.page import Page
 from console.tui.pages import align_lines
 from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_panel, jog_title
@@ -234,7 +235,7 @@ class AlignPage(Page):
             facts |= {"force": f"{job.chucking_force_n:.0f}", "radius": text.units.figure(job.radius_mm, "mm", 3)}
         if state.snapshot is not None:
             facts["angle"] = f"{angle_deg(state.snapshot, self.ui.machine.machine):.2f}"
-        return line((text(row.sentence, **facts), step_token(row.word)))
+        return line((text(row.sentence, **facts), Token.DIM if waiting(state) else Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return how to do the present step, why the alignment is not valid, and all of the jog panel."""

@@ -25,6 +25,7 @@ from console.session.cut.jaw_by_indicator import (
 )
 from console.session.guide.rows import ALIGN_STEPS, row_of
 from console.session.guide.situation import NEAR_MARK_DEG, Situation, angle_deg, jaw_off_deg
+from console.session.guide.waiting import waiting
 from console.session.station.jogging import counts_per_unit, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
@@ -184,7 +185,7 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
 
 def why_lines(text: Catalogue, now: Situation, width: int, height: int | None) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
-    if is_valid(now.state.alignment, now.job) and now.waiting not in _NO_ADVICE:
+    if is_valid(now.state.alignment, now.job) and waiting(now.state) not in _NO_ADVICE:
         return _stamps(text, now, width, height)
     return clipped(_missing(text, now, width), height, text("panel.more"))
 
@@ -218,7 +219,7 @@ def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> 
 
 
 def _missing(text: Catalogue, now: Situation, width: int) -> list[Line]:
-    word, state, job = now.waiting, now.state, now.job
+    word, state, job = waiting(now.state), now.state, now.job
     if word in (*_NO_ADVICE, "moving"):
         free = "_free" if word == "observing" and not state.holder else ""
         return wrapped(text(f"align_page.next.{word}{free}"), width, Token.STRONG)

@@ -35,7 +35,7 @@ from console.tui.align.jog_presses import JogPresses
 from console.tui.align.reported_strokes import ReportedStrokes
 from console.tui.keymap import Action, PageName, actions_of
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
-from console.tui.page import Page, step_token
+from console.tui.page import Page
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import live_lines
 from console.tui.pages.fields import named
@@ -217,14 +217,10 @@ class RunPage(Page):
             case "run.hold":
                 return EndCut()
             case "run.retract":
-                return self._way_out()
+                state = self.ui.control.state
+                return ClearTables() if clears_tables(state.snapshot, state.alignment) else Retract()
             case _:
                 return None
-
-    def _way_out(self) -> Command:
-        """Return what F8 does: retract the tool, or without a home clear what a table adds to it."""
-        state = self.ui.control.state
-        return ClearTables() if clears_tables(state.snapshot, state.alignment) else Retract()
 
     def _press_adjust(self, action: str) -> None:
         """Take a press of a key that changes the cut; that it is no repeat may be known a moment later only."""
@@ -266,11 +262,14 @@ class RunPage(Page):
         if view.state.activity is Activity.LOST:
             return BLANK  # `lost_step`, the same on every page
         row = row_of(RUN, self._now(view))
+        under_way = phase_of(view.state) is Phase.CUTTING or row.word == "run.taken_out"
+        waits = row.word in ("run.loading", "run.moves", "run.wait")
+        token = Token.STRONG if under_way else Token.DIM if waits else Token.ACTION
         armed, until_s = view.state.armed, view.state.loading_until_s
         if armed is not None:
             until_s = armed.until_s
         left_s = 0 if until_s is None else max(math.ceil(until_s - view.now_s), 0)
-        return line((self.ui.text(row.sentence, left=left_s), step_token(row.word)))
+        return line((self.ui.text(row.sentence, left=left_s), token))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what was armed, what is missing, or what to do next; and every reason against an action."""
