@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 from console.session.data.trace_folder import export_trace
 from console.session.guide.measured_part import fails
@@ -109,39 +110,31 @@ class InspectPage(ChartPage):
         state, parts = view.state, (id(view.state.measured), id(view.state.uncompensated))
         return id(view.work), parts, state.cut_done, state.simulated, state.marks_mm, self._asks
 
-    def act(self, action: str) -> None:  # noqa: C901 - one branch a case
+    def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
-        if self._entry.is_open:
-            with self.ui.answering():
+        post = self.ui.control.post
+        does: dict[str, Callable[[], object]] = {
+            "inspect.measure": lambda: post(Measure()),  # the station refuses for the same reasons
+            "inspect.offset": lambda: post(CorrectTouchOff()),
+            "inspect.import": self._chooser.open,
+            "inspect.export": self._export,
+            "inspect.accept": self._accept,
+            "inspect.revert": lambda: revert_version(self.ui),
+            "inspect.next": lambda: self.ui.go(PageName.ALIGN),
+        }
+        with self.ui.answering():
+            if self._entry.is_open:
                 self._answer(action)
-            return
-        if self.ui.answers(self.why_not(action, self.ui.view)):
-            return
-        if self._chooser.is_open:
-            with self.ui.answering():
+            elif self.ui.answers(self.why_not(action, self.ui.view)):
+                return
+            elif self._chooser.is_open:
                 self._choose(action)
-        elif self._parts.is_open:
-            self._choose_part(action)
-        elif action in LOOKS:
-            self._look(action)
-        elif action == "inspect.measure":
-            self.ui.control.post(Measure())  # the station refuses for the same reasons
-        elif action == "inspect.offset":
-            self.ui.control.post(CorrectTouchOff())
-        elif action == "inspect.import":
-            with self.ui.answering():
-                self._chooser.open()
-        elif action == "inspect.export":
-            with self.ui.answering():
-                self._export()
-        elif action == "inspect.accept":
-            with self.ui.answering():
-                self._accept()
-        elif action == "inspect.revert":
-            with self.ui.answering():
-                revert_version(self.ui)
-        elif action == "inspect.next":
-            self.ui.go(PageName.ALIGN)
+            elif self._parts.is_open:
+                self._choose_part(action)
+            elif action in LOOKS:
+                self._look(action)
+            elif action in does:
+                does[action]()
 
     def show(self, view: View) -> None:
         """Show the newest state; also a chooser, in the place of everything else."""
