@@ -117,7 +117,7 @@ def first_part(terminal: Terminal) -> Sequence[Frame]:
     _measure(trainee)
     film.show("6 Inspect: the first part, measured. a accepts what it teaches", 4.0)
     trainee.press("a")
-    trainee.sees("inspect_page.next_kept")
+    trainee.sees("inspect_page.next.kept")
     film.show("6 Inspect: the next cut uses it. Enter: next part", 1.8)
     with film.lapse("4 Align: a new blank; drives on", 0.5, 0.5):
         trainee.press("enter")
@@ -149,7 +149,7 @@ def _cut(film: Film, trainee: Trainee, caption: str, shown_s: float) -> None:
 
 def _measure(trainee: Trainee) -> None:
     trainee.press("6")
-    trainee.sees("inspect_page.next_measure")
+    trainee.sees("inspect_page.next.measure")
     trainee.press("m")
     trainee.terminal.wait_for(r"RONt LSC\D*?\d+\.\d+", 20.0)
 

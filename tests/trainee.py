@@ -167,9 +167,9 @@ class Trainee:
 
     def measures(self) -> None:
         self.press("6")
-        self.sees("inspect_page.next_measure")
+        self.sees("inspect_page.next.measure")
         self.press("m")
-        self.sees("inspect_page.next_part")
+        self.sees("inspect_page.next.part")
 
     def _jogs(
         self,

@@ -31,6 +31,7 @@ _COMMANDS = {
     "fault": "console.cli.machine.fault",
     "instruct": "console.school.cli.instruct",
     "watch": "console.cli.feed.watch",
+    "next": "console.cli.feed.next_step",
     "metrics": "console.site.cli.metrics",
     "mtconnect": "console.site.cli.mtconnect",
     "mqtt": "console.site.cli.mqtt",

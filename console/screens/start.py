@@ -106,6 +106,7 @@ class ScreenFeed:
             machine=self._machine,
             now_s=self._link.now_s(),
             job=None if work is None else work.job.name,
+            work=work,
             run_id=self._link.run_id,
             parts=self._link.parts,
             numbers={(entry.problem.code, entry.problem.key): entry.number for entry in standing},

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from console.session.appearance import Appearance
 from console.session.configuration import Configuration
+from console.session.guide.waiting import wait_problems
 from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
@@ -29,16 +30,6 @@ Moment = tuple[Activity, bool, bool]
 """Activity of the machine, whether a cut is armed, whether a stop is in force: what most answers refer to."""
 
 KEYS = {action.id: action.shown for action in ACTIONS}  # the written name of each action's key
-
-_REFUSALS = {
-    "lost": "session.lost",
-    "stopping": "screen.in_motion",
-    "stopped": "screen.stopped_first",
-    "connecting": "screen.nothing_known",
-    "moving": "screen.in_motion",
-    "busy": "screen.busy",
-    "observing": "screen.observes",
-}
 
 
 class LessonTry(Protocol):
@@ -161,25 +152,9 @@ class View:
         return None if self.work is None else self.work.job
 
 
-def waiting(state: StationState) -> str:
-    """Return what must end before a command is accepted, in a word; empty for nothing."""
-    if state.activity is Activity.LOST:
-        return "lost"
-    if state.stop is not None:
-        return "stopping" if state.stop.rest_s is None else "stopped"
-    if not state.controls and state.activity is not Activity.CONNECTING:
-        return "observing"
-    if state.snapshot is None or state.activity is Activity.CONNECTING:
-        return "connecting"
-    if state.moving:
-        return "stopping" if state.activity is Activity.STOPPING else "moving"
-    return "" if state.activity is Activity.READY else "busy"
-
-
 def refusal(state: StationState, action: str) -> tuple[Problem, ...]:
     """Return why the station cannot take the command of an action now, empty where it can."""
-    word = waiting(state)
-    return (Problem(code=_REFUSALS[word], key=KEYS[action]),) if word else ()
+    return wait_problems(state, KEYS[action])
 
 
 def locked(state: StationState, moving: str, armed: str) -> Problem | None:

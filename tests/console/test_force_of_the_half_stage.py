@@ -16,11 +16,11 @@ from console.session.cut.engine import CutContext
 from console.session.cut.force_watch import MOST_SAMPLES, ForceWatch
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, plan_run, run_once
+from console.session.guide.start_checks import checks
 from console.session.stages import Stage
 from console.session.station.commands import Arm, Start
 from console.session.station.state import StationState
 from console.session.work import Work, opened
-from console.tui.pages.run_lines import checks
 from drivers.controller import Controller
 from drivers.cutting.plan import CutPlan
 from drivers.cutting.sampling import BatchGather

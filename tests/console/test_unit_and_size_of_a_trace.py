@@ -11,17 +11,17 @@ from typing import Any
 import numpy as np
 import pytest
 
+from console.session.guide.refusals import refused
+from console.session.guide.situation import Situation
 from console.session.learning.imported import examined
 from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import load
 from console.tui.inspecting.comparison import compared
 from console.tui.lines import plain
 from console.tui.pages.inspect_lines import result_lines
-from console.tui.refusals.inspect_reasons import inspect_reasons
-from console.tui.ui_context import View
 from drivers.cutting.strategy import Strategy
 from profiles.calibration.lobe import find_lobe
-from profiles.store import load_job
+from profiles.store import load_job, load_machine
 from profiles.traces import read_trace
 
 Console = Callable[..., Any]
@@ -108,9 +108,8 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
         diameter_mm=2.0 * radius_mm,
     )
     state = StationState(measured=part)
-    assert [each.code for each in inspect_reasons("inspect.offset", View(state=state, work=None, now_s=0.0))] == [
-        code
-    ]
+    now = Situation(state=state, work=None, machine=load_machine("lee-2001-lathe").machine)
+    assert [each.code for each in refused("inspect.offset", now)] == [code]
     shown = compared(state)
     assert shown is not None
     for language in ("en", "ko"):

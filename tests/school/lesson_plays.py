@@ -84,7 +84,7 @@ def two_parts(pupil: Pupil, _: int) -> None:
     pupil.cuts()
     pupil.inspects("inspect_page.next_cut_with")
     pupil.press("a")
-    pupil.sees("inspect_page.next_kept")
+    pupil.sees("inspect_page.next.kept")
     pupil.clamps_the_next()
     pupil.cuts()
     pupil.inspects("inspect_page.next_cut_with")
@@ -105,7 +105,7 @@ def paper(pupil: Pupil, _: int) -> None:
     pupil.sets_up()
     pupil.chooses("▸ paper", "c")
     pupil.cuts()
-    pupil.inspects("inspect_page.next_failed")
+    pupil.inspects("inspect_page.next.failed")
 
 
 def alarm_that_matters(pupil: Pupil, _: int) -> None:
@@ -184,9 +184,9 @@ def calibrate_a_lobe(pupil: Pupil, _: int) -> None:
     pupil.sets_up()
     pupil.chooses("▸ none", "c")
     pupil.cuts()
-    pupil.inspects("inspect_page.next_lobe")
+    pupil.inspects("inspect_page.next.lobe")
     pupil.press("a")
-    pupil.sees("inspect_page.next_lobe_taken")
+    pupil.sees("inspect_page.next.lobe_taken")
     pupil.clamps_the_next()
     pupil.chooses("▸ pvt", "c")
     pupil.cuts()
@@ -203,12 +203,12 @@ def clamping_force(pupil: Pupil, _: int) -> None:
     pupil.sets_up()
     pupil.chooses("▸ none", "c")
     pupil.cuts()
-    pupil.inspects("inspect_page.next_lobe")
+    pupil.inspects("inspect_page.next.lobe")
     pupil.press("2", *["down"] * 5, "enter", *"300", "enter")
     pupil.sees("setup.next.ready")
     pupil.clamps_the_next()
     pupil.cuts()
-    pupil.inspects("inspect_page.next_no_lobe")
+    pupil.inspects("inspect_page.next.no_lobe")
 
 
 def second_console(pupil: Pupil, right: int) -> None:

@@ -136,12 +136,12 @@ class Pupil(Trainee):
     def inspects(self, then: str = "") -> None:
         """Measure the part, until a sentence is there; without one, until it is measured."""
         self.press("6")
-        self.sees("inspect_page.next_measure")
+        self.sees("inspect_page.next.measure")
         self.press("m")
         if then:
             self.sees(then, 40.0)
             return
-        over = ("inspect_page.next_measure", "inspect_page.next_wait")
+        over = ("inspect_page.next.measure", "inspect_page.next.wait")
         self.terminal.wait_for(lambda _: not any(self.shows(key) for key in over), 40.0)
 
     def acknowledges_and_resets(self) -> None:

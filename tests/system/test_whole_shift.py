@@ -89,9 +89,9 @@ class Shift:
         """Have the part measured in the other room, and take the lobe that it gives its job."""
         operator = self.operator
         operator.takes_out_and_brings_the_trace(f"part-{part:02}.csv")
-        if operator.offers("inspect_page.next_lobe"):
+        if operator.offers("inspect_page.next.lobe"):
             operator.press("a")
-            operator.sees("inspect_page.next_lobe_taken")
+            operator.sees("inspect_page.next.lobe_taken")
 
 
 def stops_and_goes_on(shift: Shift) -> None:

@@ -92,11 +92,11 @@ def test_inspect_says_it_beside_the_measured_half_and_leads_to_jaw_1(language: s
     half = replace(part, learning=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
     state = run_stage.state(measured=half, force=ForceCheck(job=part.job, found=WRONG))
     page = shown_on(InspectPage, state, work=experiment(), language=language)
-    assert page.next_step == text("inspect_page.next_force") and cell_len(page.next_step) <= 77
+    assert page.next_step == text("inspect_page.next.force") and cell_len(page.next_step) <= 77
     assert WORDS[language, "wrong"] in words_of(page)
     right = replace(state, force=ForceCheck(job=part.job, found=RIGHT))
     assert shown_on(InspectPage, right, work=experiment(), language=language).next_step == text(
-        "inspect_page.next_half"
+        "inspect_page.next.half"
     )
 
 

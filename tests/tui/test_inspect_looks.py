@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
+from console.session.guide.refusals import LOOKS
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import with_strategy
 from console.text.catalogue import load
@@ -21,7 +22,6 @@ from console.tui.keymap import ACTIONS
 from console.tui.pages.inspect import InspectPage
 from console.tui.plot.frame import stepped_125
 from console.tui.plot.polar_view import PolarView, shows_rings
-from console.tui.refusals.inspect_reasons import LOOKS
 from console.tui.theme import Token
 from drivers.cutting.planning import Strategy
 from profiles.metrology.circles import CIRCLES

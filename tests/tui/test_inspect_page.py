@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
+from console.session.guide.rows import INSPECT, row_of
+from console.session.guide.situation import Situation
 from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import load
 from console.tui.inspecting.comparison import compared
-from console.tui.inspecting.next_words import next_word
 from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
@@ -27,7 +28,7 @@ from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
 from profiles.roundness import evaluate
 from profiles.traces import Trace
-from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, ui_for
+from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, lathe, ui_for
 
 ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
 SMALLEST_ROOM = (60, 12)
@@ -384,4 +385,5 @@ def test_o_corrects_the_touch_off_where_there_is_a_size() -> None:
 def test_while_a_cut_runs_no_other_is_asked_for(activity: Activity, measured: MeasuredPart | None) -> None:
     for simulated in (True, False):
         state = StationState(activity=activity, measured=measured, simulated=simulated)
-        assert next_word(View(state=state, work=experiment(), now_s=0.0)) == "next_cutting"
+        now = Situation(state=state, work=experiment(), machine=lathe().machine)
+        assert row_of(INSPECT, now).word == "inspect.cutting"

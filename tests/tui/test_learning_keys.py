@@ -225,7 +225,7 @@ def test_after_the_air_comes_half_on_the_same_blank(language: str) -> None:
         "run_page.next.arm"
     )
     inspect = shown_on(InspectPage, now, work=air, language=language)
-    assert inspect.next_step == text("inspect_page.next_air")
+    assert inspect.next_step == text("inspect_page.next.air")
     assert max(cell_len(words) for words in (page.next_step, inspect.next_step)) <= 77
     under_way = run_stage.cutting(in_air=True)
     assert text("run_page.cut_in_air") in shown_on(RunPage, under_way, work=air, language=language).text
@@ -271,12 +271,12 @@ def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cu
     job = replace(signed().job, lobe_error_source="fitted", lobe_error_um_pp=error_um)
     now = replace(MEASURED, measured=replace(made, lobe=found))
     for strategy, word, said in (
-        ("pvt", "next_lobe_taken", "lobe_taken"),
-        ("none", "next_lobe_plain", "lobe_in_job"),
+        ("pvt", "lobe_taken", "lobe_taken"),
+        ("none", "lobe_plain", "lobe_in_job"),
     ):
         work = replace(signed(), job=job, strategy=strategy)
         page = shown_on(InspectPage, now, work=work, language=language)
-        assert page.next_step == text(f"inspect_page.{word}") and cell_len(page.next_step) <= 77
+        assert page.next_step == text(f"inspect_page.next.{word}") and cell_len(page.next_step) <= 77
         words = text(f"inspect_page.{said}", job=job.name, strategy=strategy)
         assert words[:30] in page.text, page.text
 

@@ -66,7 +66,7 @@ def test_of_a_lobe_that_is_elsewhere_the_set_up_is_asked_for_first() -> None:
     warned = replace(PART.learning.taught, warnings=(Problem(code="learned.lobe_elsewhere", value="+15 deg"),))
     for measured in (PART, fails(PART)):
         page = inspected(replace(measured, learning=replace(PART.learning, taught=warned)))
-        assert page.next_step == EN("inspect_page.next_check_jaw")
+        assert page.next_step == EN("inspect_page.next.check_jaw")
         assert "check jaw 1 before a" in " ".join(page.text.split())
 
 
@@ -80,9 +80,9 @@ def test_where_jaw_1_explains_the_most_it_is_one_remedy_or_the_other(language: s
     taught = replace(PART.learning.taught, causes=(turned,), step=step)
     measured = replace(PART, learning=replace(PART.learning, taught=taught))
     failed = inspected(fails(measured), language)
-    assert failed.next_step == text("inspect_page.next_failed_jaw") and cell_len(failed.next_step) <= 77
+    assert failed.next_step == text("inspect_page.next.failed_jaw") and cell_len(failed.next_step) <= 77
     assert "not both" in panel(fails(measured))
-    assert inspected(measured, language).next_step == text("inspect_page.next_part_learn"), "it passes as it is"
+    assert inspected(measured, language).next_step == text("inspect_page.next.part_learn"), "it passes as it is"
 
 
 def test_nothing_is_promised_of_what_may_not_be_kept() -> None:

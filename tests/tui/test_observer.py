@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from console.session.guide.situation import Situation
 from console.session.station.alarms import Priority, raised
 from console.session.station.commands import TakeControl
 from console.session.station.state import Activity, StationState
@@ -116,10 +117,14 @@ def test_a_machine_that_nobody_controls_is_called_so(tmp_path: Path) -> None:
     control, said = pressed(tmp_path, run_stage.state(**free), PageName.RUN, (0.0, "t"), (2.0, "t"))
     assert (control.orders, said) == ([TakeControl()], ["screen.take_control_again", ""])
     text, shown = load("en"), align_stage.state(**free)
-    lines = plain(why_lines(text, shown, None, load_machine(MACHINE).machine, 60, 4))
+
+    def situation(state: StationState) -> Situation:
+        return Situation(state=state, work=None, machine=load_machine(MACHINE).machine)
+
+    lines = plain(why_lines(text, situation(shown), 60, 4))
     assert "No console has control" in lines and "t twice" in lines
     held = align_stage.state(**LOOKING_ON)
-    assert "Another console" in plain(why_lines(text, held, None, load_machine(MACHINE).machine, 60, 4))
+    assert "Another console" in plain(why_lines(text, situation(held), 60, 4))
 
 
 def test_who_controls_already_is_told_so(tmp_path: Path) -> None:

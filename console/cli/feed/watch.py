@@ -6,6 +6,7 @@ import json
 import sys
 import time
 from argparse import Namespace
+from collections.abc import Callable
 from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING
@@ -24,6 +25,8 @@ if TYPE_CHECKING:
     from console.session.feed.feed_state import FeedAlarm, FeedCut, FeedState
     from console.session.feed.following import Follower
 
+    Seen = Callable[[FeedState | None, FeedState], None]
+
 WAIT_S = 0.5  # for something new
 SILENT_S = 5.0  # a console sends a line a second at the least
 
@@ -38,6 +41,19 @@ def add(parser: Parser, text: Catalogue) -> None:
 
 def main(options: Namespace, text: Catalogue) -> int:
     """Follow every console of the data folder, or of one machine, until all have ended or the user ends it."""
+
+    def show(before: FeedState | None, state: FeedState) -> None:
+        if before is None or not options.listing:
+            _show(before, state, options, text)
+
+    return follow(options, text, show, options.rate, once=options.listing)
+
+
+def follow(options: Namespace, text: Catalogue, show: Seen, rate_hz: float, *, once: bool) -> int:
+    """Show the states of every console of the data folder, or of one machine; with `once` what each sends first.
+
+    Raises SessionError: no console runs, or none on this machine.
+    """
     from console.session.feed.following import Follower
 
     machines: set[str] = set()
@@ -46,18 +62,14 @@ def main(options: Namespace, text: Catalogue) -> int:
         machines.add(state.machine)
         return options.watched in (None, state.machine)
 
-    def show(before: FeedState | None, state: FeedState) -> None:
-        if before is None or not options.listing:
-            _show(before, state, options, text)
-
     data = data_of(options)
-    follower = Follower(data, options.rate, is_wanted, lambda problem: tell([problem], text), show)
+    follower = Follower(data, rate_hz, is_wanted, lambda problem: tell([problem], text), show)
     try:
         if not follower.settle():
             none = Problem(code="feed.none", where=printable(str(data)))
             unknown = Problem(code="feed.unknown", value=options.watched, limit=", ".join(sorted(machines)))
             raise SessionError(unknown if machines else none)
-        if not options.listing:
+        if not once:
             _follow(follower, options, text)
     except KeyboardInterrupt:  # the usual way to leave
         pass
@@ -94,12 +106,12 @@ def _show_end(state: FeedState, options: Namespace, text: Catalogue) -> None:
     if options.json:
         print(json.dumps({**named, "ended": True}))
     else:
-        print(f"{_head(state, datetime.now(), text)}  {text('watch.ended')}")
+        print(f"{head(state, datetime.now(), text)}  {text('watch.ended')}")
 
 
 def state_line(state: FeedState, text: Catalogue) -> str:
     """Return a state on one line."""
-    said = [_head(state, datetime.fromisoformat(state.at_utc).astimezone(), text)]
+    said = [head(state, datetime.fromisoformat(state.at_utc).astimezone(), text)]
     said.append(text(f"activity.{state.activity}"))
     if state.stale:
         said.append(text("watch.stale"))
@@ -126,7 +138,8 @@ def _number(value: float | None, digits: int, unit: str = "") -> str:
     return "–" if value is None else f"{value:z.{digits}f}{unit}"
 
 
-def _head(state: FeedState, at: datetime, text: Catalogue) -> str:
+def head(state: FeedState, at: datetime, text: Catalogue) -> str:
+    """Return when, at which machine and of which console something is said."""
     sim = f"{text('sim')}  " if state.simulated else ""
     return f"{at:%H:%M:%S}  {sim}{state.machine}@{state.process}"
 
@@ -146,4 +159,4 @@ def _alarm_line(state: FeedState, alarm: FeedAlarm, text: Catalogue) -> str:
     at = datetime.fromisoformat(state.at_utc).astimezone()
     priority, word = text(f"alarms_page.priority.{alarm.priority}"), text(f"watch.alarm.{alarm.state}")
     number = "" if alarm.number is None else f"{alarm.number}  "
-    return f"{_head(state, at, text)}  {number}{priority}  {word}  {alarm.text}"
+    return f"{head(state, at, text)}  {number}{priority}  {word}  {alarm.text}"

@@ -290,6 +290,27 @@ def current_step(alignment: Alignment, job: Job) -> AlignStep | None:
     return next((step for step, found in _by_step(SameObjects(alignment, job)).items() if found), None)
 
 
+def step_now(alignment: Alignment, job: Job | None) -> AlignStep | None:
+    """Return the present step; without a job only one that needs none."""
+    if job is not None:
+        return current_step(alignment, job)
+    steps = (AlignStep.VERIFY, AlignStep.DRIVES, AlignStep.HOME)
+    return next((step for step in steps if not is_done(alignment, step, None)), None)
+
+
+def is_done(alignment: Alignment, step: AlignStep, job: Job | None) -> bool:
+    """Whether a step is done for a job; without one, as far as that can be said."""
+    if job is not None:
+        return not step_problems(alignment, step, job)
+    done = {
+        AlignStep.VERIFY: alignment.settings == (),
+        AlignStep.DRIVES: alignment.drives_on,
+        AlignStep.HOME: alignment.homed,
+        AlignStep.JAW: alignment.jaw is not None,
+    }
+    return done.get(step, False)
+
+
 def force_problems(job: Job) -> tuple[Problem, ...]:
     """Return why the job's chucking force is not the one at which its lobe error was measured."""
     finding = force_as_measured(job)

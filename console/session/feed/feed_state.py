@@ -16,6 +16,7 @@ from console.session.feed.observed import RUN, SCREENS
 from console.session.feed.request import SCHEMA
 from console.session.station.state import Activity
 from profiles.files import printable
+from profiles.problem import Problem
 from profiles.strict_values import from_json, record
 
 
@@ -59,6 +60,18 @@ class FeedCut:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FeedStep:
+    """The next step, with what its sentence names; `why` its key does nothing now, or no cut can start yet."""
+
+    word: str
+    key: str | None
+    left_s: float | None
+    force_n: float | None
+    radius_mm: float | None
+    why: tuple[Problem, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FeedState:
     """One moment of a console, in the order of its line."""
 
@@ -84,6 +97,7 @@ class FeedState:
     run_id: str | None
     alarms: tuple[FeedAlarm, ...]
     cut_verdict: str | None = None
+    next: FeedStep | None = None
 
 
 def rank(state: FeedState) -> tuple[bool, bool, bool, str]:
@@ -94,7 +108,14 @@ def rank(state: FeedState) -> tuple[bool, bool, bool, str]:
 EXECUTIONS, MODES = ("unavailable", "ready", "active", "feed_hold", "stopped"), ("automatic", "manual")
 PRIORITIES, ALARM_STATES = ("high", "medium", "low"), ("new", "acknowledged", "returned")
 
-_PARTS = {"alarms": FeedAlarm, "axes": FeedAxes, "controlled_by": FeedOwner, "cut": FeedCut}
+_PARTS = {
+    "alarms": FeedAlarm,
+    "axes": FeedAxes,
+    "controlled_by": FeedOwner,
+    "cut": FeedCut,
+    "next": FeedStep,
+    "why": Problem,
+}
 _WORDS: Mapping[str, Collection[str]] = {
     "program": (SCREENS, RUN),
     "activity": tuple(Activity),

@@ -11,6 +11,7 @@ from console.session.cut.cut_verdict import CutVerdict
 from console.session.station.state import StationState
 
 if TYPE_CHECKING:
+    from console.session.work import Work
     from profiles.machine import MachineProfile
 
 SCREENS, RUN = "screens", "run"
@@ -33,8 +34,8 @@ class Observed:
     """One moment. `now_s` is machine time.
 
     `parts` counts what this session has cut to the end, `run_id` is the record of the current run. `numbers` are
-    those of the page Alarms, by code and key of an alarm. `cut` and `verdict` are those of `console run`, whose
-    state has none.
+    those of the page Alarms, by code and key of an alarm, `work` is what the screens have open. `cut` and
+    `verdict` are those of `console run`, whose state has none.
     """
 
     state: StationState
@@ -47,6 +48,7 @@ class Observed:
     numbers: Mapping[tuple[str, str], int] = field(default_factory=lambda: MappingProxyType({}))
     cut: ShownCut | None = None
     verdict: CutVerdict | None = None
+    work: Work | None = None
 
     @property
     def judgement(self) -> str | None:

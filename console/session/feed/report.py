@@ -9,8 +9,16 @@ import json
 import math
 from typing import Any
 
-from console.session.feed.feed_state import LONGEST_TEXT, FeedAlarm, FeedAxes, FeedCut, FeedOwner, FeedState
-from console.session.feed.observed import Observed, ShownCut
+from console.session.feed.feed_state import (
+    LONGEST_TEXT,
+    FeedAlarm,
+    FeedAxes,
+    FeedCut,
+    FeedOwner,
+    FeedState,
+    FeedStep,
+)
+from console.session.feed.observed import RUN, Observed, ShownCut
 from console.session.feed.request import SCHEMA
 from console.session.station.alarms import Alarm
 from console.session.station.jogging import counts_per_unit, tool_radius_mm
@@ -56,6 +64,7 @@ def report(observed: Observed, *, process: int, operator: str, at_utc: str) -> F
         run_id=observed.run_id,
         alarms=tuple(_alarm(alarm, observed) for alarm in state.alarms),
         cut_verdict=observed.judgement,
+        next=_next(observed),
     )
 
 
@@ -124,6 +133,28 @@ def _alarm_state(alarm: Alarm) -> str:
     if not alarm.active:
         return "returned"
     return "acknowledged" if alarm.acknowledged else "new"
+
+
+def _next(observed: Observed) -> FeedStep | None:
+    """Return the next step at the screens; `console run` asks nobody for one."""
+    if observed.program == RUN:
+        return None
+    from console.session.guide.refusals import why_not  # not before somebody reads: it takes its time
+    from console.session.guide.rows import next_step
+    from console.session.guide.situation import Situation
+
+    state, work = observed.state, observed.work
+    now = Situation(state=state, work=work, machine=observed.machine, now_s=observed.now_s)
+    row, job = next_step(now), now.job
+    until_s = state.loading_until_s if state.armed is None else state.armed.until_s
+    return FeedStep(
+        word=row.word,
+        key=row.key,
+        left_s=None if until_s is None else _number(max(until_s - observed.now_s, 0.0), 1),
+        force_n=None if job is None else job.chucking_force_n,
+        radius_mm=None if job is None else job.radius_mm,
+        why=why_not(row, now),
+    )
 
 
 def _number(value: float | None, digits: int) -> float | None:

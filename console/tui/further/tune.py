@@ -11,6 +11,7 @@ from textual.events import Resize
 from textual.geometry import Size
 
 from console.session.data.health import KeptHealth, kept_tests
+from console.session.guide.waiting import waiting
 from console.session.station import jogging
 from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
@@ -48,7 +49,7 @@ from console.tui.tuning.loop_facts import LoopFacts, loop_facts
 from console.tui.tuning.loop_lines import loop_lines, reason_lines
 from console.tui.tuning.panels import WIDE, LoopPanels, TuneView
 from console.tui.tuning.problem_lines import problem_lines
-from console.tui.ui_context import UiContext, View, refusal, waiting
+from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
 from drivers.identification.health import HealthRequest, health_problems
 from drivers.identification.request import AMPLITUDE_UM, IdentificationRequest, request_problems

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
+from console.session.guide.measured_part import in_scatter, is_elsewhere, is_kept, jaw_explains
 from console.session.learning.learning_steps import LeftHarmonic, Taught
 from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from profiles.compensations.causes import CauseKind
 from profiles.compensations.path import expected
 
 NOTHING_LEFT = "learned.nothing"
-ELSEWHERE = "learned.lobe_elsewhere"
 
 
 def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, failed: bool) -> str:
@@ -46,31 +43,6 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
         return text("inspect_page.plain.noise")
     most = max(others, key=lambda each: each.left_um_pp)
     return text("inspect_page.plain.other", n=most.order, left=_um(most, text))
-
-
-def is_elsewhere(taught: Taught) -> bool:
-    """Whether the lobe is not where it is expected: the set-up is to be checked before anything is kept."""
-    return any(warning.code == ELSEWHERE for warning in taught.warnings)
-
-
-def jaw_explains(taught: Taught) -> bool:
-    """Whether jaw 1, taken at another angle, explains the most: found again, it must not be corrected as well."""
-    return bool(taught.causes) and taught.causes[0].kind is CauseKind.ANGLE
-
-
-def is_kept(learning: PartLearning | None, work: Work | None) -> bool:
-    """Whether the next cut uses this part's learning step."""
-    used = None if work is None else work.compensation
-    if learning is None or learning.taught is None or used is None:
-        return False
-    return used == replace(learning.taught.step.next, version=used.version)
-
-
-def in_scatter(taught: Taught) -> bool:
-    """Whether the remaining lobe is within the scatter of clamping and gauge."""
-    lobe = taught.step.next.path.target.lobes
-    wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.harmonics if each.order == lobe]
-    return max(wrong, default=0.0) < taught.step.expected_half_width_um_pp
 
 
 def _half_words(taught: Taught, text: Catalogue) -> str:

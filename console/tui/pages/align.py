@@ -9,15 +9,18 @@ from typing import ClassVar
 
 from textual.containers import Vertical
 
-from console.session.cut.alignment import AlignStep, force_problems
-from console.session.cut.jaw_by_indicator import READINGS, allowed_spread_deg, between_deg
+from console.session.cut.alignment import AlignStep, step_now
+from console.session.cut.jaw_by_indicator import allowed_spread_deg, between_deg
+from console.session.guide.refusals import refused
+from console.session.guide.rows import ALIGN, row_of
+from console.session.guide.situation import NEAR_MARK_DEG, Situation, angle_deg
+from console.session.guide.waiting import waiting
 from console.session.station import commands
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.align.align_entry import AlignEntry
 from console.tui.align.answers import asked_lines, asked_title
 from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
-from console.tui.align.left_part import drives_are_on, homes_first, left_word
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, dim, line, width_of
@@ -26,9 +29,8 @@ from console.tui.page import Page
 from console.tui.pages import align_lines
 from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_panel, jog_title
-from console.tui.refusals.align_reasons import align_reasons
 from console.tui.theme import Token
-from console.tui.ui_context import KEYS, UiContext, View, refusal, waiting
+from console.tui.ui_context import KEYS, UiContext, View
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
@@ -211,7 +213,11 @@ class AlignPage(Page):
             return (hold_the_key(),)
         if action in ("align.larger", "align.smaller"):
             return ()
-        return refusal(view.state, action) or align_reasons(action, view.state, view.job, self.ui.machine.machine)
+        return refused(action, self._now(view), KEYS[action])
+
+    def _now(self, view: View) -> Situation:
+        enabled, machine = self._jog.enabled, self.ui.machine.machine
+        return Situation(state=view.state, work=view.work, machine=machine, jog_enabled=enabled, now_s=view.now_s)
 
     @property
     def field(self) -> FieldKind:
@@ -223,25 +229,20 @@ class AlignPage(Page):
         text, state, job = self.ui.text, view.state, view.job
         if self._ask.is_open:
             return line((text(f"align_page.next.asked_{self._ask.asked}"), Token.ACTION))
-        word = waiting(state)
-        if word:
-            return line(dim(text(f"align_page.next.{word}")))
-        step = align_lines.step_now(state.alignment, job)
-        if job is None and step is None:
-            return line((text("align_page.next.no_job"), Token.ACTION))
+        row = row_of(ALIGN, self._now(view))
         facts = {"force": "", "radius": "", "angle": ""}
         if job is not None:
             facts |= {"force": f"{job.chucking_force_n:.0f}", "radius": text.units.figure(job.radius_mm, "mm", 3)}
         if state.snapshot is not None:
-            facts["angle"] = f"{align_lines.angle_deg(state.snapshot, self.ui.machine.machine):.2f}"
-        return line((text(f"align_page.next.{self._next_word(state, step, job)}", **facts), Token.ACTION))
+            facts["angle"] = f"{angle_deg(state.snapshot, self.ui.machine.machine):.2f}"
+        return line((text(row.sentence, **facts), Token.DIM if waiting(state) else Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return how to do the present step, why the alignment is not valid, and all of the jog panel."""
         text, state = self.ui.text, view.state
         if self._ask.is_open:
             return asked_lines(text, self._ask.question(view), width, None)
-        why = align_lines.why_lines(text, state, view.job, self.ui.machine.machine, width, None)
+        why = align_lines.why_lines(text, self._now(view), width, None)
         return [*why, BLANK, *jog_lines(text, self._jog.view(state, view.now_s), width, None)]
 
     def heard(self, action: str | None) -> None:
@@ -269,42 +270,20 @@ class AlignPage(Page):
             self.ui.say_until_key(Problem(code=code))
             self.ui.stop(reason)
 
-    def _next_word(self, state: StationState, step: AlignStep | None, job: Job | None) -> str:
-        machine = self.ui.machine.machine
-        if step is AlignStep.CLAMP and align_lines.must_come_out(state, machine):
-            return align_lines.in_part_word(state)
-        if step is AlignStep.CLAMP and (left := left_word(state, machine)):
-            return left
-        if step is AlignStep.CLAMP and job is not None and force_problems(job):
-            return "clamp_refused"
-        if step is AlignStep.JAW and state.alignment.flanks:
-            return "jaw_flanks_all" if len(state.alignment.flanks) >= READINGS else "jaw_flanks"
-        if step in (AlignStep.TOUCH_OFF, None) and state.alignment.skim_counts is not None:
-            return "skimmed"
-        if step is AlignStep.JAW and not self._jog.enabled:
-            return "jaw_enable"
-        if step is AlignStep.TOUCH_OFF:
-            place = align_lines.touch_word(state, machine)
-            return f"touch_off{place}" + ("_enable" if place == "_over" and not self._jog.enabled else "")
-        if step is None:
-            off_deg = align_lines.jaw_off_deg(state, machine) or 0.0
-            return "jaw_off" if off_deg > align_lines.NEAR_MARK_DEG else "valid"
-        return str(step)
-
     def _do_step(self, key: str) -> None:
         """Run the present step, where the machine does it (F4)."""
-        state, job = self.ui.control.state, self.ui.job
+        job, now = self.ui.job, self._now(self.ui.view)
         if self.ui.answers(self.why_not(key, self.ui.view)):
             return
-        match align_lines.step_now(state.alignment, job):
+        match now.step:
             case AlignStep.VERIFY:
                 self.ui.control.post(commands.Verify())
-            case AlignStep.CLAMP if align_lines.must_come_out(state, self.ui.machine.machine):
+            case AlignStep.CLAMP if now.must_come_out:
                 # The tool must be retracted before the chuck is opened; that needs its drive.
                 self._enable_drives(key)
-            case AlignStep.CLAMP if homes_first(state):
+            case AlignStep.CLAMP if now.homes_first:
                 self.ui.control.post(commands.Home())
-            case AlignStep.CLAMP if drives_are_on(state):
+            case AlignStep.CLAMP if now.drives_on:
                 self.ui.control.post(commands.DisableDrives())
             case AlignStep.CLAMP | AlignStep.DRIVES:
                 self._enable_drives(key)
@@ -329,7 +308,7 @@ class AlignPage(Page):
             return
         if self.ui.answers(self.why_not(key, self.ui.view)) or job is None:
             return
-        match align_lines.step_now(state.alignment, job):
+        match step_now(state.alignment, job):
             case AlignStep.CLAMP | AlignStep.DRIVES:
                 self.ui.control.post(commands.ConfirmClamping(job=job))
             case AlignStep.JAW:
@@ -346,7 +325,7 @@ class AlignPage(Page):
         shown = state.seen is not None and state.seen.dials is None
         off_deg = 0.0 if state.seen is None or not shown else abs(state.seen.jaw_1_past_mark_deg)
         again = warned_s is not None and now_s - warned_s <= CONFIRM_S
-        if off_deg > align_lines.NEAR_MARK_DEG and not again:
+        if off_deg > NEAR_MARK_DEG and not again:
             self._warned_s = now_s
             self.ui.say("screen.jaw_far", value=f"{off_deg:.2f}°", limit=f"{CONFIRM_S:.0f} s")
             return
@@ -362,16 +341,15 @@ class AlignPage(Page):
 
     def _show_why(self, view: View, seen: JawSeen | None, jaws: int) -> None:
         """Show what to do and what is missing, with the chuck where there is room; for jaw 1 before the rest."""
-        text, state, job = self.ui.text, view.state, view.job
-        machine, (width, height) = self.ui.machine.machine, self._why.size
-        rows = align_lines.why_lines(text, state, job, machine, width, None)
-        first = align_lines.step_now(state.alignment, job) is AlignStep.JAW
+        text, now, (width, height) = self.ui.text, self._now(view), self._why.size
+        rows = align_lines.why_lines(text, now, width, None)
+        first = now.step is AlignStep.JAW
         room = PICTURE_ROWS if first and height > 2 * PICTURE_ROWS else height - len(rows)
         picture = picture_lines(text, seen, jaws, room, width)
         shown, left = rows, height - len(picture)
         if len(rows) > left:
-            shown = align_lines.why_lines(text, state, job, machine, width, left)
-        self._why.show([*picture, *shown], self._why_title(state, job))
+            shown = align_lines.why_lines(text, now, width, left)
+        self._why.show([*picture, *shown], self._why_title(view.state, view.job))
 
     def _ask_target(self, key: str) -> None:
         """Ask for a target of Z, then of C, then close the entry (g). Nothing moves."""

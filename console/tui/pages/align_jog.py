@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from console.session.cut.alignment import AlignStep
+from console.session.cut.alignment import AlignStep, step_now
 from console.session.station.commands import GoTo, Jog
 from console.session.station.durations import jog_s
 from console.session.station.jogging import JogEnable, Steps, speed_problem, step_problem
@@ -25,7 +25,6 @@ from console.tui.align.hold_run import (
 )
 from console.tui.align.jog_presses import SURE_S, JogPresses
 from console.tui.align.reported_strokes import ReportedStrokes
-from console.tui.pages.align_lines import step_now
 from console.tui.pages.jog_lines import JogView
 from console.tui.terminal.key_releases import SLOWEST_S
 from console.tui.ui_context import KEYS, UiContext, refusal

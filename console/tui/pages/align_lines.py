@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from rich.cells import cell_len
 from textual.geometry import Size
@@ -11,11 +11,9 @@ from textual.geometry import Size
 from console.session.cut.alignment import (
     Alignment,
     AlignStep,
-    current_step,
-    force_problems,
+    is_done,
     problems,
-    step_problems,
-    table_problems,
+    step_now,
 )
 from console.session.cut.jaw_by_indicator import (
     READINGS,
@@ -25,10 +23,12 @@ from console.session.cut.jaw_by_indicator import (
     results_deg,
     spread_deg,
 )
-from console.session.station.jogging import clears_tables, counts_per_unit, over_part, tool_in_part, tool_radius_mm
+from console.session.guide.rows import ALIGN_STEPS, row_of
+from console.session.guide.situation import NEAR_MARK_DEG, Situation, angle_deg, jaw_off_deg
+from console.session.guide.waiting import waiting
+from console.session.station.jogging import counts_per_unit, tool_radius_mm
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.align.left_part import left_word
 from console.tui.align.travel_lines import moving_words
 from console.tui.lines import (
     BLANK,
@@ -48,7 +48,6 @@ from console.tui.lines import (
 from console.tui.pages.fields import named
 from console.tui.plot.big_number import big_number
 from console.tui.theme import Token
-from console.tui.ui_context import waiting
 from console.units import Units
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.job import NO_LOBE, Job
@@ -57,7 +56,6 @@ from profiles.machine import MachineProfile
 
 WIDEST_STAMP = 44  # columns in which a label and its value are still read together
 STAMP_LABEL_WIDTH = 10
-NEAR_MARK_DEG = 1.0  # distance from the mark beyond which jaw 1 was not turned to it
 _NO_ADVICE = ("lost", "stopping", "connecting", "observing")  # no advice for manual work while something may move
 _DONE, _CURRENT, _OPEN, _UNKNOWN = "✓", "●", "○", "?"
 _LABEL_WIDTH, _POSITION_WIDTH, _ERROR_WIDTH, _HOMED_WIDTH = 9, 12, 10, 6
@@ -140,12 +138,6 @@ def _error_um(error_um: float, units: Units) -> str:
     return units.show(error_um / 1000.0, "mm", 3, "z")
 
 
-def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
-    """Return the spindle angle from its index, in [0, 360) when written with two decimals."""
-    turns = snapshot.spindle.position / machine.spindle.counts_per_rev
-    return round(360.0 * (turns - math.floor(turns)), 2) % 360.0
-
-
 def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int) -> Line:
     age_s = state.age_s(now_s)
     if state.snapshot is None or age_s is None:
@@ -163,26 +155,6 @@ def _drives_line(text: Catalogue, state: StationState, now_s: float, width: int)
     return ranged((drives,), (dim(" "), moving), width)
 
 
-def step_now(alignment: Alignment, job: Job | None) -> AlignStep | None:
-    """Return the present step; without a job only one that needs none."""
-    if job is not None:
-        return current_step(alignment, job)
-    steps = (AlignStep.VERIFY, AlignStep.DRIVES, AlignStep.HOME)
-    return next((step for step in steps if not _done(alignment, step, None)), None)
-
-
-def _done(alignment: Alignment, step: AlignStep, job: Job | None) -> bool:
-    if job is not None:
-        return not step_problems(alignment, step, job)
-    done = {
-        AlignStep.VERIFY: alignment.settings == (),
-        AlignStep.DRIVES: alignment.drives_on,
-        AlignStep.HOME: alignment.homed,
-        AlignStep.JAW: alignment.jaw is not None,
-    }
-    return done.get(step, False)
-
-
 def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Line]:
     """Return the steps in order, each with its mark; the drives of a lost machine are unknown."""
     alignment, lost = state.alignment, state.activity is Activity.LOST
@@ -192,7 +164,7 @@ def step_lines(text: Catalogue, state: StationState, job: Job | None) -> list[Li
         words = f" {number} " + text(f"align_page.step.{step}")
         if lost and step in (AlignStep.DRIVES, AlignStep.HOME):
             rows.append(line((_UNKNOWN + words, Token.WARNING)))
-        elif _done(alignment, step, job):
+        elif is_done(alignment, step, job):
             rows.append(line((_DONE, Token.OK), dim(words)))
         else:
             rows.append(line((_CURRENT + words, Token.ACTION) if step is now else _OPEN + words))
@@ -211,13 +183,11 @@ def is_valid(alignment: Alignment, job: Job | None) -> bool:
     return job is not None and not problems(alignment, job)
 
 
-def why_lines(
-    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int | None
-) -> list[Line]:
+def why_lines(text: Catalogue, now: Situation, width: int, height: int | None) -> list[Line]:
     """Return what to do now and why the alignment is not valid, or what it rests on when it is."""
-    if is_valid(state.alignment, job) and waiting(state) not in _NO_ADVICE:
-        return _stamps(text, state, job, machine, width, height)
-    return clipped(_missing(text, state, job, machine, width), height, text("panel.more"))
+    if is_valid(now.state.alignment, now.job) and waiting(now.state) not in _NO_ADVICE:
+        return _stamps(text, now, width, height)
+    return clipped(_missing(text, now, width), height, text("panel.more"))
 
 
 def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> list[Line]:
@@ -248,39 +218,31 @@ def flank_lines(text: Catalogue, alignment: Alignment, job: Job, width: int) -> 
     return [*rows, *wrapped(words, width, Token.OK if within else Token.WARNING)]
 
 
-def _missing(
-    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int
-) -> list[Line]:
-    word = waiting(state)
+def _missing(text: Catalogue, now: Situation, width: int) -> list[Line]:
+    word, state, job = waiting(now.state), now.state, now.job
     if word in (*_NO_ADVICE, "moving"):
         free = "_free" if word == "observing" and not state.holder else ""
         return wrapped(text(f"align_page.next.{word}{free}"), width, Token.STRONG)
     if job is None:
         return wrapped(text("align_page.no_job"), width)
-    advice = text("align_page.next.stopped") if word == "stopped" else hint(text, state, job, machine)
     missing = [text.problem(named(problem, text)) for problem in problems(state.alignment, job)]
     rows = [row for each in missing for row in hanging(dim("· "), each, width)]
-    if step_now(state.alignment, job) is AlignStep.JAW and state.alignment.flanks:
+    if now.step is AlignStep.JAW and state.alignment.flanks:
         return [*flank_lines(text, state.alignment, job, width), *rows]
+    advice = text("align_page.next.stopped") if word == "stopped" else hint(text, now, job)
     return [*wrapped(advice, width, Token.STRONG), *rows]
 
 
-def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile) -> str:
+def hint(text: Catalogue, now: Situation, job: Job) -> str:
     """Return in a sentence or two how to do the present step."""
-    step = current_step(state.alignment, job)
-    if step is AlignStep.CLAMP and must_come_out(state, machine):
-        return text(f"align_page.next.{in_part_word(state)}")
-    if step is AlignStep.CLAMP and (left := left_word(state, machine)):
-        return text(f"align_page.hint.{left}")
-    if step is AlignStep.CLAMP and force_problems(job):
-        return text("align_page.hint.clamp_refused")
-    place = touch_word(state, machine) if step is AlignStep.TOUCH_OFF else ""
-    if step is AlignStep.TOUCH_OFF and state.alignment.skim_counts is not None:
-        return text("align_page.hint.skimmed")
-    if step is AlignStep.CLAMP and job.lobe_error_source not in MEASURED:
-        place = "_any"
+    row = row_of(ALIGN_STEPS, replace(now, jog_enabled=True))
+    if now.step is AlignStep.CLAMP and now.must_come_out:
+        return text(row.sentence)
+    how = row.sentence.replace(".next.", ".hint.")
+    if row.word == "align.clamp" and job.lobe_error_source not in MEASURED:
+        how += "_any"
     return text(
-        f"align_page.hint.{step}{place}",
+        how,
         material=job.material,
         diameter=text.units.figure(job.diameter_mm, "mm", 3),
         radius=text.units.figure(job.radius_mm, "mm", 3),
@@ -289,76 +251,21 @@ def hint(text: Catalogue, state: StationState, job: Job, machine: MachineProfile
     )
 
 
-def touch_word(state: StationState, machine: MachineProfile) -> str:
-    """Return where the tool is: "" beside the part, "_over" it; simulated also "_touching", "_scratched"."""
-    if not is_over_part(state, machine):
-        return ""
-    seen = state.seen
-    if seen is None:
-        return "_over"
-    if seen.in_scratch:
-        return "_scratched"
-    heard = seen.dials is not None and seen.dials.contact
-    return "_touching" if heard or (seen.tool_gap_mm is not None and seen.tool_gap_mm <= 0.0) else "_over"
-
-
-def is_over_part(state: StationState, machine: MachineProfile) -> bool:
-    """Whether the clamped part is in front of the tool, by the rule with which the station refuses."""
-    clamping, snapshot = state.alignment.clamping, state.snapshot
-    return clamping is not None and snapshot is not None and over_part(snapshot, machine, clamping.overhang_mm)
-
-
-def is_in_part(state: StationState, machine: MachineProfile) -> bool:
-    """Whether the tool is known to be in or at the clamped part, whatever job is open."""
-    return state.snapshot is not None and tool_in_part(state.snapshot, machine, state.alignment) is True
-
-
-def must_come_out(state: StationState, machine: MachineProfile) -> bool:
-    """Whether the chuck stays shut until the tool is out: it is in the part, or a cut has left its table on."""
-    return bool(state.alignment.tables) or is_in_part(state, machine)
-
-
-def in_part_word(state: StationState) -> str:
-    """Return the words for how to retract the tool: a disabled drive cannot do it."""
-    if clears_tables(state.snapshot, state.alignment):
-        return "table_clear"
-    if table_problems(state.alignment) != state.alignment.tables:
-        return "table_kill"
-    word = "jog_out" if not state.alignment.tables else "table_off"
-    return word if state.snapshot is not None and state.snapshot.loops_closed else f"switch_on_to_{word}"
-
-
-def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
-    """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None where the simulator does not show it."""
-    jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
-    if jaw is None or seen is None or seen.dials is not None or snapshot is None:
-        return None
-    if state.activity is Activity.LOST:
-        return None
-    if "desired_velocity_zero" not in snapshot.spindle.flags:
-        return None
-    off_deg = angle_deg(snapshot, machine) - seen.jaw_1_past_mark_deg - jaw.angle_deg
-    return abs((off_deg + 180.0) % 360.0 - 180.0)
-
-
-def _stamps(
-    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int, height: int | None
-) -> list[Line]:
+def _stamps(text: Catalogue, now: Situation, width: int, height: int | None) -> list[Line]:
     """Return what the alignment rests on; in little room the blank rows go first, then how to undo."""
-    head = _all_taken(text, state, job, machine, width)
-    facts = _facts(text, state.alignment, min(width, WIDEST_STAMP))
+    head = _all_taken(text, now, width)
+    facts = _facts(text, now.state.alignment, min(width, WIDEST_STAMP))
     back = wrapped(text("align_page.back"), width)
     roomy, close = [*head, BLANK, *facts, BLANK, *back], [*head, *facts, *back]
     return first_fitting(height, text("panel.more"), roomy, close, [*head, *facts])
 
 
-def _all_taken(
-    text: Catalogue, state: StationState, job: Job | None, machine: MachineProfile, width: int
-) -> list[Line]:
+def _all_taken(text: Catalogue, now: Situation, width: int) -> list[Line]:
     """Return that all is taken; that tool and lobe are in phase only of a lobe that is known."""
-    off_deg, knows_lobe = jaw_off_deg(state, machine), job is not None and job.lobe_error_source != NO_LOBE
+    off_deg, job = jaw_off_deg(now.state, now.machine), now.job
+    knows_lobe = job is not None and job.lobe_error_source != NO_LOBE
     seen_well = off_deg is not None and off_deg <= NEAR_MARK_DEG
-    if knows_lobe and (seen_well or not state.simulated):
+    if knows_lobe and (seen_well or not now.state.simulated):
         return [line(("✓ " + text("align_page.valid"), Token.OK))]
     rows = [line("✓ " + text("align_page.all_taken"))]
     if off_deg is not None and not seen_well:

@@ -3,8 +3,13 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 
 from console.session.data.trace_folder import export_trace
+from console.session.guide.measured_part import fails
+from console.session.guide.refusals import LOOKS, refused
+from console.session.guide.rows import INSPECT, row_of
+from console.session.guide.situation import Situation
 from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import MeasuredPart, StationState
 from console.tui.calibrating.draft import TYPED_OUT, value_of
@@ -12,7 +17,6 @@ from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
 from console.tui.inspecting.comparison import Comparison, compared
 from console.tui.inspecting.evaluation import VERDICT, Looked, supported_upr, with_next_circle, with_next_filter
-from console.tui.inspecting.next_words import fails, next_word, where
 from console.tui.inspecting.other_part import which_parts
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
@@ -24,9 +28,8 @@ from console.tui.pages.learning_keys import accept_part, revert_version
 from console.tui.pages.lobe_lines import lobe_lines
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
-from console.tui.refusals.inspect_reasons import LOOKS, inspect_reasons
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View
+from console.tui.ui_context import KEYS, UiContext, View
 from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -107,39 +110,31 @@ class InspectPage(ChartPage):
         state, parts = view.state, (id(view.state.measured), id(view.state.uncompensated))
         return id(view.work), parts, state.cut_done, state.simulated, state.marks_mm, self._asks
 
-    def act(self, action: str) -> None:  # noqa: C901 - one branch a case
+    def act(self, action: str) -> None:
         """Measure the part, keep its learning step or revert, or continue with the next one."""
-        if self._entry.is_open:
-            with self.ui.answering():
+        post = self.ui.control.post
+        does: dict[str, Callable[[], object]] = {
+            "inspect.measure": lambda: post(Measure()),  # the station refuses for the same reasons
+            "inspect.offset": lambda: post(CorrectTouchOff()),
+            "inspect.import": self._chooser.open,
+            "inspect.export": self._export,
+            "inspect.accept": self._accept,
+            "inspect.revert": lambda: revert_version(self.ui),
+            "inspect.next": lambda: self.ui.go(PageName.ALIGN),
+        }
+        with self.ui.answering():
+            if self._entry.is_open:
                 self._answer(action)
-            return
-        if self.ui.answers(self.why_not(action, self.ui.view)):
-            return
-        if self._chooser.is_open:
-            with self.ui.answering():
+            elif self.ui.answers(self.why_not(action, self.ui.view)):
+                return
+            elif self._chooser.is_open:
                 self._choose(action)
-        elif self._parts.is_open:
-            self._choose_part(action)
-        elif action in LOOKS:
-            self._look(action)
-        elif action == "inspect.measure":
-            self.ui.control.post(Measure())  # the station refuses for the same reasons
-        elif action == "inspect.offset":
-            self.ui.control.post(CorrectTouchOff())
-        elif action == "inspect.import":
-            with self.ui.answering():
-                self._chooser.open()
-        elif action == "inspect.export":
-            with self.ui.answering():
-                self._export()
-        elif action == "inspect.accept":
-            with self.ui.answering():
-                self._accept()
-        elif action == "inspect.revert":
-            with self.ui.answering():
-                revert_version(self.ui)
-        elif action == "inspect.next":
-            self.ui.go(PageName.ALIGN)
+            elif self._parts.is_open:
+                self._choose_part(action)
+            elif action in LOOKS:
+                self._look(action)
+            elif action in does:
+                does[action]()
 
     def show(self, view: View) -> None:
         """Show the newest state; also a chooser, in the place of everything else."""
@@ -171,7 +166,10 @@ class InspectPage(ChartPage):
             return self._parts.why_not(action)
         if action in LOOKS and view.state.measured is not None:
             return self._why_not_looked(action, view)
-        return inspect_reasons(action, view)
+        return refused(action, self._now(view), KEYS[action])
+
+    def _now(self, view: View) -> Situation:
+        return Situation(state=view.state, work=view.work, machine=self.ui.machine.machine, now_s=view.now_s)
 
     @property
     def keys(self) -> tuple[RowKey, ...]:
@@ -205,7 +203,7 @@ class InspectPage(ChartPage):
             return line((self._parts.next_words(), Token.ACTION))
         if self._asks and view.state.measured is not None:
             return line((self.ui.text("inspect_page.next_question"), Token.ACTION))
-        return line((self.ui.text(f"inspect_page.{next_word(view)}"), Token.ACTION))
+        return line((self.ui.text(row_of(INSPECT, self._now(view)).sentence), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return the learning step of the last part or why none, and every figure of it; or how to get a part."""
@@ -392,5 +390,5 @@ class InspectPage(ChartPage):
         text = self.ui.text
         lines = wrapped(text("inspect_page.nothing"), width)
         what = "how_measure" if state.cut_done else "how_cut"
-        how = wrapped(text(f"inspect_page.{what}{where(state)}"), width)
+        how = wrapped(text(f"inspect_page.{what}{'' if state.simulated else '_outside'}"), width)
         return [*lines, BLANK, *how, *mark_lines(text, state.marks_mm, width, "inspect_page")]

@@ -9,13 +9,12 @@ from console.session.cut.compensated import chosen_problems, inverting, using, w
 from console.session.data.identified import ChosenResponse, kept_responses
 from console.session.data.learned_store import NEWEST, asked_for, chosen, date_problems, versions
 from console.session.errors import SessionError
+from console.session.guide.measured_part import edited_problems, why_not_accepted, why_not_reverted
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
 from console.session.learning.learning_record import record_accepted, record_kept
 from console.session.learning.part_learning import accept, revert
 from console.session.stages import next_stage
-from console.session.station.state import MeasuredPart
 from console.session.work import Work, opened
-from console.tui.pages.lobe_lines import is_taken
 from console.tui.ui_context import UiContext
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.learned import LearnedCompensation
@@ -45,35 +44,6 @@ def accept_part(ui: UiContext, typed: float | None = None) -> None:
     ui.said = record_accepted(ui.data, part.run_id, kept)
 
 
-def why_not_accepted(part: MeasuredPart | None, work: Work | None) -> tuple[Problem, ...]:
-    """Return why nothing of a part can be kept for this work; `accept` may still find an older version in the way.
-
-    Nothing is read.
-    """
-    if part is not None and part.lobe is not None:
-        return _why_no_lobe(part.lobe, part.job.name, work)
-    learning = None if part is None else part.learning
-    if part is None or learning is None:
-        return (Problem(code="learned.no_part"),)
-    if learning.taught is None:
-        return learning.problems
-    holds_for = learning.taught.step.next.holds_for
-    if work is None or (work.loaded.job.name, work.loaded.sha256) != (holds_for.job, holds_for.job_sha256):
-        return (Problem(code="learned.other_job", key=part.job.name),)
-    return _edited(work) or learning.reasons
-
-
-def _why_no_lobe(lobe: PartLobe, name: str, work: Work | None) -> tuple[Problem, ...]:
-    if is_taken(lobe, work):
-        return (Problem(code="lobe.taken", key=name),)
-    if lobe.reasons:
-        return tuple(lobe.reasons)
-    filed = lobe.loaded
-    if work is None or filed is None or (work.loaded.path, work.loaded.sha256) != (filed.path, filed.sha256):
-        return (Problem(code="learned.other_job", key=name),)
-    return _edited(work)
-
-
 def _take_lobe(ui: UiContext, lobe: PartLobe, work: Work, run_id: str | None, typed: float | None) -> None:
     """Keep the lobe of a plain part in its job, and open the job with it: the next cut is compensated."""
     written = accept_lobe(lobe, work.machine.machine, ui.data, typed)
@@ -98,21 +68,8 @@ def revert_version(ui: UiContext) -> None:
     ui.work = using(work, older)
 
 
-def why_not_reverted(work: Work | None) -> tuple[Problem, ...]:
-    """Return why there is no version to go back to. Nothing is read."""
-    if work is None:
-        return (Problem(code="screen.nothing_to_cut"),)
-    if work.compensation is None or work.compensation.is_model:
-        return _edited(work) or (Problem(code="learned.no_before", key=work.loaded.job.name),)
-    return _edited(work)
-
-
-def _edited(work: Work) -> tuple[Problem, ...]:
-    return (Problem(code="learned.edited_now", key=work.loaded.job.name),) if work.edited else ()
-
-
 def _refuse_edited(work: Work) -> None:
-    if reasons := _edited(work):
+    if reasons := edited_problems(work):
         raise SessionError(*reasons)
 
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+from console.session.guide.measured_part import follows_lobe, is_taken
 from console.session.learning.calibrating import PartLobe
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.lines import Line, hanging, wrapped
 from console.tui.theme import Token
-from drivers.cutting.strategy import Strategy
 from profiles.calibration.lobe import FoundLobe
 
 _MARK = ("! ", Token.WARNING)
@@ -21,19 +21,6 @@ def lobe_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -
     for problem in problems:
         lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
     return lines
-
-
-def is_taken(lobe: PartLobe | None, work: Work | None) -> bool:
-    """Whether the open job has the lobe of this part."""
-    if lobe is None or lobe.found is None or work is None:
-        return False
-    job, found = work.job, lobe.found
-    return (job.lobe_error_source, job.lobe_error_um_pp) == ("fitted", found.fit.error_um_pp)
-
-
-def follows_lobe(work: Work | None) -> bool:
-    """Whether the next cut of the open job is compensated; who has chosen a plain one keeps it."""
-    return work is not None and Strategy(work.strategy).traits.follows_lobe
 
 
 def _plain_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:

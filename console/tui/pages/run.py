@@ -9,20 +9,25 @@ from typing import ClassVar
 from rich.cells import cell_len
 
 from console.session.cut.compensated import with_news
-from console.session.station.adjusting.holding import hold_refusal
+from console.session.guide.refusals import refused
+from console.session.guide.rows import RUN, row_of
+from console.session.guide.situation import Phase, Situation, phase_of
+from console.session.guide.start_checks import checks
 from console.session.station.commands import (
     LEAST_ARMED_S,
     MOST_ARMED_S,
     Adjust,
     Arm,
+    ClearTables,
     Command,
     Disarm,
     EndCut,
     HoldFeed,
     ResumeFeed,
+    Retract,
     Start,
 )
-from console.session.station.jogging import clears_tables, no_retract
+from console.session.station.jogging import clears_tables
 from console.session.station.state import Activity
 from console.session.work import Work, changed_since_opened
 from console.text.catalogue import Catalogue
@@ -34,7 +39,6 @@ from console.tui.page import Page
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import live_lines
 from console.tui.pages.fields import named
-from console.tui.pages.run_next import Phase, in_part, next_word, phase_of, way_out
 from console.tui.pages.stop_lines import lost_lines, stop_lines
 from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, allowed, armed_bounds
 from console.tui.run.error_band import error_band
@@ -42,7 +46,7 @@ from console.tui.run.moment_lines import moment_in_full
 from console.tui.run.panels import WIDEST_FACT, RunPanels
 from console.tui.terminal.key_releases import Stroke
 from console.tui.theme import Token
-from console.tui.ui_context import UiContext, View, refusal
+from console.tui.ui_context import KEYS, UiContext, View
 from drivers.cutting.bounds import Adjustable
 from drivers.cutting.strategy import Strategy
 from profiles.problem import Problem
@@ -213,7 +217,8 @@ class RunPage(Page):
             case "run.hold":
                 return EndCut()
             case "run.retract":
-                return way_out(self.ui.control.state)
+                state = self.ui.control.state
+                return ClearTables() if clears_tables(state.snapshot, state.alignment) else Retract()
             case _:
                 return None
 
@@ -233,33 +238,13 @@ class RunPage(Page):
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why nothing can be armed, started, ended or retracted now."""
-        state, machine = view.state, self.ui.machine.machine
-        match action:
-            case "run.arm" if state.armed is None:
-                checked = run_lines.checks(state, view.work, machine)
-                return refusal(state, action) or run_lines.failing(checked)
-            case "run.start" if state.paused:
-                return ()
-            case "run.feed_hold" | "run.one_turn":
-                command = HoldFeed() if action == "run.feed_hold" else ResumeFeed(one_turn=True)
-                refused = hold_refusal(command, state)
-                return () if refused is None else (refused,)
-            case "run.more" | "run.less" | "run.choose":
-                return adjust_reasons(action, self._adjustment(action), state)
-            case "run.start":
-                over = state.armed is None or view.now_s > state.armed.until_s
-                return (Problem(code="screen.not_armed"),) if over else refusal(state, action)
-            case "run.hold":
-                if state.activity is not Activity.CUTTING or state.cut is None:
-                    return (Problem(code="screen.nothing_to_hold"),)
-                return (Problem(code="screen.holding_already"),) if state.cut.holding else ()
-            case "run.retract":
-                clears = clears_tables(state.snapshot, state.alignment)
-                refused = None if clears else no_retract(state.snapshot, machine, state.alignment)
-                if refused is None and not state.alignment.tables and in_part(state, machine) is False:
-                    refused = Problem(code="screen.tool_is_out")
-                return refusal(state, action) or (() if refused is None else (refused,))
-        return ()
+        if action in (*_ADJUSTS, "run.choose"):
+            return adjust_reasons(action, self._adjustment(action), view.state)
+        return refused(action, self._now(view), KEYS[action])
+
+    def _now(self, view: View) -> Situation:
+        machine = self.ui.machine.machine
+        return Situation(state=view.state, work=view.work, machine=machine, now_s=view.now_s)
 
     def _adjustment(self, action: str) -> Adjust:
         return Adjust(what=self._adjusts, steps=_ADJUSTS.get(action, 0))
@@ -276,12 +261,15 @@ class RunPage(Page):
         """Return what to do now."""
         if view.state.activity is Activity.LOST:
             return BLANK  # `lost_step`, the same on every page
-        word, token = next_word(view, self.ui.machine.machine)
+        row = row_of(RUN, self._now(view))
+        under_way = phase_of(view.state) is Phase.CUTTING or row.word == "run.taken_out"
+        waits = row.word in ("run.loading", "run.moves", "run.wait")
+        token = Token.STRONG if under_way else Token.DIM if waits else Token.ACTION
         armed, until_s = view.state.armed, view.state.loading_until_s
         if armed is not None:
             until_s = armed.until_s
         left_s = 0 if until_s is None else max(math.ceil(until_s - view.now_s), 0)
-        return line((self.ui.text(f"run_page.next.{word}", left=left_s), token))
+        return line((self.ui.text(row.sentence, left=left_s), token))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what was armed, what is missing, or what to do next; and every reason against an action."""
@@ -304,7 +292,7 @@ class RunPage(Page):
                 return [*moment_in_full(text, state.cut, error_band(state.cut), width), *changed, BLANK, *live]
         moves = [] if state.armed is None else run_lines.moves_lines(text, state.armed, machine, width)
         rows = [] if view.work is None else run_lines.summary_lines(text, state, view.work, view.now_s, facts)
-        found = run_lines.check_lines(text, run_lines.checks(state, view.work, machine), width)
+        found = run_lines.check_lines(text, checks(state, view.work, machine), width)
         if state.armed is not None:
             moves += wrapped(text("run_page.adjust.armed", bounds=armed_bounds(text, state.armed.bounds)), width)
         return [*moves, *found, *run_lines.input_lines(text, state.snapshot, width), *rows]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 from rich.cells import cell_len
 
@@ -11,14 +10,11 @@ from console.session.cut.alignment import (
     Alignment,
     AlignStep,
     aligned_job,
-    aligned_machine,
-    problems,
     stamp_problems,
 )
-from console.session.cut.compensated import chosen_problems
-from console.session.cut.interlocks import Interlock, of_job, of_lobe
-from console.session.learning.fingerprint import expected_of
-from console.session.stages import Stage, without_half
+from console.session.cut.interlocks import Interlock
+from console.session.guide.start_checks import checks, is_over
+from console.session.stages import without_half
 from console.session.station.jogging import tool_radius_mm
 from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
@@ -52,122 +48,8 @@ from profiles.chucking.advice import Stands, force_span
 from profiles.files import printable
 from profiles.job import Job
 from profiles.machine import MachineProfile
-from profiles.problem import Problem, ProfileError
 
 LABEL_WIDTH = 13
-
-
-def checks(state: StationState, work: Work | None, machine: MachineProfile) -> tuple[Interlock, ...]:
-    """Return every interlock of the start, in the order in which to fix them."""
-    snapshot = state.snapshot
-    if snapshot is None:
-        return (Interlock(name="link", problems=(Problem(code="screen.nothing_known"),)),)
-    stopped = () if state.stop is None else (Problem(code="screen.stopped_first", key="F5"),)
-    faults = tuple(_fault(fault, snapshot) for fault in snapshot.axis_faults)
-    drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
-    homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
-    rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
-    return (
-        *([Interlock(name="commissioned", problems=state.uncommissioned)] if state.uncommissioned else []),
-        Interlock(name="no_stop", problems=stopped),
-        # Disabled drives report none, whatever is wrong.
-        Interlock(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
-        *_of_work(state, work, machine),
-        Interlock(name="drives_on", problems=drives),
-        Interlock(name="homed", problems=homed),
-        Interlock(name="at_rest", problems=rest),
-        *_blank_check(state),
-        Interlock(name="program", waits=state.armed is None),
-    )
-
-
-def _fault(fault: str, snapshot: Snapshot) -> Problem:
-    """Return what is wrong with an axis; off a travel limit it is jogged with its drive on."""
-    jogs = fault in snapshot.limits and snapshot.loops_closed
-    return Problem(code="screen.axis_on_limit" if jogs else "screen.axis_fault", value=fault)
-
-
-def _blank_check(state: StationState) -> Iterator[Interlock]:
-    """Check that the blank is uncut. A partly cut one may be cut again, by somebody who knows of it.
-
-    Nothing is said of a blank while none is clamped, which the alignment says.
-    """
-    marks = ", ".join(f"{mark_mm:.1f}" for mark_mm in state.marks_mm)
-    marked = (Problem(code="screen.part_is_marked", value=marks),) if marks else ()
-    touched = state.cut_to
-    if state.cut_done:
-        yield Interlock(name="fresh_blank", problems=(Problem(code="screen.part_is_cut"),), warnings=marked)
-    elif touched is not None:
-        value, limit = f"{touched.to_mm:.1f}", f"{touched.of_mm:.1f}"
-        again = Problem(code="screen.part_is_touched", value=value, limit=limit)
-        yield Interlock(name="touched_blank", warnings=(again, *marked))
-    elif marked:
-        yield Interlock(name="touched_blank", warnings=marked)
-    elif state.alignment.clamping is not None:
-        yield Interlock(name="fresh_blank")
-
-
-def _of_work(state: StationState, work: Work | None, machine: MachineProfile) -> Iterator[Interlock]:
-    chosen: tuple[Problem, ...] | None = None
-    if state.armed is not None:
-        job, strategy = state.armed.job, state.armed.strategy
-    elif work is not None:
-        job, strategy = work.job, Strategy(work.strategy)
-        if work.compensation is not None or work.inverts is not None or work.stage != Stage.FULL:
-            chosen = chosen_problems(work, simulated=state.simulated, lathe=state.lathe)
-    else:
-        yield Interlock(name="job", problems=(Problem(code="screen.nothing_to_cut"),))
-        return
-    fits = of_job(job, aligned_machine(machine, state.alignment))
-    as_found = of_lobe(job, machine, strategy, simulated=state.simulated)
-    yield Interlock(name="job", problems=(*fits.problems, *as_found.problems))
-    aside = () if work is None or state.armed is not None else work.set_aside
-    if chosen is not None or aside:
-        yield Interlock(name="learned", problems=chosen or (), warnings=aside)
-    yield from _force_check(state, work)
-    yield from _fingerprint_check(state, work, job, machine, strategy)
-    yield Interlock(name="aligned", problems=problems(state.alignment, job))
-
-
-def _force_check(state: StationState, work: Work | None) -> Iterator[Interlock]:
-    """Warn of a full stage that the cutting force of the half one has contradicted."""
-    if state.force is None:
-        return
-    if state.armed is not None:
-        job, stage, strategy = state.armed.job, state.armed.made.stage, state.armed.strategy
-    elif work is not None:
-        job, stage = aligned_job(work.job, state.alignment), work.stage
-        strategy = Strategy(work.strategy)
-    else:
-        return
-    against = state.force.contradicts(job) if stage == Stage.FULL and strategy.traits.inverts else None
-    if against is not None:
-        yield Interlock(name="force", warnings=(against,))
-
-
-def _fingerprint_check(
-    state: StationState, work: Work | None, job: Job, machine: MachineProfile, strategy: Strategy
-) -> Iterator[Interlock]:
-    """Warn of indicator readings far from what is expected: of job and chuck, once armed of all parts so far."""
-    readings = state.alignment.readings
-    if readings is None or not strategy.traits.inverts:
-        return
-    if state.armed is not None:
-        unlikely = state.armed.warnings
-    elif work is not None and work.stage == Stage.AIR:
-        return
-    else:
-        try:
-            unlikely = expected_of(readings, aligned_job(job, state.alignment), machine)
-        except ProfileError:  # arming refuses them with the reason
-            return
-    if unlikely:
-        yield Interlock(name="fingerprint", warnings=unlikely)
-
-
-def failing(found: tuple[Interlock, ...]) -> tuple[Problem, ...]:
-    """Return every reason why a cut may not be armed, each once; the drives are part of the alignment, too."""
-    return tuple(dict.fromkeys(problem for check in found for problem in check.problems))
 
 
 def check_lines(
@@ -324,12 +206,6 @@ def after_lines(
     rows = check_lines(text, tuple(missing), width)
     following = wrapped(text(f"run_page.{_after_word(state, work)}"), width)
     return [*following, *([BLANK, *marks] if marks else []), *([BLANK, *rows] if rows else [])]
-
-
-def is_over(state: StationState) -> bool:
-    """Whether the clamped blank is cut to its end, measured or not: the next cut needs another one."""
-    cut = state.cut
-    return state.cut_done or (cut is not None and cut.stage is CutStage.DONE and not cut.in_air)
 
 
 def _after_word(state: StationState, work: Work | None) -> str:

@@ -6,11 +6,12 @@ from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
 
 from console.session.cut.alignment import JawAngle
+from console.session.guide.situation import Phase
+from console.session.guide.start_checks import checks
 from console.session.station.progress import CutProgress
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, clipped, dim, entitle, line, wrapped
 from console.tui.pages import run_lines
 from console.tui.pages.cut_lines import large_lines, live_lines, mean_error_um, progress_line, values_title
-from console.tui.pages.run_next import Phase
 from console.tui.pages.stop_lines import cut_of_stop, lost_lines, spindle_line, stale, stop_lines
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.trace_view import TracePicture, TraceView
@@ -96,7 +97,7 @@ class RunPanels:
             moves = [*run_lines.moves_lines(text, state.armed, machine, size.width), BLANK]
         inputs = run_lines.input_lines(text, state.snapshot, size.width, size.height - len(moves))
         room = size.height - len(moves) - len(inputs)
-        found = run_lines.check_lines(text, run_lines.checks(state, work, machine), size.width, room)
+        found = run_lines.check_lines(text, checks(state, work, machine), size.width, room)
         self._left.show([*moves, *found, *inputs], text("run_page.checks"))
         width, rows = self._right.size.width, wrapped(text("run_page.no_job"), self._right.size.width)
         if work is not None:

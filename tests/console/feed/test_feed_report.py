@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.feed.observed import Observed
+from console.session.feed.observed import RUN, Observed
 from console.session.feed.report import line_of, report
 from console.session.feed.request import LEAST_HZ, MOST_HZ, asked_hz, request_line
 from console.session.station.progress import CutStage
@@ -56,6 +56,19 @@ def test_a_cut_is_told_in_millimetres_and_degrees() -> None:
         "ab12",
     )
     assert line["controlled_by"]["name"] == "kim"
+
+
+def test_the_next_step_has_its_key_and_what_is_against_it() -> None:
+    ready = replace(scenes.machine(Activity.READY), alignment=scenes.ALIGNED)
+    arm = said(ready, work=scenes.signed())["next"]
+    assert (arm["word"], arm["key"], arm["why"]) == ("run.arm", "run.arm", [])
+    assert (arm["force_n"], arm["radius_mm"], arm["left_s"]) == (1314.0, 26.0, None)
+    jaw = said(replace(ready, alignment=scenes.AT_JAW), work=scenes.signed())["next"]
+    assert (jaw["word"], jaw["key"]) == ("align.jaw_enable", "align.enable")
+    assert [each["code"] for each in jaw["why"]] == ["alignment.no_jaw", "alignment.no_touch_off"]
+    assert said(ready)["next"]["word"] == "run.no_job"
+    assert said(CUTTING, work=scenes.signed())["next"] == {**arm, "word": "run.cutting", "key": None}
+    assert said(CUTTING, program=RUN)["next"] is None
 
 
 def test_a_tool_on_its_way_out_has_no_error() -> None:
