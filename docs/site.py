@@ -41,7 +41,7 @@ PARTS: Mapping[str, Sequence[str]] = {
     "Other systems": ("feed", "mtconnect", "mqtt", "shop", "flight-recorder"),
     "The simulator": ("training", "plant", "faults", "fault-matrix", "study", "pmac-emulation"),
     "The paper": ("paper", "paper-program"),
-    "The code": ("screens", "../CONTRIBUTING", "performance", "../benchmarks/README", "../CHANGELOG"),
+    "The code": ("screens", "../CONTRIBUTING", "testing", "performance", "../benchmarks/README", "../CHANGELOG"),
 }
 """The pages in the order of the list beside them. One that is in `docs` and not here is listed last."""
 
