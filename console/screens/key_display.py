@@ -55,8 +55,8 @@ def _strokes(terminal: int) -> Iterator[tuple[str, list[str]]]:
     """Yield what was sent with the names of its keys, none for an answer of the terminal."""
     from textual import constants, events
 
+    from console.tui.application.key_releases import PLAIN, KeyReleases
     from console.tui.driver import IDENTIFY, Reader, terminal_encoding
-    from console.tui.terminal.key_releases import PLAIN, KeyReleases
 
     releases, sent = KeyReleases(), ""
     reader, decode = Reader(releases), getincrementaldecoder(terminal_encoding())("replace").decode

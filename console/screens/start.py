@@ -226,7 +226,7 @@ def _appearance(configuration: Configuration, text: Catalogue) -> Appearance:
     """Return how the screens are to look; ProblemError for an own key that no action can have."""
     appearance = appearance_of({key: configuration.value(key) for key in KEYS}, text.language)
     if appearance.keys:
-        from console.tui.settings.own_keys import faults
+        from console.tui.application.own_keys import faults
 
         if problems := faults(appearance.keys, text):
             raise SessionError(*problems)

@@ -21,10 +21,14 @@ from console.session.errors import fault_problem
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
-from console.tui.alarms.bell import Bell
-from console.tui.alarms.logged_control import LoggedControl
+from console.tui.application.bell import Bell
+from console.tui.application.calm import Calm
+from console.tui.application.far_terminal import FarTerminal
+from console.tui.application.key_releases import ReportedKey
 from console.tui.application.listening import ListeningApp
+from console.tui.application.logged_control import LoggedControl
 from console.tui.application.pointing import point
+from console.tui.application.scans import Scans
 from console.tui.driver import Written
 from console.tui.frame import Frame, small_rows
 from console.tui.frame_rows import FrameRows, MadeRows
@@ -42,15 +46,11 @@ from console.tui.gate import (
 from console.tui.keymap import MODULES, MOTION_PAGES, NUMBERED, READING, TAKE, Action, PageName
 from console.tui.layout import CSS, SMALLEST, cramped, is_small
 from console.tui.lines import Line, Sheet
-from console.tui.link.far_terminal import FarTerminal
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.page import Page
 from console.tui.palette_keys import PaletteKeys
 from console.tui.previewing import ChosenPath, Previewer
-from console.tui.scanning.scans import Scans
-from console.tui.settings.calm import Calm
 from console.tui.standing_orders import StandingOrders
-from console.tui.terminal.key_releases import ReportedKey
 from console.tui.theme import Palette
 from console.tui.ui_context import UiContext, View
 from profiles.files import printable

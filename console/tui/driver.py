@@ -24,11 +24,11 @@ from textual.message import Message
 
 from console.session.dated_input import InputAge
 from console.tui import gate
+from console.tui.application.key_releases import KeyReleases, ReportedKey, Stroke
+from console.tui.application.kitty_parser import RELEASE, REPEAT, FunctionKeys, KittyParser
+from console.tui.application.scan_collector import Collector, Scan
 from console.tui.keymap import KILL_KEYS, MOTION_PAGES, STOP_KEYS, Action, PageName
 from console.tui.pace import QUIET_S, Pace
-from console.tui.scanning.collector import Collector, Scan
-from console.tui.terminal.key_releases import KeyReleases, ReportedKey, Stroke
-from console.tui.terminal.kitty_parser import RELEASE, REPEAT, FunctionKeys, KittyParser
 from drivers.clock import boot_s
 
 WAIT_S = 0.1  # time that the reading thread waits for a key before it checks whether to end

@@ -16,6 +16,7 @@ from console.session.appearance import OwnKeys
 from console.session.station.alarms import Alarm, Priority, foremost, unseen
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.application.lost_lines import is_watched, lost_step, stopping_key, unanswered_step
 from console.tui.gate import FieldKind
 from console.tui.key_help import written_key
 from console.tui.keymap import DIGITS, FURTHER, NUMBERED, PageName, RowKey, row_keys
@@ -33,7 +34,6 @@ from console.tui.lines import (
     width_of,
     wrapped,
 )
-from console.tui.link.lost_lines import is_watched, lost_step, stopping_key, unanswered_step
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 from drivers.lathe.snapshot import AxisName

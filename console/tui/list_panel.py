@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from console.text.catalogue import Catalogue
+from console.tui.application.lost_lines import lost_rows
 from console.tui.frame import MARKS, Frame, alarm_words, answer_of
 from console.tui.glossary import glossary_lines
 from console.tui.key_help import LISTS, help_lines
 from console.tui.keymap import Action
 from console.tui.lines import BLANK, Line, Sheet, dim, hanging, line, wrapped
-from console.tui.link.lost_lines import lost_rows
 from console.tui.pages.fields import named
 from console.tui.palette_list import QUERY_CAP, Entry, found, palette_lines
 from console.tui.theme import Palette, Token

@@ -15,9 +15,9 @@ from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
+from console.tui.application.far_terminal import FarTerminal
+from console.tui.application.key_releases import KeyReleases, Stroke
 from console.tui.keymap import ACTIONS, PageName
-from console.tui.link.far_terminal import FarTerminal
-from console.tui.terminal.key_releases import KeyReleases, Stroke
 from console.tui.theme import Palette
 from profiles.job import Job
 from profiles.problem import Problem, ProblemError

@@ -62,7 +62,7 @@ def test_what_is_read_of_a_base_class_is_there() -> None:
 
 
 def test_the_parser_of_the_terminal_has_what_is_overridden() -> None:
-    """`console/tui/terminal/kitty_parser.py` takes event types out of a sequence before it is read."""
+    """`console/tui/application/kitty_parser.py` takes event types out of a sequence before it is read."""
     overridden = inspect.signature(XTermParser._sequence_to_key_events)
     assert list(overridden.parameters) == ["self", "sequence", "alt"]
     assert overridden.parameters["alt"].default is False

@@ -15,7 +15,7 @@ from console.session.program_log import FILE, FOLDER
 from console.session.station.alarms import Priority, cleared, raised
 from console.session.station.history.session_log import LogEntry, LogKind
 from console.session.station.state import StationState
-from console.tui.alarms.logged_control import LoggedControl
+from console.tui.application.logged_control import LoggedControl
 from profiles.problem import Problem
 from tests.tui.stage import FixedControl
 

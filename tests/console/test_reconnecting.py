@@ -25,7 +25,7 @@ from console.session.station.link_thread import CONNECT_AGAIN_S
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
-from console.tui.link.lost_lines import lost_step
+from console.tui.application.lost_lines import lost_step
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import NOBODY, Standing

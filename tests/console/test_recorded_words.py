@@ -24,7 +24,7 @@ from console.session.station.commands import Command
 from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.text.catalogue import LANGUAGES, Catalogue, load
 from console.text.run_debrief import debrief_sections
-from console.tui.log.log_lines import entry_words
+from console.tui.further.log_lines import entry_words
 from console.tui.records.opened_run import opened_run
 from console.tui.records.run_lines import story_lines
 from profiles.problem import Problem

@@ -12,11 +12,11 @@ import pytest
 from textual import events
 from textual.message import Message
 
+from console.tui.application.scan_collector import Collector
 from console.tui.driver import Reader, StopDriver
 from console.tui.gate import FieldKind, Situation
 from console.tui.keymap import PageName
 from console.tui.pace import Pace
-from console.tui.scanning.collector import Collector
 from tests.terminal import KEYS
 from tests.trainee import Trainee, console, console_at
 from tests.tui.stage import answered_age

@@ -36,8 +36,8 @@ from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.controller import errand
-from console.tui.jobs import shelf
 from console.tui.keymap import ACTIONS, DIGITS, PageName
+from console.tui.pages import job_shelf as shelf
 from console.tui.pages import jobs
 from console.tui.records import beside
 from console.tui.theme import COLOUR, Palette

@@ -10,7 +10,7 @@ import pytest
 
 from console.session.appearance import Appearance
 from console.session.station.alarms import Alarms, Priority, acknowledged, cleared, raised
-from console.tui.alarms.bell import APART_S, Bell
+from console.tui.application.bell import APART_S, Bell
 from console.tui.keymap import PageName
 from profiles.problem import Problem
 from tests.tui import align_stage

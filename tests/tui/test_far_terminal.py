@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from console.session.station.commands import EnableDrives
+from console.tui.application.far_terminal import WITHIN_S, FarTerminal
 from console.tui.keymap import PageName
-from console.tui.link.far_terminal import WITHIN_S, FarTerminal
 from tests.tui import align_stage
 from tests.tui.machine_states import CLAMPED
 from tests.tui.scenes import Scene, application, fill, played, rows_of

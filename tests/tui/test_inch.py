@@ -15,8 +15,8 @@ from console.text.catalogue import LiveCatalogue
 from console.tui.calibrating.calibration_lines import point_lines
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.calibrating.draft import Draft, value_of
+from console.tui.further.scope_setup import ROWS, changed, setup_lines
 from console.tui.keymap import PageName
-from console.tui.scope.set_up import ROWS, changed, setup_lines
 from console.units import METRIC, Units
 from drivers.requests.scope_setup import ScopeSetup, Trigger
 from profiles.calibration.table import COLUMNS, CalibrationKind

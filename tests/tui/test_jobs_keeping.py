@@ -16,8 +16,8 @@ from console.session.data.kept_files import jobs_folder
 from console.session.station.state import Activity
 from console.session.work import edited, opened
 from console.tui.gate import FieldKind
-from console.tui.jobs import shelf
 from console.tui.keymap import PageName
+from console.tui.pages import job_shelf as shelf
 from profiles.files import read_toml
 from profiles.store import BUNDLED_JOBS, LoadedJob, list_jobs, load_job
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, PageScene, play_on

@@ -7,8 +7,8 @@ from dataclasses import replace
 import pytest
 
 from console.session.station.state import Activity, StationState
+from console.tui.align.align_jog import HELD_UP_S, MOST_WAITING, StepQueue
 from console.tui.align.jog_presses import JogPresses
-from console.tui.pages.align_jog import HELD_UP_S, MOST_WAITING, StepQueue
 from profiles.problem import Problem
 
 REST = StationState(activity=Activity.READY)

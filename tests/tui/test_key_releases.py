@@ -11,10 +11,10 @@ from textual import events
 from console.session.station.commands import Jog
 from console.tui.align.hold_run import UNMEASURED, HoldRun
 from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.application.key_releases import OFF, ON, QUERY, SLOWEST_S, KeyReleases, ReportedKey, Stroke
 from console.tui.driver import Reader
 from console.tui.gate import UNREADABLE
 from console.tui.keymap import PageName
-from console.tui.terminal.key_releases import OFF, ON, QUERY, SLOWEST_S, KeyReleases, ReportedKey, Stroke
 from tests.tui import align_stage
 from tests.tui.scenes import Scene, application, fill, played
 from tests.tui.stage import experiment, grid

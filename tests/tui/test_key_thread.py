@@ -18,13 +18,13 @@ from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import StationState
 from console.text.catalogue import load
-from console.tui.alarms.logged_control import LoggedControl
 from console.tui.application.listening import ListeningApp
+from console.tui.application.logged_control import LoggedControl
+from console.tui.application.scan_collector import Collector
 from console.tui.driver import StopDriver
 from console.tui.gate import Situation
 from console.tui.keymap import PageName
 from console.tui.pace import Pace
-from console.tui.scanning.collector import Collector
 from console.tui.theme import MONO
 from console.tui.ui_context import UiContext
 from drivers.lathe.stop import StopPath

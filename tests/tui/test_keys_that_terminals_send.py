@@ -13,12 +13,12 @@ from textual.drivers.linux_driver import LinuxDriver
 from textual.message import Message
 
 from console.tui import driver
+from console.tui.application.key_releases import KeyReleases
+from console.tui.application.scan_collector import Collector
 from console.tui.driver import Reader, StopDriver
 from console.tui.gate import UNCONFIRMED, UNREADABLE, Situation, Verdict, judge, stop_reason
 from console.tui.keymap import PageName
 from console.tui.pace import Pace
-from console.tui.scanning.collector import Collector
-from console.tui.terminal.key_releases import KeyReleases
 from tests.tui.stage import answered_age
 from tests.tui.test_terminal_answers import ANSWERS
 

@@ -7,7 +7,7 @@ import pytest
 from console.session.station.alarms import Priority, raised
 from console.session.station.state import Activity, StationState, StopState
 from console.text.catalogue import load
-from console.tui.link.lost_lines import lost_step
+from console.tui.application.lost_lines import lost_step
 from profiles.problem import Problem
 from tests.tui.run_stage import shown, state
 from tests.tui.stage import LANGUAGES

@@ -15,11 +15,11 @@ from console.session.station.alarms import Priority, raised
 from console.session.station.commands import TakeControl
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
+from console.tui.align.align_lines import why_lines
 from console.tui.frame import Frame, next_row, state_row
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import line, plain, width_of
-from console.tui.pages.align_lines import why_lines
 from drivers.lathe.standing import Standing
 from profiles.problem import Problem
 from profiles.store import load_machine

@@ -20,6 +20,7 @@ from console.session.station.state import Activity, StationState, StopState
 from console.session.work import Work, edited
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
+from console.tui.application.scan_collector import Collector
 from console.tui.driver import StopDriver, Written
 from console.tui.gate import FieldKind, HeldKeys, Situation
 from console.tui.key_help import words_of
@@ -27,7 +28,6 @@ from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
 from console.tui.pace import Pace
 from console.tui.pages import run as run_page
 from console.tui.palette_list import STOPPING, Entry, entries, found
-from console.tui.scanning.collector import Collector
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST

@@ -13,9 +13,9 @@ import pytest
 
 from console.session.station.state import Activity, StationState
 from console.tui.further.scope import read_record, record_text, records_of
+from console.tui.further.scope_pictures import over_turns
+from console.tui.further.scope_setup import ROWS, changed
 from console.tui.keymap import PageName
-from console.tui.scope.pictures import over_turns
-from console.tui.scope.set_up import ROWS, changed
 from drivers.lathe.standing import Standing
 from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from profiles.problem import ProfileError

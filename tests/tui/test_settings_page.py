@@ -19,12 +19,12 @@ from console.session.station.history.session_log import SessionLog
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from console.tui.app import ConsoleApp
+from console.tui.application.glyphs import in_ascii
+from console.tui.application.own_keys import REMAPPABLE
 from console.tui.frame import keys_row
 from console.tui.key_help import help_lines
 from console.tui.keymap import PageName
 from console.tui.lines import plain, width_of
-from console.tui.settings.glyphs import in_ascii
-from console.tui.settings.own_keys import REMAPPABLE
 from console.tui.theme import COLOUR, MONO, Palette
 from tests.tui import run_stage
 from tests.tui.scenes import Scene, application, fill, fixed_world, keys_to, played, rows_of, scene_of, settle

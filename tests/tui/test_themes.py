@@ -10,7 +10,7 @@ from rich.color import Color
 from rich.style import Style
 
 from console.session.appearance import THEMES
-from console.tui.settings.themes import palette_named, theme_named
+from console.tui.application.themes import palette_named, theme_named
 from console.tui.theme import Palette, Token
 
 PAINTED = [name for name in THEMES if name != "16-colour"]

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 from console.school.instructing.mailbox import Act, Mailbox, Picture
 from console.school.training.attempt import Attempt
 from console.session.station.history.session_log import LogEntry, LogKind
-from console.tui.log.log_text import log_row
+from console.tui.further.log_text import log_row
 
 if TYPE_CHECKING:
     from textual.screen import Screen
 
-    from console.tui.alarms.logged_control import LoggedControl
+    from console.tui.application.logged_control import LoggedControl
     from console.tui.ui_context import UiContext
 
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from console.session.station.commands import Indicate, NoteSkim, TakeFingerprint, TakeTouchOff
 from console.session.station.state import StationState
 from console.tui.align.align_entry import AlignEntry
+from console.tui.align.align_jog import JOGS, JogKeys
 from console.tui.align.answers import answered
 from console.tui.align.asked import AXES, CLAMPING, Answer, Asked, Question
 from console.tui.align.clamp_typing import ClampTyping
-from console.tui.pages.align_jog import JOGS, JogKeys
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from console.tui.align.jog_presses import REPEAT_S
-from console.tui.terminal.key_releases import Stroke
+from console.tui.application.key_releases import Stroke
 
 
 class ReportedStrokes:

@@ -1,1 +1,1 @@
-"""The application from below: what it wears, how it is left, what it hears from the terminal."""
+"""The application below its pages: terminal and keys, scanned codes, appearance, bell, link; leaving."""

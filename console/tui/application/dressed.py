@@ -10,8 +10,8 @@ from textual.filter import LineFilter
 from textual.theme import Theme
 
 from console.session.appearance import Appearance
-from console.tui.settings.live import LiveLook
-from console.tui.terminal.key_releases import KeyReleases
+from console.tui.application.key_releases import KeyReleases
+from console.tui.application.live import LiveLook
 from console.tui.theme import DARK_THEME, Palette
 
 

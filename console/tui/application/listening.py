@@ -12,11 +12,11 @@ from console.session.dated_input import SLOW_S, InputAge
 from console.session.errors import fault_problem
 from console.session.passing_control import record
 from console.tui.application.leaving import LeavingApp
+from console.tui.application.scans import Scans
 from console.tui.driver import KeyFault, Late, Scanned, StopSent, TooFast, WideSigns, Written
 from console.tui.gate import UNCLEAR, FieldKind, Situation, Verdict, is_page, judge
 from console.tui.keymap import Action
 from console.tui.layout import is_small
-from console.tui.scanning.scans import Scans
 from console.tui.ui_context import UiContext
 from drivers.clock import OLD_S
 from profiles.problem import Problem

@@ -9,9 +9,9 @@ from console.text.catalogue import Catalogue
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.kept_list import KeptCalibration, Standing
+from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, dim, fact, fitted, hanging, line, to_the_right, wrapped
 from console.tui.theme import Token
-from console.tui.tuning.problem_lines import problem_lines
 from console.units import Units
 from profiles.calibration.table import COLUMNS, MeasuredTable
 from profiles.calibration.wrench import WrenchFit

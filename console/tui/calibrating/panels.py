@@ -11,11 +11,11 @@ from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.calibrating.kept_list import KeptCalibration
 from console.tui.calibrating.pictures import pictures
+from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Problems
 from console.tui.theme import Token
-from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
 from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field

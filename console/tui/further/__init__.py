@@ -1,1 +1,1 @@
-"""Pages without a digit, listed by the page More; one module each."""
+"""The pages without a digit, and what they show."""

@@ -17,13 +17,13 @@ from console.tui.calibrating.chuck_facts import ChuckFacts, draft_facts, kept_fa
 from console.tui.calibrating.draft import AGAIN, MODULUS, TYPED_OUT, Draft, imported, value_of, written
 from console.tui.calibrating.kept_list import LOBE, KeptCalibration, kept_list
 from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
+from console.tui.further.problem_lines import problem_lines
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.page import Page
 from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
-from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext, View
 from profiles.calibration.table import CalibrationKind
 from profiles.fields import Field

@@ -9,11 +9,11 @@ from pathlib import Path
 from textual.widgets import Input
 
 from console.session.station.history.session_log import LogEntry, SessionLog
+from console.tui.further.log_lines import log_part
+from console.tui.further.log_text import export_log, found
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, line, wrapped
-from console.tui.log.log_lines import log_part
-from console.tui.log.log_text import export_log, found
 from console.tui.page import Page
 from console.tui.records.beside import Beside
 from console.tui.theme import Token

@@ -13,12 +13,12 @@ from console.session.data.kept_files import folder_name, make_folder, names_in
 from console.session.station.commands import Control
 from console.session.station.state import Activity, StationState
 from console.tui.controller.errand import Errand
+from console.tui.further.scope_pictures import Sight, averaged, picture, reading_lines
+from console.tui.further.scope_setup import ROWS, changed, channel_words, setup_lines
 from console.tui.keymap import PageName, RowKey
 from console.tui.lines import Line, Sheet, dim, entitle, line, wrapped
 from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
-from console.tui.scope.pictures import Sight, averaged, picture, reading_lines
-from console.tui.scope.set_up import ROWS, changed, channel_words, setup_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from drivers.requests.permitted import Kind

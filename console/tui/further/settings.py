@@ -16,12 +16,12 @@ from console.session.appearance import CHOICES, Appearance, OwnKeys, own_keys_te
 from console.session.configuration import Origin, Setting, account_file
 from console.session.kept_settings import keep_settings
 from console.text.catalogue import LANGUAGES, Catalogue
+from console.tui.application.own_keys import REMAPPABLE, key_typed, why_not_key
 from console.tui.gate import FieldKind
 from console.tui.key_help import words_of, written_key
 from console.tui.keymap import Action, PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, dim, fitted, line, name_in, ranged, wrapped
 from console.tui.page import Page
-from console.tui.settings.own_keys import REMAPPABLE, key_typed, why_not_key
 from console.tui.theme import COLOUR_VARIABLE, MONO, Palette, Token
 from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable

@@ -18,6 +18,18 @@ from console.session.station.state import Activity, StationState
 from console.session.tuning.proposal import GainFacts, gain_facts
 from console.session.tuning.standing import Gains, StandingTrial, listed
 from console.text.catalogue import Catalogue
+from console.tui.further.health_lines import (
+    armed_lines,
+    figure_lines,
+    kind_lines,
+    other_gain_lines,
+    step_picture,
+    trend_lines,
+)
+from console.tui.further.loop_facts import LoopFacts, loop_facts
+from console.tui.further.loop_lines import loop_lines, reason_lines
+from console.tui.further.problem_lines import problem_lines
+from console.tui.further.tune_panels import WIDE, LoopPanels, TuneView
 from console.tui.keymap import PageName
 from console.tui.lines import (
     BLANK,
@@ -37,18 +49,6 @@ from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
-from console.tui.tuning.health_lines import (
-    armed_lines,
-    figure_lines,
-    kind_lines,
-    other_gain_lines,
-    step_picture,
-    trend_lines,
-)
-from console.tui.tuning.loop_facts import LoopFacts, loop_facts
-from console.tui.tuning.loop_lines import loop_lines, reason_lines
-from console.tui.tuning.panels import WIDE, LoopPanels, TuneView
-from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
 from drivers.identification.health import HealthRequest, health_problems

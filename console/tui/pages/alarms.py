@@ -5,7 +5,11 @@ from __future__ import annotations
 from textual.widget import Widget
 
 from console.session.station.history.alarm_history import AlarmEntry, AlarmHistory, AlarmState
-from console.tui.alarms.alarm_lines import (
+from console.tui.further.log_lines import log_part
+from console.tui.keymap import PageName
+from console.tui.lines import Line, Sheet, clipped, line, wrapped
+from console.tui.page import Page
+from console.tui.pages.alarm_lines import (
     alarm_lines,
     all_lines,
     frequent_lines,
@@ -15,10 +19,6 @@ from console.tui.alarms.alarm_lines import (
     whole_title,
     window,
 )
-from console.tui.keymap import PageName
-from console.tui.lines import Line, Sheet, clipped, line, wrapped
-from console.tui.log.log_lines import log_part
-from console.tui.page import Page
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem

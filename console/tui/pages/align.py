@@ -18,16 +18,16 @@ from console.session.guide.waiting import waiting
 from console.session.station import commands
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
+from console.tui.align import align_lines
 from console.tui.align.align_entry import AlignEntry
+from console.tui.align.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.align.answers import asked_lines, asked_title
 from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
+from console.tui.application.far_terminal import WITHIN_S
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, NOTHING, Line, Sheet, dim, line, width_of
-from console.tui.link.far_terminal import WITHIN_S
 from console.tui.page import Page
-from console.tui.pages import align_lines
-from console.tui.pages.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.pages.jog_lines import chuck_lines, jog_lines, jog_panel, jog_title
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View

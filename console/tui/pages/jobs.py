@@ -17,14 +17,14 @@ from console.session.data.kept_files import jobs_folder
 from console.session.job_files import import_folder, offered_jobs
 from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, opened
+from console.tui.application.scan_codes import found
 from console.tui.gate import FieldKind
-from console.tui.jobs import changes
-from console.tui.jobs.shelf import Shelf, listed_jobs
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
 from console.tui.page import Page
+from console.tui.pages import job_changes as changes
+from console.tui.pages.job_shelf import Shelf, listed_jobs
 from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
-from console.tui.scanning.codes import found
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View, locked
 from profiles.fields import TEXT_CAP_CHARACTERS

@@ -33,6 +33,7 @@ from console.session.work import Work, changed_since_opened
 from console.text.catalogue import Catalogue
 from console.tui.align.jog_presses import JogPresses
 from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.application.key_releases import Stroke
 from console.tui.keymap import Action, PageName, actions_of
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped
 from console.tui.page import Page
@@ -44,7 +45,6 @@ from console.tui.run.adjust_lines import adjust_in_full, adjust_reasons, allowed
 from console.tui.run.error_band import error_band
 from console.tui.run.moment_lines import moment_in_full
 from console.tui.run.panels import WIDEST_FACT, RunPanels
-from console.tui.terminal.key_releases import Stroke
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View
 from drivers.cutting.bounds import Adjustable

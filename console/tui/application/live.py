@@ -34,7 +34,7 @@ class LiveLook:
             return MONO_THEME
         if appearance.theme == "dark":
             return DARK_THEME
-        from console.tui.settings.themes import theme_named  # not for the first paint in the dark one
+        from console.tui.application.themes import theme_named  # not for the first paint in the dark one
 
         return theme_named(appearance.theme)
 
@@ -49,7 +49,7 @@ class LiveLook:
         if not self.mono:
             self.palette.update(_palette(appearance.theme))
         if (self.wide or appearance.glyphs == "ascii") is not bool(self.filters):
-            from console.tui.settings.glyphs import AsciiGlyphs  # not for the first paint with Unicode
+            from console.tui.application.glyphs import AsciiGlyphs  # not for the first paint with Unicode
 
             self.filters = () if self.filters else (AsciiGlyphs(),)
 
@@ -57,6 +57,6 @@ class LiveLook:
 def _palette(theme: str) -> Palette:
     if theme == "dark":
         return COLOUR
-    from console.tui.settings.themes import palette_named
+    from console.tui.application.themes import palette_named
 
     return palette_named(theme)

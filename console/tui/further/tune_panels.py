@@ -9,14 +9,14 @@ import numpy as np
 from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
+from console.tui.further.loop_facts import Curve, LoopFacts
+from console.tui.further.loop_lines import heading, legend, loop_lines, reason_lines, response_lines
+from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Mark, Series, TracePicture, TraceView
 from console.tui.records.beside import Problems
 from console.tui.theme import Token
-from console.tui.tuning.loop_facts import Curve, LoopFacts
-from console.tui.tuning.loop_lines import heading, legend, loop_lines, reason_lines, response_lines
-from console.tui.tuning.problem_lines import problem_lines
 from console.tui.ui_context import UiContext
 
 WIDE = 130  # columns from which plots and texts stand side by side

@@ -10,7 +10,7 @@ from console.escaping import escaped_line
 from console.session.data.kept_files import make_folder
 from console.session.station.history.session_log import LogEntry, SessionLog
 from console.text.catalogue import Catalogue
-from console.tui.log.log_lines import entry_words
+from console.tui.further.log_lines import entry_words
 from profiles.files import write_atomically
 
 FOLDER = "logs"

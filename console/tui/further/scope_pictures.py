@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from console.text.catalogue import Catalogue
+from console.tui.further.scope_setup import short_words
 from console.tui.lines import NOTHING, Line, dim, fitted, line, to_the_right
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
-from console.tui.scope.set_up import short_words
 from console.tui.theme import Token
 from console.units import METRIC, Units
 from drivers.requests.scope_gather import Record

@@ -25,8 +25,8 @@ from console.tui.align.hold_run import (
 )
 from console.tui.align.jog_presses import SURE_S, JogPresses
 from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.application.key_releases import SLOWEST_S
 from console.tui.pages.jog_lines import JogView
-from console.tui.terminal.key_releases import SLOWEST_S
 from console.tui.ui_context import KEYS, UiContext, refusal
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem

@@ -9,9 +9,9 @@ from rich.cells import cell_len
 
 from console.session.tuning.standing import differing_words
 from console.text.catalogue import Catalogue
+from console.tui.further.loop_facts import LoopFacts, SeenResponse
 from console.tui.lines import Line, dim, fitted, hanging, line, wrapped
 from console.tui.theme import Token
-from console.tui.tuning.loop_facts import LoopFacts, SeenResponse
 from profiles.axis.margins import LEAST_GAIN_MARGIN, LEAST_PHASE_MARGIN_DEG, MOST_SENSITIVITY, LoopMargins
 from profiles.axis.servo_gains import shown_names
 from profiles.files import printable

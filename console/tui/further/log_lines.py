@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from console.session.station.history.session_log import LogEntry, LogKind, SessionLog
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import command_words
-from console.tui.alarms.alarm_lines import clock
 from console.tui.lines import Line, dim, fitted, hanging, wrapped
+from console.tui.pages.alarm_lines import clock
 from console.tui.pages.fields import named
 from console.tui.theme import Token
 

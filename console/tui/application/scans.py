@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from console.tui.application.scan_codes import job_named, shown
+from console.tui.application.scan_collector import Scan
 from console.tui.gate import PASTED
 from console.tui.page import Page
-from console.tui.scanning.codes import job_named, shown
-from console.tui.scanning.collector import Scan
 from console.tui.ui_context import UiContext
 from profiles.problem import Problem
 

@@ -1,1 +1,0 @@
-"""What the page Jobs is made of besides its panels."""

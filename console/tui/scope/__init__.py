@@ -1,1 +1,0 @@
-"""The page Scope: set-up, readings and files of what is gathered."""

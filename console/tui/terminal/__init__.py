@@ -1,1 +1,0 @@
-"""What the terminal can do beyond keys: report their release, and ring."""

@@ -1,1 +1,0 @@
-"""What the page Tune shows: the loop of the tool, its responses, its health tests, proposed gains."""
