@@ -13,6 +13,7 @@ LONGEST_FILE = 600
 LONGEST_TEST_FILE = 500
 LARGEST_MEDIAN = 150
 MOST_MODULES = 25
+SMALL = 80
 VAGUE_NAMES = ("utils", "util", "helpers", "helper", "manager", "managers", "misc", "common")
 
 
@@ -68,3 +69,26 @@ def test_test_files_have_names_of_their_own() -> None:
     names = [path.name for path in python_files("tests") if path.name not in own]
     assert sorted({name for name in names if names.count(name) > 1}) == []
     assert "__init__.py" not in names
+
+
+def test_no_small_module_has_its_one_importer_beside_it() -> None:
+    """It belongs into that one, unless that imports it only when it is called: for the first paint, say."""
+    importers: dict[str, set[Path]] = {}
+    at_once: set[tuple[str, Path]] = set()
+    for path in python_files(*PACKAGES, "docs", "benchmarks"):
+        tree = ast.parse(path.read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.ImportFrom) and node.module:
+                for name in (node.module, *(f"{node.module}.{each.name}" for each in node.names)):
+                    importers.setdefault(name, set()).add(path)
+                    if node in tree.body:
+                        at_once.add((name, path))
+    alone = []
+    for path in python_files(*PACKAGES):
+        name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
+        found = importers.get(name, set())
+        if len(found) == 1 and line_count(path) < SMALL:
+            (importer,) = found
+            if importer.parent == path.parent and (name, importer) in at_once:
+                alone.append(path)
+    assert named(alone) == []

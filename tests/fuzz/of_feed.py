@@ -19,9 +19,8 @@ from random import Random
 from typing import Any
 
 from console.cli.feed.watch import _show, _show_end
-from console.session.feed.client import Stream
 from console.session.feed.feed_state import FeedState
-from console.session.feed.following import Heard
+from console.session.feed.following import Heard, Stream
 from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.station.state import Activity

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 import pytest
 
 from console.session.data.run_reader import runs, story
-from console.session.feed.client import Stream
 from console.session.feed.feed_state import FeedState
+from console.session.feed.following import Stream
 from console.session.feed.place import connected, feeds
 from console.session.feed.request import LEAST_HZ
 from console.session.station.owning import take_lock

@@ -6,21 +6,28 @@ Nobody is waited for: a console that does not answer holds up neither another on
 from __future__ import annotations
 
 import select
+import socket
 import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.feed.client import Stream, Warn, closed, not_one
-from console.session.feed.feed_state import FeedState, rank
+from console.session.feed.feed_state import FeedState, rank, read_state
 from console.session.feed.place import connected, feeds
+from console.session.feed.request import SCHEMA, request_line
+from profiles.files import printable
 from profiles.problem import Problem
 
 SILENT_S = 5.0  # a console sends a line a second at the least
 RESCAN_S = 1.0
 SETTLE_S = 0.1
 CONNECT_S = 0.5  # the system answers at once, or there are too many readers
+LONGEST_LINE = 1_000_000
+CHUNK = 65_536
+NO_STATE = b"\0"  # begins what is kept of a line that is too long
+
+Warn = Callable[[Problem], object]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,6 +41,58 @@ class Heard:
         """Return the state with the age that its values have now."""
         age_s = self.state.age_s
         return replace(self.state, age_s=None if age_s is None else age_s + now_s - self.came_s)
+
+
+class Stream:
+    """A connection to one feed, which is asked for a rate. `refused` is how many lines of it were no state."""
+
+    def __init__(self, path: Path, link: socket.socket, hz: float, warn: Warn) -> None:
+        """Ask for a rate; wait for nothing. `warn` hears of the first refused line, and of all at the end.
+
+        Raises OSError.
+        """
+        self._path, self._link, self._kept, self._warn = path, link, b"", warn
+        self.refused = 0
+        link.sendall(request_line(hz))
+
+    def fileno(self) -> int:
+        """Return the descriptor, for a selector."""
+        return self._link.fileno()
+
+    def close(self) -> None:
+        """Leave."""
+        self._link.close()
+        if self.refused > 1:
+            self._warn(Problem(code="feed.refused", where=printable(str(self._path)), value=str(self.refused)))
+
+    def take(self) -> list[FeedState]:
+        """Return the states that have come; what is no state is skipped. Raises OSError: the console has ended."""
+        data = self._link.recv(CHUNK)
+        if not data:
+            raise ConnectionError("EOF")
+        *lines, self._kept = (self._kept + data).split(b"\n")
+        if len(self._kept) > LONGEST_LINE:
+            self._kept = NO_STATE
+        return [state for line in lines if (state := self._state(line)) is not None]
+
+    def _state(self, line: bytes) -> FeedState | None:
+        try:
+            return read_state(line)
+        except (TypeError, ValueError) as error:
+            self.refused += 1
+            if self.refused == 1:
+                self._warn(not_one(self._path, str(error)))
+        return None
+
+
+def not_one(path: Path, value: str) -> Problem:
+    """Return that what came from a feed is no state."""
+    return Problem(code="feed.not_one", where=printable(str(path)), value=printable(value, 100), limit=str(SCHEMA))
+
+
+def closed(path: Path, error: OSError) -> Problem:
+    """Return that a feed cannot be read."""
+    return Problem(code="feed.closed", where=printable(str(path)), value=error.strerror or str(error))
 
 
 class Follower:

@@ -2,24 +2,55 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import time
 from collections.abc import Callable
 
 from textual import events
+from textual.driver import Driver
 
+from console.session.appearance import Appearance
 from console.session.dated_input import SLOW_S, InputAge
 from console.session.errors import fault_problem
 from console.session.passing_control import record
-from console.tui.application.leaving import LeavingApp
+from console.tui.application.dressed import DressedApp
 from console.tui.application.scans import Scans
 from console.tui.driver import KeyFault, Late, Scanned, StopSent, TooFast, WideSigns, Written
 from console.tui.gate import UNCLEAR, FieldKind, Situation, Verdict, is_page, judge
 from console.tui.keymap import Action
 from console.tui.layout import is_small
+from console.tui.theme import Palette
 from console.tui.ui_context import UiContext
 from drivers.clock import OLD_S
 from profiles.problem import Problem
+
+
+class LeavingApp(DressedApp):
+    """`fault` is the error that ended it, reported in one line afterwards."""
+
+    def __init__(self, palette: Palette, appearance: Appearance, driver_class: type[Driver] | None) -> None:
+        super().__init__(palette, appearance, driver_class)
+        self.fault: Exception | None = None
+        self._ui_loop: asyncio.AbstractEventLoop | None = None
+        self._leaving = False
+
+    def on_mount(self) -> None:
+        """Leave at once where that was asked for before there was a loop."""
+        self._ui_loop = asyncio.get_running_loop()
+        if self._leaving:
+            self.exit()
+
+    def leave_soon(self) -> None:
+        """Leave the screen; may be called from a signal handler, at any moment."""
+        self._leaving = True
+        if self._ui_loop is not None:
+            self._ui_loop.call_soon_threadsafe(self.exit)
+
+    def _handle_exception(self, error: Exception) -> None:
+        """Leave without a traceback (Textual has no public hook)."""
+        self.fault = self.fault or error
+        self.exit(return_code=1)
 
 
 class ListeningApp(LeavingApp):

@@ -6,12 +6,15 @@ import sys
 from collections.abc import Callable
 
 from console.session.data.trace_folder import export_trace
-from console.session.guide.measured_part import fails
+from console.session.guide.measured_part import fails, follows_lobe, is_taken
 from console.session.guide.refusals import LOOKS, refused
 from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
+from console.session.learning.calibrating import PartLobe
 from console.session.station.commands import CorrectTouchOff, Measure
 from console.session.station.state import MeasuredPart, StationState
+from console.session.work import Work
+from console.text.catalogue import Catalogue
 from console.tui.calibrating.draft import TYPED_OUT, value_of
 from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
@@ -21,15 +24,15 @@ from console.tui.inspecting.other_part import which_parts
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
-from console.tui.lines import BLANK, Line, Sheet, clipped, line, wrapped
+from console.tui.lines import BLANK, Line, Sheet, clipped, hanging, line, wrapped
 from console.tui.page import ChartPage
 from console.tui.pages.learn_lines import certified_lines, force_lines, head_lines, learn_lines, learn_title
 from console.tui.pages.learning_keys import accept_part, revert_version
-from console.tui.pages.lobe_lines import lobe_lines
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.pages.trace_chooser import ANSWERS, TraceChooser
 from console.tui.theme import Token
 from console.tui.ui_context import KEYS, UiContext, View
+from profiles.calibration.lobe import FoundLobe
 from profiles.calibration.plausible import LARGE_STEP
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
@@ -40,6 +43,41 @@ _STEP_ROWS = 2
 STEPS = {"inspect.up": -1, "inspect.down": 1, "inspect.first": -sys.maxsize, "inspect.last": sys.maxsize}
 PAGES = {"inspect.page_up": -1, "inspect.page_down": 1}
 ZOOMS = {"inspect.larger": 1, "inspect.smaller": -1}
+_MARK = ("! ", Token.WARNING)
+
+
+def lobe_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
+    """Return the fitted lobe with its confidence, why the job cannot take it, and what to know before it does."""
+    lines = _plain_lines(lobe, work, text, width)
+    lines += [] if lobe.found is None else wrapped(_found_words(lobe.found, text), width)
+    problems = (*lobe.reasons, *(() if lobe.found is None else lobe.found.warnings))
+    for problem in problems:
+        lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
+    return lines
+
+
+def _plain_lines(lobe: PartLobe, work: Work | None, text: Catalogue, width: int) -> list[Line]:
+    """Return in plain words what the lobe is for, or that there is none."""
+    if lobe.found is None or (lobe.reasons and not is_taken(lobe, work)):
+        return wrapped(text("inspect_page.plain.no_lobe"), width, Token.STRONG)
+    if is_taken(lobe, work) and work is not None:
+        word = "lobe_taken" if follows_lobe(work) else "lobe_in_job"
+        words = text(f"inspect_page.{word}", job=work.job.name, strategy=work.strategy)
+        return wrapped(words, width, Token.STRONG)
+    error = text.units.figure(lobe.found.fit.error_um_pp, "um", 1)
+    return wrapped(text("inspect_page.plain.lobe", error=error), width, Token.STRONG)
+
+
+def _found_words(found: FoundLobe, text: Catalogue) -> str:
+    fit = found.fit
+    error, ci, noise = (
+        text.units.figure(each, "um", 2) for each in (fit.error_um_pp, 2 * fit.lobe.ci_um, fit.noise_um)
+    )
+    words = text("inspect_page.lobe", n=fit.jaws, error=error, ci=ci)
+    if found.past_jaw_deg is not None:
+        past = f"{found.past_jaw_deg:+z.1f}"
+        words += " · " + text("inspect_page.lobe_at", past=past, ci=f"{fit.lobe.ci_deg:.1f}")
+    return words + " · " + text("inspect_page.lobe_noise", noise=noise)
 
 
 class InspectPage(ChartPage):

@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from console.session.feed.client import LONGEST_LINE, Stream
 from console.session.feed.feed_state import read_state
+from console.session.feed.following import LONGEST_LINE, Stream
 from console.session.feed.observed import Observed
 from console.session.feed.report import line_of, report
 from console.session.station.progress import CutStage
