@@ -189,7 +189,7 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "lines.py to_strip",
         "further/log.py Input",
         "further/settings.py Input",
-        "settings/glyphs.py Segment",
+        "application/glyphs.py Segment",
         "pages/jobs.py JobsEntry",
         "pages/records.py Input",
         "further/controller.py Input",

@@ -41,7 +41,7 @@ def own_job(data: Path) -> None:
     text = re.sub(r"(?m)^cut_length_mm = 8.0", "cut_length_mm = 5.0", text)
     (data / "jobs").mkdir(parents=True)
     (data / "jobs" / "a-flange.toml").write_text(
-        re.sub(r"(?m)^name = .*", 'name = "flange-52"', text), encoding="utf-8"
+        re.sub(r"(?m)^name = .*", 'name = "a-flange"', text), encoding="utf-8"
     )
 
 
@@ -79,7 +79,7 @@ def starts(terminal: Terminal, language: str) -> Trainee:
     terminal.press("enter")
     trainee.sees("train_page.hint", 30.0)
     trainee.sees("activity.ready", 40.0)
-    terminal.wait_for(r"^ SIM .*flange-52", 10.0)
+    terminal.wait_for(r"^ SIM .*a-flange", 10.0)
     trainee.press("4")
     trainee.sees("align_page.valid_title")
     trainee.starts_the_cut()
