@@ -19,7 +19,6 @@ from drivers.link.address import SimulatedAddress
 
 if TYPE_CHECKING:
     from console.school.practising import TakenUp
-    from console.school.training.attempt import Attempt
     from console.school.training.lesson import Lesson
     from console.session.station.begins import Begins
     from console.session.station.link_thread import LinkThread
@@ -34,7 +33,7 @@ MOST_QUESTIONS = 10
 
 @dataclass(frozen=True, kw_only=True)
 class Schooling:
-    """What the screens begin with where it is not theirs: a machine, a simulated lathe, a job.
+    """A session of the school: its machine, simulated lathe and job replace those of the screens where given.
 
     `practice` holds the files of a practice until the end.
     """
@@ -92,7 +91,6 @@ def begun(options: Namespace, data: Path, text: Catalogue) -> Attempt:
     """
     import random
 
-    from console.school.training.attempt import Attempt
     from console.school.training.lesson import load_lesson
     from console.school.training.shelf import own_folder
     from console.school.training.tries import check_trainee
