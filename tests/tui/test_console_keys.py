@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from textual.widgets import Input
 
+from console.rings import SCHOOL, is_installed
 from console.session.cut.alignment import Alignment
 from console.session.data.kept_files import jobs_folder
 from console.session.station.commands import Adjust, Command, Home
@@ -75,9 +76,8 @@ def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
         "jobs": ("delete",),
         "scope": ("gather", "keep"),
         "run": ("arm", "start", "feed_hold", "one_turn", "hold", "retract"),
-        "train": ("end",),
         "tune": ("arm", "start", "apply", "revert"),
-    }
+    } | ({"train": ("end",)} if is_installed(SCHOOL) else {})
     assert once == {"take_over"} | {f"{page}.{key}" for page, keys in once_of_page.items() for key in keys}
 
 
