@@ -10,7 +10,7 @@ from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.report.reported_run import ReportedRun
 from console.session.data.run_rows import recorded_problems
-from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
+from console.session.learning.job_chart import Figure, JobChart, job_chart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
@@ -40,7 +40,7 @@ def learned(run: ReportedRun, text: Catalogue) -> Markup:
 
 def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
     for part in run.parts:
-        step = part.recorded.data.get("learning")
+        step = part.data.get("learning")
         if not isinstance(step, Mapping):
             continue
         if "version" in step:
@@ -90,7 +90,7 @@ def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
     points, row = run.points or (), run.story.row
     if len(points) < 2:
         return None
-    found = job_chart(JobParts(job=row.job, strategy=row.strategy, points=points), Figure.RONT)
+    found = job_chart(points, Figure.RONT)
     own = [place for place, point in enumerate(points) if point.run_id == row.run_id]
     caption = text("report.chart_caption", count=len(points), limit=um(found.upper_um))
     names = (text("part.part"), "RONt, µm")

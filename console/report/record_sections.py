@@ -21,7 +21,7 @@ def provenance(run: ReportedRun, text: Catalogue) -> Markup:
         *fact_rows(origin_facts(story), text, Layout.REPORT),
         *(
             (text("report.trace_hash", part=part_words(part.part or "part", text)), part.trace_sha256)
-            for part in (each.recorded for each in run.parts)
+            for part in run.parts
             if part.trace_sha256
         ),
     ]
@@ -73,10 +73,11 @@ def missing_lines(run: ReportedRun, text: Catalogue) -> Iterator[str]:  # noqa: 
     if row.ended.how is How.OPEN and "events" not in story.damaged:
         yield text("report.no_end")
     for part in run.parts:
-        if part.recorded.trace is None:
-            yield text("report.no_trace", part=part_words(part.recorded.part or "part", text))
-        elif part.doubtful:
-            yield text("report.trace_doubtful", part=part_words(part.recorded.part or "part", text))
+        name = part_words(part.part or "part", text)
+        if part.trace is None:
+            yield text("report.no_trace", part=name)
+        elif run.doubts(part):
+            yield text("report.trace_doubtful", part=name)
     for problem in run.job_problems:
         yield text.problem(problem)
     if run.points is None:

@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import tzinfo
 from typing import Any
 
-from console.session.data.run_reader import PartPoint, RecordedPart, RunRow, RunStory
+from console.session.data.run_reader import RecordedPart, RunRow, RunStory
 from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
 from console.session.learning.run_debrief import RunDebrief
-from console.session.stages import Stage
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
@@ -20,42 +18,17 @@ MOST_POINTS = 60
 """Parts of a run chart: more would not be told apart on paper."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class ReportedPart:
-    """A part of a run; `found` is None without a trace, or with `problems` that prevent an evaluation.
-
-    `same_trace` is whether the trace has its recorded hash.
-    """
-
-    recorded: RecordedPart
-    found: EvaluatedPart | None = None
-    problems: tuple[Problem, ...] = ()
-    same_trace: bool = True
-
-    @property
-    def doubtful(self) -> bool:
-        """Whether record and trace contradict each other."""
-        differs = self.found is not None and bool(self.found.differing)
-        return bool(differs or self.problems) or not self.same_trace
-
-    @property
-    def jaw_1_deg(self) -> float | None:
-        """Angle of jaw 1 in the trace, None where it is unknown."""
-        return None if self.found is None else self.found.jaw_1_deg
+Evaluation = EvaluatedPart | tuple[Problem, ...]
+"""A part evaluated from its trace, or why it cannot be."""
 
 
-def _reported(part: RecordedPart, setup: Mapping[str, Any]) -> ReportedPart:
-    if part.trace is None:
-        return ReportedPart(recorded=part)
-    same = part.trace_sha256 in (None, hashlib.sha256(part.trace).hexdigest())
-    found, problems = None, tuple[Problem, ...]()
+def _evaluation(part: RecordedPart, setup: Mapping[str, Any]) -> Evaluation:
     try:
-        found = evaluated_part(part, setup, "result", "profile_um")
+        return evaluated_part(part, setup, "result", "profile_um") or ()
     except ProfileError as refused:
-        problems = tuple(refused.problems)
+        return tuple(refused.problems)
     except ValueError as refused:  # a header that no console has written
-        problems = (Problem(code="trace.header_value", value=str(refused)),)
-    return ReportedPart(recorded=part, found=found, problems=problems, same_trace=same)
+        return (Problem(code="trace.header_value", value=str(refused)),)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +36,8 @@ class ReportedRun:
     """A run, ready to be written.
 
     `job` is None where its text was not kept, or cannot be read (`job_problems`). `parts` are the last
-    measurements of each part, `again` those that were measured again later. `points` are parts of the job in the
+    measurements of each part, with their `evaluations` by number, `again` those that were measured again later.
+    `points` are parts of the job in the
     order of manufacture, up to those of this run, None where the record of the others cannot be read. Dates are
     written in `zone`, None: that of this computer. Without a `debrief` there is no section of it.
     """
@@ -71,21 +45,37 @@ class ReportedRun:
     story: RunStory
     job: Job | None
     job_problems: tuple[Problem, ...]
-    parts: tuple[ReportedPart, ...]
+    parts: tuple[RecordedPart, ...]
+    evaluations: Mapping[int, Evaluation]
     again: tuple[RecordedPart, ...]
-    points: tuple[PartPoint, ...] | None
+    points: tuple[RecordedPart, ...] | None
     zone: tzinfo | None
     debrief: RunDebrief | None = None
 
     @property
-    def product(self) -> ReportedPart | None:
+    def product(self) -> RecordedPart | None:
         """The newest part that the run was for; None where it was not measured."""
-        return next((part for part in reversed(self.parts) if part.recorded.product), None)
+        return next((part for part in reversed(self.parts) if part.product), None)
 
     @property
-    def before(self) -> ReportedPart | None:
+    def before(self) -> RecordedPart | None:
         """The part cut without compensation, for comparison; None without one."""
-        return next((p for p in self.parts if p.recorded.part == BEFORE and not p.recorded.product), None)
+        return next((each for each in self.parts if each.part == BEFORE and not each.product), None)
+
+    def evaluated(self, part: RecordedPart | None) -> EvaluatedPart | None:
+        """Return a part with its evaluation; None without a trace, or if it cannot be evaluated."""
+        found = None if part is None else self.evaluations[part.number]
+        return found if isinstance(found, EvaluatedPart) else None
+
+    def problems_of(self, part: RecordedPart) -> tuple[Problem, ...]:
+        """Return why the trace of a part cannot be evaluated."""
+        found = self.evaluations[part.number]
+        return found if isinstance(found, tuple) else ()
+
+    def doubts(self, part: RecordedPart) -> bool:
+        """Whether record and trace of a part contradict each other."""
+        found = self.evaluated(part)
+        return bool((found and found.differing) or self.problems_of(part)) or not part.has_its_trace
 
     @property
     def contradicts_itself(self) -> bool:
@@ -98,7 +88,7 @@ class ReportedRun:
 
 def reported_run(
     story: RunStory,
-    points: Sequence[PartPoint] | None = (),
+    points: Sequence[RecordedPart] | None = (),
     zone: tzinfo | None = None,
     debrief: RunDebrief | None = None,
 ) -> ReportedRun:
@@ -108,21 +98,23 @@ def reported_run(
         job = story.read_job()
     except ProfileError as refused:
         problems = tuple(refused.problems)
-    last = {part.part: part.number for part in story.parts}
+    numbers = {part.part: part.number for part in story.parts}.values()
+    last = tuple(part for part in story.parts if part.number in numbers)
     return ReportedRun(
         story=story,
         job=job,
         job_problems=problems,
-        parts=tuple(_reported(part, story.setup) for part in story.parts if last[part.part] == part.number),
-        again=tuple(part for part in story.parts if last[part.part] != part.number),
+        parts=last,
+        evaluations={part.number: _evaluation(part, story.setup) for part in last},
+        again=tuple(part for part in story.parts if part.number not in numbers),
         points=None if points is None else _up_to(story.row, points),
         zone=zone,
         debrief=debrief,
     )
 
 
-def _up_to(row: RunRow, points: Sequence[PartPoint]) -> tuple[PartPoint, ...]:
+def _up_to(row: RunRow, points: Sequence[RecordedPart]) -> tuple[RecordedPart, ...]:
     """Return whole parts of a run's strategy, up to those of the run; none where it has none, as never judged."""
-    whole = [each for each in points if each.stage in (None, Stage.FULL) and each.strategy == row.strategy]
+    whole = [each for each in points if each.is_full and each.strategy == row.strategy]
     last = max((place for place, point in enumerate(whole) if point.run_id == row.run_id), default=-1)
     return tuple(whole[: last + 1][-MOST_POINTS:])

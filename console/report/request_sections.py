@@ -128,7 +128,7 @@ def sent(run: ReportedRun, text: Catalogue) -> Markup:
         (text("report.program"), text("report.program_size", count=lines)),
         (text("fact.program_hash"), program_sha256(story.program)),
     ]
-    several = sum(part.recorded.product for part in run.parts) > 1
+    several = sum(part.product for part in run.parts) > 1
     return section(
         "sent",
         text("report.sent"),

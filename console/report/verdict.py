@@ -42,7 +42,7 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
     row, product = run.story.row, run.product
     judged = tuple(_judged(run, text))
-    contradiction = run.contradicts_itself or (product is not None and product.doubtful)
+    contradiction = run.contradicts_itself or (product is not None and run.doubts(product))
     if row.damaged or run.story.damaged or contradiction:
         return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
     if row.ended.how in FAILED_HOW:
@@ -52,7 +52,7 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     if product is None:
         why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
-    passed = product.recorded.passed
+    passed = product.passed
     if passed is None:
         unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
         open_for = "report.why.not_proven" if unproven else "report.why.no_judgement"
@@ -63,10 +63,9 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
 
 def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
     """Yield what was measured against what was allowed."""
-    product = run.product
-    if product is None or product.recorded.passed is None:
+    recorded = run.product
+    if recorded is None or recorded.passed is None:
         return
-    recorded = product.recorded
     if recorded.tolerance_um is not None:
         value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
         key = "report.why.round" if recorded.is_round else "report.why.not_round"

@@ -14,8 +14,7 @@ import pytest
 
 from console.__main__ import main
 from console.session.data.run_reader import RecordedPart
-from console.session.learning.evaluated_part import evaluated_part
-from console.session.learning.imported import examined
+from console.session.learning.evaluated_part import evaluated_part, examined
 from console.session.station.state import MeasuredPart, StationState
 from console.tui.inspecting.comparison import compared
 from console.tui.pages.inspect_lines import phase_from_jaw_deg
@@ -53,7 +52,7 @@ def test_table_and_plot_count_from_jaw_1(
 ) -> None:
     job = replace(load_job("lee-2001-experiment-1").job, lobe_phase_deg=jaw_1_deg, lobe_past_jaw_deg=0.0)
     found = examined(file(tmp_path, direction), job, {}, simulated=False)
-    assert found.result is not None
+    assert found.judged is not None
     part = MeasuredPart(
         job=job, strategy=Strategy.NONE, trace=found.turn, result=found.result, jaw_1_deg=job.jaw_1_deg
     )

@@ -15,7 +15,7 @@ import pytest
 
 from console.session.data.history import last_results
 from console.session.data.trace_folder import export_trace, offered, trace_folder
-from console.session.learning.imported import ImportedTrace, examined
+from console.session.learning.evaluated_part import EvaluatedPart, examined
 from console.session.learning.part_learning import accept
 from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Start, TakeTrace
 from console.session.station.state import MeasuredPart, StationState
@@ -280,7 +280,7 @@ def outside_job() -> LoadedJob:
     return load_job("lee-2001-experiment-1")
 
 
-def written(folder: Path, job: LoadedJob, **stated: str) -> ImportedTrace:
+def written(folder: Path, job: LoadedJob, **stated: str) -> EvaluatedPart:
     """A made-up part with its lobe 20 deg past jaw 1, in a file that states this."""
     angle_deg = np.arange(720) / 2.0
     path = folder / "made.csv"
@@ -304,7 +304,7 @@ def test_an_angle_of_the_gauge_is_an_angle_of_the_spindle(
         0.0 if mark.get("start_mark") == "spindle index" else 77.0 + way * float(mark.get("jaw_1_deg", 0)) * -1.0
     )
     phase_deg = (at_zero_deg + way * 20.0) % 120.0
-    assert found.result is not None
+    assert found.judged is not None
     seen = np.radians(found.turn.angle_deg)
     phase = np.angle(np.sum(found.turn.deviation_um * np.exp(-3j * seen)))
     assert (-np.degrees(phase) / 3.0 - phase_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=1e-6)

@@ -13,7 +13,7 @@ import pytest
 
 from console.session.guide.refusals import refused
 from console.session.guide.situation import Situation
-from console.session.learning.imported import examined
+from console.session.learning.evaluated_part import examined
 from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import load
 from console.tui.inspecting.comparison import compared
@@ -60,7 +60,7 @@ def test_a_part_in_another_unit_than_its_header_is_not_judged(
     assert "단위" in console("roundness", str(path), "--job", JOB, "--lang", "ko").err
     found = examined(path, load_job(JOB).job, {}, simulated=False)
     assert [each.limit for each in found.problems] == [meant]
-    assert not found.ready and found.result is None
+    assert not found.ready and found.judged is None
     (reason,) = find_lobe(read_trace(path), load_job(JOB).job).reasons
     assert reason.code.startswith("trace.unit_doubtful")
     kept = console("calibrate", "lobe", str(path), "--job", JOB, "--keep")
@@ -98,7 +98,7 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
 
     job = replace(load_job(str(job_path)).job, diameter_tolerance_um=20.0)
     found = examined(path, job, {}, simulated=False)
-    assert found.result is not None
+    assert found.judged is not None
     part = MeasuredPart(
         job=job,
         strategy=Strategy.NONE,

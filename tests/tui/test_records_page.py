@@ -17,8 +17,9 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.data import run_reader
+from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
-from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
+from console.session.learning.job_chart import Figure, JobChart, job_chart
 from console.session.station.state import Activity
 from console.session.work import Work
 from console.text.catalogue import load
@@ -349,7 +350,7 @@ def test_while_something_moves_no_statistics_are_loaded(shop: Path, monkeypatch:
     judged: list[bool] = []
     monkeypatch.setattr(reading, "STATISTICS", "scipy.not_loaded_yet")
 
-    def charted(parts: JobParts, figure: Figure, *, judge: bool) -> JobChart:
+    def charted(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool) -> JobChart:
         judged.append(judge)
         return job_chart(parts, figure, judge=judge)
 

@@ -20,7 +20,7 @@ from console.cli.output import agreed, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
-from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
+from console.session.cut.recording import LogRecorder, Recorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.kept_files import RunDates
@@ -423,11 +423,14 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
     )
 
 
-def _keep_part(record: RunRecord, request: RunRequest, job: Job, trace: Trace, name: PartName) -> None:
+def _keep_part(
+    record: RunRecord, request: RunRequest, job: Job, trace: Trace, *, part: str, product: bool, proven: bool
+) -> None:
     """Add a measured part to the record; SessionError `record.lost`."""
     result = roundness_of(trace)
-    part = part_record(job, result, trace, request.plan.stage, name=name, made=_made(request))
-    record.add("part", {"part": name.name, "ront_um": result.ront_um}, part)
+    stage, made = request.plan.stage, _made(request)
+    kept = part_record(job, result, trace, stage, part=part, product=product, proven=proven, made=made)
+    record.add("part", {"part": part, "ront_um": result.ront_um}, kept)
 
 
 def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list[str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from console.cli.arguments import DEFAULT_PLANT, INDICATOR
 from console.cli.library import data_of, job_of, known_lathe, lathe_parts_of, machine_of, true_parameters_of
-from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
+from console.cli.measured.asked_fingerprint import requested_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.cut.simulated_parts import LatheParts
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
@@ -237,17 +237,19 @@ def _fingerprint(
     """Return the fingerprint that a single cut was asked for with, None where it was not."""
     if options.fingerprint is None or options.learn is not None:
         return None
-    cut = AskedCut(
-        job=job,
-        machine=machine,
-        strategy=Strategy(options.strategy),
+    return requested_fingerprint(
+        options.fingerprint,
+        job,
+        machine,
+        Strategy(options.strategy),
+        in_process=bool(options.sim),
+        simulated=simulated,
         stage=Stage(options.stage),
+        true=true,
         path=path,
         inverted=inverted,
         history=history,
-        true=true,
     )
-    return asked_fingerprint(options.fingerprint, cut, in_process=bool(options.sim), simulated=simulated)
 
 
 def _part_file(options: Namespace, *, simulated: bool) -> Path | None:

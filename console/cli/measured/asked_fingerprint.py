@@ -1,9 +1,9 @@
-"""The fingerprint that a cut is asked with: from a file, or taken at the simulated lathe of this process."""
+"""The fingerprint for a requested cut: from a file, or taken at the simulated lathe of this process."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from console.cli.arguments import INDICATOR
 from console.cli.library import naming
@@ -13,9 +13,6 @@ from console.session.learning.fingerprint import Fingerprint, fingerprinted, ref
 from console.session.stages import Stage
 from drivers.cutting.strategy import Strategy
 from drivers.simulator.plant.true_parameters import TrueParameters
-from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import LearnedCompensation
-from profiles.compensations.path import CutPath
 from profiles.files import printable
 from profiles.fingerprint.readings import ClampReadings, read_readings
 from profiles.job import Job
@@ -23,44 +20,33 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AskedCut:
-    """The cut that a fingerprint is for; `true` is the simulated lathe, None one as its profile says."""
+def requested_fingerprint(
+    source: str,
+    job: Job,
+    machine: MachineProfile,
+    strategy: Strategy,
+    *,
+    in_process: bool,
+    simulated: bool,
+    stage: Stage = Stage.FULL,
+    true: TrueParameters | None = None,
+    **cut: Any,
+) -> Fingerprint:
+    """Return the fingerprint in the file `source`, or of the indicator of the simulated lathe, for a cut.
 
-    job: Job
-    machine: MachineProfile
-    strategy: Strategy
-    stage: Stage = Stage.FULL
-    path: CutPath | None = None
-    inverted: ServoResponse | None = None
-    history: tuple[LearnedCompensation, ...] = ()
-    true: TrueParameters | None = None
-
-
-def asked_fingerprint(asked: str, cut: AskedCut, *, in_process: bool, simulated: bool) -> Fingerprint:
-    """Return the fingerprint of the file that was `asked` for, or of the indicator of the simulated lathe.
-
+    `true` is the simulated lathe, None one as its profile says; `cut` as for `fingerprinted`.
     Raises `ProblemError`: what speaks against the file, its readings or the cut.
     """
-    refuse_unusable(cut.strategy, cut.stage, None, simulated=simulated)
-    if asked != INDICATOR:
-        readings, where = read_readings(Path(asked)), printable(asked)
+    refuse_unusable(strategy, stage, None, simulated=simulated)
+    if source != INDICATOR:
+        readings, where = read_readings(Path(source)), printable(source)
     elif in_process:
-        readings, where = indicated(cut.job, cut.machine, cut.true), ""
+        readings, where = indicated(job, machine, true), ""
     else:
         raise SessionError(Problem(code="clamping.no_indicator", key="--fingerprint", value=INDICATOR))
-    refuse_unusable(cut.strategy, cut.stage, readings, simulated=simulated)
+    refuse_unusable(strategy, stage, readings, simulated=simulated)
     with naming(where):
-        return fingerprinted(
-            readings,
-            cut.job,
-            cut.job,
-            cut.machine,
-            cut.strategy,
-            path=cut.path,
-            history=cut.history,
-            inverted=cut.inverted,
-        )
+        return fingerprinted(readings, job, job, machine, strategy, **cut)
 
 
 def indicated(job: Job, machine: MachineProfile, true: TrueParameters | None) -> ClampReadings:

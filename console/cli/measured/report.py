@@ -14,7 +14,7 @@ from console.text.catalogue import Catalogue
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
-    from console.session.data.run_reader import PartPoint, RunRow
+    from console.session.data.run_reader import RecordedPart, RunRow
 
 MOST_POINTS = 5_000
 """Parts of a job among which those before the run are looked for."""
@@ -62,7 +62,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 0
 
 
-def _points(data: Path, row: RunRow) -> tuple[PartPoint, ...] | None:
+def _points(data: Path, row: RunRow) -> tuple[RecordedPart, ...] | None:
     """Return the measured parts of the job of a run, None unreadable: the run itself may be sound."""
     from console.session.data.run_reader import measured_parts
 

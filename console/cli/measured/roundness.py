@@ -39,7 +39,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.library import job_of, naming
     from console.cli.measured.measured_trace import measured_trace
     from console.cli.measured.roundness_report import roundness_lines, trace_fields
-    from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
+    from console.cli.measured.v_block import v_block_fields, v_block_lines
     from console.cli.output import show, tell
     from profiles.files import printable
 
@@ -50,8 +50,8 @@ def main(options: Namespace, text: Catalogue) -> int:
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
         with naming(printable(options.file)):
-            lobe = read_v_block(measured.result, options.vblock, options.lobes)
-        fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
+            fields = v_block_fields(measured.result, options.vblock, options.lobes, measured.header)
+        lines = v_block_lines(fields, measured.result, text)
     else:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import asdict
 
-from console.cli.measured.measured_trace import MeasuredTrace
 from console.cli.output import fields_of
+from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.circles import ReferenceCircle
@@ -20,7 +20,7 @@ CENTRE = ("centre_x_mm", "centre_y_mm")
 """Of a trace of points in the plane: where its least squares circle is."""
 
 
-def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
+def trace_fields(measured: EvaluatedPart) -> dict[str, object]:
     """Return all results of a trace."""
     result, header, turns = measured.result, measured.header, measured.turns
     return {
@@ -66,7 +66,7 @@ def _circle(circle: ReferenceCircle) -> dict[str, object]:
     }
 
 
-def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def roundness_lines(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     """Return head, figures, the four circles, size, turns and harmonics."""
     result = measured.result
     rows = [(name, f"{um:z.3f}", "um") for name, um in zip(PARAMETERS, _parameters(result).values(), strict=True)]
@@ -94,7 +94,7 @@ def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     ]
 
 
-def _head(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def _head(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     result, header = measured.result, measured.header
     filtered = filter_line(result, text)
     lines = [
@@ -118,9 +118,10 @@ def _head(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     return lines
 
 
-def _features(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def _features(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     """Return the features, and the verdict with and without them."""
-    result, limit_um = measured.result, measured.tolerance_um
+    result, job = measured.result, measured.job
+    limit_um = None if job is None else job.roundness_tolerance_um
     if result.without_features is None:
         return []
     lines = []
@@ -148,7 +149,7 @@ def state_line(result: RoundnessResult, text: Catalogue) -> str:
     return text(f"state.{result.state}") if result.state in _STATES else result.state
 
 
-def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def _harmonics(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     rows = [(text("roundness.n"), text("roundness.pp"), text("roundness.phase"))]
     shown = [h for h in measured.result.harmonics if h.n in SHOWN_HARMONICS]
     rows += [(str(h.n), f"{2.0 * h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
@@ -159,7 +160,7 @@ def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     return table([(*row, cell) for row, cell in zip(rows, column, strict=True)], numeric=(0, 1, 2, 3))
 
 
-def _from_index(measured: MeasuredTrace, text: Catalogue) -> str:
+def _from_index(measured: EvaluatedPart, text: Catalogue) -> str:
     """Return which header lines the file needs for angles from jaw 1."""
     if measured.header.phase_known:
         return text("roundness.from_index")

@@ -2,36 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from typing import Any
 
 from console.cli.measured.roundness_report import filter_line, state_line
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.filters import gaussian_transmission
-from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.v_block import usable_factor
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import TraceHeader
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class VBlockLobe:
-    """The readings, and the lobe of the part derived from them.
+def v_block_fields(
+    result: RoundnessResult, included_deg: float, lobes: int, header: TraceHeader
+) -> dict[str, Any]:
+    """Return the lobe from readings that were evaluated like a trace; lengths in um, angles in degrees.
 
-    It is the undulation of the filtered readings over the factor of the V-block and over `passed`, the fraction of
-    it that the filter let pass.
-    """
-
-    included_deg: float
-    factor: float
-    passed: float
-    reading: RoundnessResult
-    lobe: Harmonic
-
-
-def read_v_block(result: RoundnessResult, included_deg: float, lobes: int) -> VBlockLobe:
-    """Return the lobe from readings that were evaluated like a trace.
+    It is the undulation of the filtered readings over the factor of the V-block and over the fraction of it that
+    the filter let pass.
 
     Raises:
         ProfileError: as `usable_factor`; `value.out_of_range`, the points cannot resolve so many lobes, or the
@@ -45,12 +35,20 @@ def read_v_block(result: RoundnessResult, included_deg: float, lobes: int) -> VB
     passed = _passed(result, lobes)
     # With a factor below 0 the indicator reads a valley as a maximum.
     turned_deg = 180.0 / lobes if factor < 0.0 else 0.0
-    lobe = Harmonic(
-        n=lobes,
-        amplitude_um=read.amplitude_um / (abs(factor) * passed),
-        phase_deg=(read.phase_deg + turned_deg) % (360.0 / lobes),
-    )
-    return VBlockLobe(included_deg=included_deg, factor=factor, passed=passed, reading=result, lobe=lobe)
+    return {
+        "method": "v_block",
+        "state": header.state,
+        "vblock_deg": included_deg,
+        "lobes": lobes,
+        "factor": factor,
+        "filter_passed": passed,
+        "reading_pp_um": result.ront_um,
+        "filter_upr": result.filter_upr,
+        "above_upr": result.above_upr,
+        "lobe_pp_um": 2.0 * (read.amplitude_um / (abs(factor) * passed)),
+        "phase_deg": (read.phase_deg + turned_deg) % (360.0 / lobes),
+        "phase_known": header.phase_known,
+    }
 
 
 def _passed(result: RoundnessResult, lobes: int) -> float:
@@ -64,32 +62,14 @@ def _passed(result: RoundnessResult, lobes: int) -> float:
     return float(gaussian_transmission(lobes, result.filter_upr)) - below
 
 
-def v_block_fields(seen: VBlockLobe, header: TraceHeader) -> dict[str, object]:
-    """Return it for JSON; lengths in um, angles in degrees."""
-    return {
-        "method": "v_block",
-        "state": header.state,
-        "vblock_deg": seen.included_deg,
-        "lobes": seen.lobe.n,
-        "factor": seen.factor,
-        "filter_passed": seen.passed,
-        "reading_pp_um": seen.reading.ront_um,
-        "filter_upr": seen.reading.filter_upr,
-        "above_upr": seen.reading.above_upr,
-        "lobe_pp_um": 2.0 * seen.lobe.amplitude_um,
-        "phase_deg": seen.lobe.phase_deg,
-        "phase_known": header.phase_known,
-    }
-
-
-def v_block_lines(seen: VBlockLobe, text: Catalogue) -> list[str]:
-    """Return it for people."""
+def v_block_lines(fields: Mapping[str, Any], result: RoundnessResult, text: Catalogue) -> list[str]:
+    """Return the output of `v_block_fields` in words."""
     rows = [
-        (text("v_block.reading"), f"{seen.reading.ront_um:z.3f}", "um p-p"),
-        (text("v_block.factor"), f"{seen.factor:z.3f}", ""),
-        (text("v_block.passed"), f"{100.0 * seen.passed:z.2f}", "%"),
-        (text("v_block.lobe", n=seen.lobe.n), f"{2.0 * seen.lobe.amplitude_um:z.3f}", "um p-p"),
-        (text("roundness.phase"), f"{seen.lobe.phase_deg:z.2f}", "deg"),
+        (text("v_block.reading"), f"{result.ront_um:z.3f}", "um p-p"),
+        (text("v_block.factor"), f"{fields['factor']:z.3f}", ""),
+        (text("v_block.passed"), f"{100.0 * fields['filter_passed']:z.2f}", "%"),
+        (text("v_block.lobe", n=fields["lobes"]), f"{fields['lobe_pp_um']:z.3f}", "um p-p"),
+        (text("roundness.phase"), f"{fields['phase_deg']:z.2f}", "deg"),
     ]
-    head = text("v_block.head", angle=f"{seen.included_deg:g}", filter=filter_line(seen.reading, text))
-    return [head, text("roundness.state", state=state_line(seen.reading, text)), "", *table(rows, numeric=(1,))]
+    head = text("v_block.head", angle=f"{fields['vblock_deg']:g}", filter=filter_line(result, text))
+    return [head, text("roundness.state", state=state_line(result, text)), "", *table(rows, numeric=(1,))]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Protocol
 
 import numpy as np
@@ -31,26 +31,11 @@ PHASE_POLLS = 3 * PHASE_SAMPLES
 SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known to some ms only
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartName:
-    """Name of a part among those of its run; `product` is False of one that is cut for comparison.
-
-    One whose cut is not `proven` to be the planned one is not judged.
-    """
-
-    name: str = ""
-    product: bool = True
-    proven: bool = True
-
-
-ONLY_PART = PartName()
-
-
 class Recorder(Protocol):
     """Take what is to be recorded of the cuts of one machine; only `measured` may wait, and raise."""
 
-    def part(self, name: PartName) -> None:
-        """Name the cuts that follow."""
+    def part(self, name: str, *, product: bool) -> None:
+        """Name the cuts that follow; one for comparison is no `product`."""
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin a cut, whose program is about to start."""
@@ -74,7 +59,7 @@ class Recorder(Protocol):
 class Unrecorded:
     """A cut that is part of no recorded run."""
 
-    def part(self, name: PartName) -> None:
+    def part(self, name: str, *, product: bool) -> None:
         """Ignore it."""
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
@@ -97,19 +82,19 @@ class Unrecorded:
 
 
 class LogRecorder:
-    """Pass the polls of each cut to the log of its run, and its part to `keep`."""
+    """Pass the polls of each cut to the log of its run, and its part to `keep`, named as for `part_record`."""
 
-    def __init__(self, log: RunLog, keep: Callable[[Job, Trace, PartName], None] = lambda *_: None) -> None:
+    def __init__(self, log: RunLog, keep: Callable[..., None] = lambda *_, **__: None) -> None:
         self._log, self._keep = log, keep
-        self._part = ONLY_PART
+        self._name, self._product, self._proven = "", True, True
 
-    def part(self, name: PartName) -> None:
+    def part(self, name: str, *, product: bool) -> None:
         """Name the cuts that follow."""
-        self._part = name
+        self._name, self._product, self._proven = name, product, True
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin the telemetry of a cut."""
-        self._log.begin_cut(self._part.name, TelemetryRows(plan, job, machine))
+        self._log.begin_cut(self._name, TelemetryRows(plan, job, machine))
 
     def see(self, snapshot: Snapshot) -> None:
         """Add a poll: what it needs of the machine, as numbers. All else is computed by the log's thread."""
@@ -123,16 +108,16 @@ class LogRecorder:
 
     def judged(self, verdict: CutVerdict) -> None:
         """Keep whether the part of this cut can be judged."""
-        self._part = replace(self._part, proven=verdict.proven)
+        self._proven = verdict.proven
 
     def gathered(self, batch: Batch) -> None:
         """Add a gathered window."""
         past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
-        self._log.gathered(self._part.name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
+        self._log.gathered(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
     def measured(self, job: Job, trace: Trace) -> None:
         """Keep the part of the last cut."""
-        self._keep(job, trace, self._part)
+        self._keep(job, trace, part=self._name, product=self._product, proven=self._proven)
 
 
 class TelemetryRows:
@@ -205,22 +190,24 @@ def part_record(
     trace: Trace,
     stage: Stage,
     *,
-    name: PartName = ONLY_PART,
+    part: str = "",
+    product: bool = True,
+    proven: bool = True,
     made: Mapping[str, str] | None = None,
     file: tuple[str, bytes] | None = None,
     more: Mapping[str, object] | None = None,
 ) -> RecordedPart:
-    """Return what the record keeps of a measured part.
+    """Return what the record keeps of a measured part; one whose cut is not `proven` is not judged.
 
     `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
     would write it, with `made`, how the part was cut, in its header. `more` is added to the figures.
     """
     diameter_mm = mean_diameter_of(trace, result)
-    judged = name.product and name.proven and stage is Stage.FULL
+    judged = product and proven and stage is Stage.FULL
     with_made = replace(trace, meta={**trace.meta, **(made or {})})
-    part = RecordedPart(
-        part=name.name,
-        product=name.product,
+    kept = RecordedPart(
+        part=part,
+        product=product,
         ront_um=result.ront_um,
         tolerance_um=job.roundness_tolerance_um,
         diameter_mm=diameter_mm,
@@ -231,7 +218,7 @@ def part_record(
         trace=trace_content(with_made) if file is None else file[1],
         trace_name=None if file is None else file[0],
     )
-    return replace(part, passed=part.is_good if judged else None)
+    return replace(kept, passed=kept.is_good if judged else None)
 
 
 def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:

@@ -13,7 +13,6 @@ from typing import Protocol
 from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load, nothing_seen, tool_clear
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
-from console.session.cut.recording import ONLY_PART, PartName
 from console.session.cut.telemetry import CutFigures
 from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
@@ -242,11 +241,12 @@ def cut_part(
     clamped: bool = False,
     measured: bool = True,
     force: ForceWatch | None = None,
-    name: PartName = ONLY_PART,
+    name: str = "",
+    product: bool = True,
 ) -> CutOutcome:
     """Make one part, with the work `beside` it; a machine that is `homed` is not homed again.
 
-    The record has it under its `name`.
+    The record has it under its `name`; one for comparison is no `product`.
 
     Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
     A part not to be `measured` stays clamped. With `force`, and no work `beside`, its force is checked.
@@ -256,7 +256,7 @@ def cut_part(
             could not be proven. What is refused before any motion leaves the machine alone.
     """
     lathe = context.lathe
-    context.recorder.part(name)
+    context.recorder.part(name, product=product)
     watch: Beside = beside or force or _Nothing()
 
     def begin(step: Step, detail: str) -> None:
@@ -341,9 +341,13 @@ def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -
     context = open_machine()
     if plan.reference is None:
         return run_once(plan, context, tell)
-    name = PartName(name="before", product=plan.cut is plan.reference)
     before = cut_part(
-        context, plan.job, plan.reference, lambda step, detail: tell("before", step, detail), name=name
+        context,
+        plan.job,
+        plan.reference,
+        lambda step, detail: tell("before", step, detail),
+        name="before",
+        product=plan.cut is plan.reference,
     )
     if plan.cut is plan.reference:
         return _result(plan, context, before, before)
@@ -364,7 +368,7 @@ def run_once(plan: RunPlan, context: CutContext, tell: TellPart, before: CutOutc
         lambda step, detail: tell(_PARTS[plan.stage], step, detail),
         measured=plan.stage is not Stage.AIR,
         force=ForceWatch(context.lathe, plan.job) if plan.stage is Stage.PARTIAL else None,
-        name=PartName(name=_PARTS[plan.stage]),
+        name=_PARTS[plan.stage],
     )
     return _result(plan, context, before, after)
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from profiles.roundness import RoundnessResult
 
 LOCK_TIMEOUT_S = 1.0
-AIR = "air"  # of `Stage`, which takes the planner of cuts with it
+AIR, FULL = "air", "full"  # of `Stage`, which takes the planner of cuts with it
 MOST_NAMED = 3  # simulated lathes in a message
 
 _QUERY = """
@@ -300,7 +301,8 @@ class RecordedPart:
     comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
     learning step ("learning"). `trace` are the bytes of the trace's file, as `profiles.traces.parse_trace` takes
     them; None where it was not kept or cannot be read. `trace_name` is that of an imported file. `number`, `at`
-    and `trace_sha256` are given by the record.
+    and `trace_sha256` are given by the record, as is how its run was cut; None is not recorded. `compensation` and
+    `inverted` are those of `RunRow`.
     """
 
     ront_um: float
@@ -318,6 +320,22 @@ class RecordedPart:
     number: int = 0
     at: datetime = UNDATED
     trace_sha256: str | None = None
+    run_id: str = ""
+    strategy: str = ""
+    stage: str | None = None
+    compensation: str | None = None
+    inverted: str | None = None
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it was cut with all of its compensation, as far as that is recorded."""
+        return self.stage in (None, FULL)
+
+    @property
+    def has_its_trace(self) -> bool:
+        """Whether its trace, if it was kept, has the recorded hash."""
+        same = (None, None if self.trace is None else sha256(self.trace).hexdigest())
+        return self.trace is None or self.trace_sha256 in same
 
     @property
     def is_round(self) -> bool | None:
@@ -349,20 +367,6 @@ class RecordedPart:
         trace, answers = parse_trace(self.trace, where=self.trace_name or ""), self.data.get("answers")
         given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, Mapping) else {}
         return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartPoint(RecordedPart):
-    """A measured product of a job: a point of a run chart; without its trace and its data.
-
-    `lobe_um_pp` is its harmonic at the number of jaws; `compensation` and `inverted` are those of `RunRow`.
-    """
-
-    run_id: str
-    strategy: str
-    stage: str | None
-    compensation: str | None
-    inverted: str | None = None
 
 
 def column_values(columns: Iterable[Any]) -> dict[str, Any]:

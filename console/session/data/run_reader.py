@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.home import account_name
-from console.session.data.measured_part import PART_COLUMNS, PartPoint, RecordedPart, column_values
+from console.session.data.measured_part import PART_COLUMNS, RecordedPart, column_values
 from console.session.data.record_file import (
     FILE_NAME,
     damage_as_error,
@@ -45,7 +45,6 @@ __all__ = [
     "AlarmStory",
     "Ending",
     "How",
-    "PartPoint",
     "RecordedPart",
     "RunEvent",
     "RunFilters",
@@ -155,7 +154,7 @@ ORDER BY runs.rowid DESC, number DESC LIMIT ?
 
 def measured_parts(
     folder: Path, job: str, machine: str, simulated: bool, limit: int = 500
-) -> tuple[PartPoint, ...]:
+) -> tuple[RecordedPart, ...]:
     """Return the last measured products of a job on a machine, oldest first; the last measurement of each.
 
     Raises SessionError: as `runs`.
@@ -167,12 +166,12 @@ def measured_parts(
     return tuple(_point(each) for each in reversed(found))
 
 
-def _point(found: Sequence[Any]) -> PartPoint:
+def _point(found: Sequence[Any]) -> RecordedPart:
     run_id, at_utc, strategy, stage, version, setup, of_run, *columns = found
     values = column_values(columns)
     if values["tolerance_um"] is None:
         values["tolerance_um"] = of_run
-    return PartPoint(
+    return RecordedPart(
         run_id=run_id,
         at=date_of(at_utc)[0],
         strategy=strategy,

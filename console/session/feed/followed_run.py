@@ -10,7 +10,7 @@ from statistics import linear_regression
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.engine import Step
-from console.session.cut.recording import PartName, Recorder
+from console.session.cut.recording import Recorder
 from console.session.feed.observed import RUN, Observed, ShownCut
 from console.session.feed.run_alarms import RunAlarms
 from console.session.station.alarms import AT_REST, IN_PROGRAM
@@ -75,9 +75,9 @@ class FollowedRun:
             self._polls.append(snapshot)
             self.alarms.see(snapshot, AT_REST if self._cut is None else IN_PROGRAM)
 
-    def part(self, name: PartName) -> None:
+    def part(self, name: str, *, product: bool) -> None:
         """Pass on the name of the cuts that follow."""
-        self._recorder.part(name)
+        self._recorder.part(name, product=product)
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin a cut."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
@@ -59,18 +59,6 @@ class Fingerprint:
     made: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MadeClamped:
-    """How a part was clamped: `read` is what a version keeps, `added_um` what was added to its path, by order."""
-
-    read: ClampedRead
-    added_um: Mapping[int, complex]
-
-    def ratio(self, lobes: int) -> complex:
-        """Return by what the lobe was multiplied."""
-        return ratio_read(self.read, lobes)
-
-
 def refuse_unusable(strategy: Strategy, stage: Stage, readings: ClampReadings | None, *, simulated: bool) -> None:
     """Refuse a fingerprint where there is no path for it, or where it is of a lathe that is not cut on."""
     if not strategy.traits.inverts or stage is Stage.AIR:
@@ -87,7 +75,7 @@ def fingerprinted(
     machine: MachineProfile,
     strategy: Strategy,
     *,
-    path: CutPath | None,
+    path: CutPath | None = None,
     history: Sequence[LearnedCompensation] = (),
     inverted: ServoResponse | None = None,
 ) -> Fingerprint:
@@ -118,8 +106,10 @@ def fingerprinted(
     )
 
 
-def made_clamped(said: str, lobes: int) -> MadeClamped | None:
-    """Return how a part was clamped from the line that says so, None for an empty one.
+def read_clamping(said: str, lobes: int) -> tuple[ClampedRead, dict[int, complex]] | None:
+    """Parse the line of a clamping: what a version keeps of it, and what was added to the path, um by order.
+
+    None for an empty line.
 
     Raises SessionError: `clamping.made`, the line cannot be read.
     """
@@ -143,20 +133,21 @@ def made_clamped(said: str, lobes: int) -> MadeClamped | None:
         added[int(order)] = PathHarmonic(
             lobes=int(order), amplitude_um=float(amplitude), phase_deg=float(phase)
         ).coefficient
-    return MadeClamped(read=read, added_um=added)
+    return read, added
 
 
 def of_mean_clamping(
     cut: CutWith, part: PartHarmonics, said: str, lobes: int, response: Callable[[int], complex]
 ) -> tuple[CutWith, PartHarmonics]:
     """Return cut and part as they would have been in the mean clamping; `said` is how the part was clamped."""
-    made = made_clamped(said, lobes)
-    if made is None:
+    clamping = read_clamping(said, lobes)
+    if clamping is None:
         return cut, part
-    path = with_added(cut.path, made.added_um, response)
-    orders, ratio = clamped_orders(path, lobes), made.ratio(lobes)
+    read, added_um = clamping
+    path = with_added(cut.path, added_um, response)
+    orders, ratio = clamped_orders(path, lobes), ratio_read(read, lobes)
     left = {n: c / ratio_of(n, lobes, ratio) if n in orders else c for n, c in part.coefficients_um.items()}
-    return replace(cut, path=path, clamped=made.read), replace(part, coefficients_um=left)
+    return replace(cut, path=path, clamped=read), replace(part, coefficients_um=left)
 
 
 def expected_of(

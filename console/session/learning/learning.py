@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any
 
 from console.session.cut.engine import CutContext, Step
-from console.session.cut.recording import PartName
 from console.session.cut.run import (
     FILTER_UPR,
     Beside,
@@ -205,8 +204,8 @@ class _Learner:
         def tell(step: Step, detail: str) -> None:
             self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
 
-        part = PartName(name=f"{name} {number or ''}".strip(), product=name == "part")
-        how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped, "name": part}
+        how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped}
+        how |= {"name": f"{name} {number or ''}".strip(), "product": name == "part"}
         outcome = cut_part(self._context, job, plan, tell, beside, **how)
         self._homed = True
         return outcome

@@ -40,24 +40,33 @@ VERDICT = Looked()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Evaluated:
-    """A part as it is looked at: its figures, and M angles, deg, with the deviations from its circle, um."""
+class Side:
+    """A trace of the comparison as displayed: M angles, deg, with deviations from the reference circle, um.
 
-    result: RoundnessResult
+    `ront_um` is that about the circle. The lobe that the job states has no `result`; `jaw_1_deg` is None if the
+    trace is not tied to jaw 1.
+    """
+
     angle_deg: Floats
     profile_um: Floats
+    ront_um: float
+    result: RoundnessResult | None
+    jaw_1_deg: float | None
     circle: str = LEAST_SQUARES
 
-    @property
-    def ront_um(self) -> float:
-        """RONt about the circle."""
-        return self.result.circle(self.circle).ront_um
 
-
-def evaluated(
-    trace: Trace, judged: RoundnessResult, upr: float | None, circle: str, radius_mm: float | None = None
-) -> Evaluated:
+def side_of(
+    trace: Trace,
+    judged: RoundnessResult,
+    upr: float | None,
+    circle: str,
+    radius_mm: float | None,
+    jaw_1_deg: float | None,
+    turn_deg: float,
+) -> Side:
     """Return a trace that was `judged` so, with another filter and about another circle; `radius_mm` as then.
+
+    It is turned by `turn_deg`; its jaw 1 was found at `jaw_1_deg`.
 
     Raises `ProfileError`: as `profiles.roundness.evaluate`.
     """
@@ -67,7 +76,14 @@ def evaluated(
     if upr != judged.filter_upr:
         seen = evaluate(trace.angle_deg, trace.deviation_um, upr, state=judged.state, radius_mm=radius_mm)
     angle_deg, profile_um = profile_of(trace.angle_deg, trace.deviation_um, upr, kind=circle, radius_mm=radius_mm)
-    return Evaluated(result=seen, angle_deg=angle_deg, profile_um=profile_um, circle=circle)
+    return Side(
+        angle_deg=angle_deg + turn_deg,
+        profile_um=profile_um,
+        ront_um=seen.circle(circle).ront_um,
+        result=seen,
+        jaw_1_deg=jaw_1_deg,
+        circle=circle,
+    )
 
 
 def supported_upr(traces: Sequence[Trace]) -> tuple[float, ...]:
@@ -93,7 +109,7 @@ def with_next_circle(looked: Looked) -> Looked:
     return Looked(circle=following, filter_upr=looked.filter_upr)
 
 
-def tolerance_rings_um(seen: Evaluated, tolerance_um: float) -> tuple[float, float]:
+def tolerance_rings_um(seen: Side, tolerance_um: float) -> tuple[float, float]:
     """Return the two circles, um from the reference circle, between which a trace within its tolerance lies.
 
     They are `tolerance_um` apart: from the inscribed circle outwards, from the circumscribed one inwards, and

@@ -2,27 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.data.run_reader import PartPoint, measured_parts, story
-from console.session.learning.evaluated_part import EvaluatedPart
+from console.session.data.run_reader import RecordedPart, measured_parts, story
+from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
 from console.session.station.state import MeasuredPart
 from console.tui.records.beside import Beside, Problems
-from console.tui.records.opened_run import traced
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 
 MOST_PARTS = 200
 """The newest parts that are offered."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class OtherPart:
-    """A recorded part of the same job: how it was made, and its trace at spindle angles, judged."""
-
-    point: PartPoint
-    found: EvaluatedPart
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,26 +36,34 @@ class OtherParts:
 
     def __init__(self, data: Path) -> None:
         self._data = data
-        self._listing: Beside[list[PartPoint]] = Beside()
-        self._part: Beside[OtherPart] = Beside()
+        self._listing: Beside[list[RecordedPart]] = Beside()
+        self._part: Beside[EvaluatedPart] = Beside()
 
-    def listed(self, which: WhichParts, version: int) -> list[PartPoint] | Problems | None:
+    def listed(self, which: WhichParts, version: int) -> list[RecordedPart] | Problems | None:
         """Return the parts, newest first; another `version` reads them again."""
 
-        def read() -> list[PartPoint]:
+        def read() -> list[RecordedPart]:
             found = measured_parts(self._data, which.job, which.machine, which.simulated, MOST_PARTS)
             return [point for point in reversed(found) if point.run_id != which.but]
 
         return self._listing.answer((which, version), read)
 
-    def part(self, point: PartPoint) -> OtherPart | Problems | None:
+    def part(self, point: RecordedPart) -> EvaluatedPart | Problems | None:
         """Return one of them with its trace."""
         return self._part.answer((point.run_id, point.part), lambda: other_part(self._data, point))
 
 
-def other_part(data: Path, point: PartPoint) -> OtherPart:
-    """Read a part. SessionError: as `story`, and `inspect.no_trace`; ProfileError: its trace cannot be read."""
-    found = traced(story(data, point.run_id), point.part, "result")
+def other_part(data: Path, point: RecordedPart) -> EvaluatedPart:
+    """Read a part, judged at spindle angles.
+
+    Raises SessionError: as `story`, and `inspect.no_trace`; ProfileError: its trace cannot be read.
+    """
+    run = story(data, point.run_id)
+    products = [each for each in run.parts if each.product and each.part == point.part]
+    found = None
+    if products:
+        part = replace(point, trace=products[-1].trace, trace_name=products[-1].trace_name, data=products[-1].data)
+        found = evaluated_part(part, run.setup, "result", on_spindle=True)
     if found is None:
         raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
-    return OtherPart(point=point, found=found)
+    return found

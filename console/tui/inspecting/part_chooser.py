@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from console.session.data.run_reader import PartPoint
+from console.session.data.run_reader import RecordedPart
+from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
-from console.tui.inspecting.other_part import OtherPart, OtherParts, WhichParts
+from console.tui.inspecting.other_part import OtherParts, WhichParts
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.inspect_lines import made_of_point
@@ -37,9 +38,9 @@ class PartChooser(Sheet):
         self._ui = ui
         self._parts = OtherParts(ui.data)
         self._which: WhichParts | None = None
-        self._found: list[PartPoint] | tuple[Problem, ...] | None = None
+        self._found: list[RecordedPart] | tuple[Problem, ...] | None = None
         self._opened = self._selected = 0
-        self._taken: PartPoint | None = None
+        self._taken: RecordedPart | None = None
         self.display = False
 
     @property
@@ -80,7 +81,7 @@ class PartChooser(Sheet):
         """Lay nothing of the record beside the part: another one was measured."""
         self._taken = None
 
-    def taken(self) -> OtherPart | None:
+    def taken(self) -> EvaluatedPart | None:
         """Return the part that was chosen, None for none, and while it is read; called at each tick.
 
         One that cannot be read is reported, and no longer chosen.

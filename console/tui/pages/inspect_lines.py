@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 
-from console.session.data.run_reader import MODEL, PartPoint
+from console.session.data.run_reader import MODEL, RecordedPart
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local, plain_cut_words
-from console.tui.inspecting.comparison import Comparison, Side
+from console.tui.inspecting.comparison import Comparison
+from console.tui.inspecting.evaluation import Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.learn_lines import identified_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
@@ -40,8 +41,8 @@ def caption_lines(seen: Comparison, text: Catalogue, width: int, *, beyond: bool
     """Return the legend of the traces, and where jaw 1 is; or that the zoom leaves something `beyond` the plot."""
     before, after = seen.before, seen.after
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
-    if seen.other is not None:
-        what = other_words(seen.other.point, text)
+    if seen.other is not None and seen.other.recorded is not None:
+        what = other_words(seen.other.recorded, text)
     lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, text, width)]
     if after is not None:
         how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
@@ -71,13 +72,13 @@ def scale_words(
     return " · ".join(words)
 
 
-def other_words(point: PartPoint, text: Catalogue) -> str:
+def other_words(point: RecordedPart, text: Catalogue) -> str:
     """Return when a recorded part was measured, and how it was cut."""
     made = point.strategy if point.compensation is None else made_of_point(point, text)
     return f"{local(point.at)[5:]} {printable(made, 30)}"
 
 
-def made_of_point(point: PartPoint, text: Catalogue) -> str:
+def made_of_point(point: RecordedPart, text: Catalogue) -> str:
     """Return strategy, compensation and stage of a recorded part."""
     model = point.compensation in (None, MODEL)
     if model and point.inverted is not None:
@@ -177,7 +178,7 @@ def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the harmonics of both parts, those of the jaws first, and the phase of the lobe from jaw 1."""
-    jaws, result = seen.part.job.jaws, seen.shown.result
+    jaws, result = seen.part.job.jaws, seen.result
     known = [harmonic.n for harmonic in result.harmonics]
     front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
     # In the least room the heading is that of the table above.

@@ -15,7 +15,7 @@ from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, offered, trace_folder
 from console.session.errors import fault_problem
-from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
+from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, examined
 from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
 from console.session.station.state import StationState
@@ -30,7 +30,7 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
-Found = ImportedTrace | tuple[Problem, ...]
+Found = EvaluatedPart | tuple[Problem, ...]
 ANSWERS = {"inspect.state": "state", "inspect.direction": "direction", "inspect.mark": "start_mark"}
 """Question that an action answers."""
 
@@ -259,7 +259,7 @@ class TraceChooser(Horizontal):
     def answer(self, action: str) -> None:
         """Step through the answers to a question that the file leaves open."""
         choice, key = self._choice, ANSWERS[action]
-        if choice is None or not isinstance(choice.found, ImportedTrace):
+        if choice is None or not isinstance(choice.found, EvaluatedPart):
             return
         answers = QUESTIONS[key]
         given = choice.answers.get(key)
@@ -279,11 +279,11 @@ class TraceChooser(Horizontal):
         if choice is None or action in _ALWAYS or (action == "inspect.next" and self.is_typing):
             return ()
         if action == "inspect.next":
-            taken = isinstance(choice.found, ImportedTrace) and choice.ready and self._ui.work is not None
+            taken = isinstance(choice.found, EvaluatedPart) and choice.ready and self._ui.work is not None
             return () if taken else (Problem(code="trace.not_ready"),)
         if not key:
             return (Problem(code="screen.close_traces"),)
-        stated = isinstance(choice.found, ImportedTrace) and key not in choice.found.asked
+        stated = isinstance(choice.found, EvaluatedPart) and key not in choice.found.asked
         return (Problem(code="trace.stated", key=self._ui.text(f"trace_import.{key}")),) if stated else ()
 
     def type_path(self) -> None:
@@ -301,7 +301,7 @@ class TraceChooser(Horizontal):
             self._take_path(choice)
             return
         work, found = self._ui.work, choice.found
-        if work is None or not isinstance(found, ImportedTrace):
+        if work is None or not isinstance(found, EvaluatedPart):
             return
         loaded = None if work.edited else work.loaded
         self._ui.control.post(

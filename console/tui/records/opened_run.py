@@ -26,10 +26,13 @@ class JobNow(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class OpenedRun:
-    """A run; `job` is the one that was cut, None where it is not recorded. `problems` are those of its data."""
+    """A run, with its `parts` that have a trace; `job` is the one that was cut, None if it is not recorded.
+
+    `problems` are those of its data.
+    """
 
     story: RunStory
-    traces: tuple[EvaluatedPart, ...]
+    parts: tuple[tuple[RecordedPart, EvaluatedPart], ...]
     job: Job | None
     job_now: JobNow
     machine_changed: bool
@@ -40,7 +43,7 @@ class OpenedRun:
     def trace(self) -> EvaluatedPart | None:
         """The trace of the product at spindle angles, None where there is none that can be shown."""
         product = self.story.product
-        return next((each for each in self.traces if each.recorded is product), None)
+        return next((found for part, found in self.parts if part is product), None)
 
     @property
     def telemetry(self) -> Telemetry | None:
@@ -59,11 +62,11 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: boo
     """
     found = story(data, run_id)
     problems: list[Problem] = []
-    traces: list[EvaluatedPart] = []
+    parts: list[tuple[RecordedPart, EvaluatedPart]] = []
     for part in _last_of_each(found.parts):
         try:
             shown = evaluated_part(part, found.setup, "profile_um", on_spindle=True)
-            traces += [] if shown is None else [shown]
+            parts += [] if shown is None else [(part, shown)]
         except ProblemError as error:
             problems += error.problems
     job = None
@@ -74,7 +77,7 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: boo
     same_machine = found.row.machine == machine.machine.name
     return OpenedRun(
         story=found,
-        traces=tuple(traces),
+        parts=tuple(parts),
         job=job,
         job_now=_job_now(data, found),
         machine_changed=same_machine and found.machine_sha256 != machine.sha256,
@@ -86,12 +89,6 @@ def opened_run(data: Path, run_id: str, machine: LoadedMachine, *, explains: boo
 def _last_of_each(parts: tuple[RecordedPart, ...]) -> list[RecordedPart]:
     """Return the last measurement of each part: the others were repeated."""
     return list({(part.product, part.part): part for part in parts}.values())
-
-
-def traced(found: RunStory, part: str, *at_once: str) -> EvaluatedPart | None:
-    """Return a product of a run at spindle angles; raises and returns as `evaluated_part`, None without one."""
-    products = [each for each in _last_of_each(found.parts) if each.product and each.part == part]
-    return evaluated_part(products[-1], found.setup, *at_once, on_spindle=True) if products else None
 
 
 def _job_now(data: Path, found: RunStory) -> JobNow:

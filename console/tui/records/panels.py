@@ -219,13 +219,13 @@ def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
 def chart_title(chart: JobChart, text: Catalogue) -> str:
     """Return whose parts are charted."""
     figure = text(f"records_page.chart.{chart.figure}")
-    return f"{figure} · {printable(chart.parts.job, 30)} · {printable(chart.parts.strategy, 12)}"
+    return f"{figure} · {printable(chart.job, 30)} · {printable(chart.strategy, 12)}"
 
 
 def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     """Return what the chart says, the most important first."""
     if not chart.values_um:
-        said = "no_parts" if not chart.parts.points else "no_diameters"
+        said = "no_parts" if not chart.parts else "no_diameters"
         return wrapped(text(f"records_page.chart.{said}"), width)
     lines = _limit_lines(chart, text, width)
     lines += _claim_lines(chart, text, width)
@@ -234,8 +234,8 @@ def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     lines += wrapped(text("records_page.chart.parts", count=count, **dates), width, Token.DIM)
     if chart.begins:
         lines += wrapped(text("records_page.chart.alike", count=chart.alike), width, Token.DIM)
-    if chart.parts.others:
-        lines += wrapped(text("records_page.chart.others", count=chart.parts.others), width, Token.DIM)
+    if chart.others:
+        lines += wrapped(text("records_page.chart.others", count=chart.others), width, Token.DIM)
     return lines
 
 
@@ -397,7 +397,7 @@ class RecordsPanels:
 
     def _show_run(self, run: OpenedRun, found: Opened, top: int) -> int:
         text, panel = self._text, self._run
-        others = [(each, Token.BEFORE, True) for each in run.traces if not each.recorded.product]
+        others = [(found, Token.BEFORE, True) for part, found in run.parts if not part.product]
         polar, marks = polar_of([*others, (run.trace, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
@@ -504,8 +504,7 @@ def evaluated_words(run: OpenedRun, text: Catalogue) -> str:
 def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
     """Return the legend of the traces of a run, where jaw 1 is, and the scale."""
     rows = []
-    for each in run.traces:
-        part = each.recorded
+    for part, _ in run.parts:
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
         rows.append(

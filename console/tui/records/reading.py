@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.data.run_reader import RunRow
-from console.session.learning.job_chart import Figure, JobChart, job_chart, job_parts
+from console.session.learning.job_chart import Figure, JobChart, job_chart, parts_like
 from console.tui.records.beside import Beside, Problems
 from console.tui.records.listing import Listing, Wanted, listed
 from console.tui.records.opened_run import OpenedRun, opened_run
@@ -58,4 +58,10 @@ class RecordsReader:
         """Return the chart of a run's job. While something moves scipy is not loaded: it holds up the threads."""
         judge = not moving or STATISTICS in sys.modules
         question = (row.run_id, figure, judge, version)
-        return self._chart.answer(question, lambda: job_chart(job_parts(self._data, row), figure, judge=judge))
+
+        def read() -> JobChart:
+            parts, others = parts_like(self._data, row)
+            found = job_chart(parts, figure, judge=judge)
+            return replace(found, job=row.job, strategy=row.strategy, others=others)
+
+        return self._chart.answer(question, read)
