@@ -8,9 +8,9 @@ from console.report.course_figure import chart_figure
 from console.report.drawing import figure
 from console.report.markup import Markup, element, listed, paragraph, section
 from console.report.quantities import number, time_in, um
-from console.report.reported_run import ReportedRun
 from console.session.data.run_rows import recorded_problems
 from console.session.learning.job_chart import Figure, JobChart, job_chart
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
@@ -19,7 +19,7 @@ from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, tren
 from profiles.strict_values import number_or_none
 
 
-def debriefed(run: ReportedRun, text: Catalogue) -> Markup | None:
+def write_debrief(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return what the run cost, why, what to do next time, and what the record does not tell; None without it."""
     if run.debrief is None:
         return None
@@ -31,14 +31,14 @@ def debriefed(run: ReportedRun, text: Catalogue) -> Markup | None:
     return section("debrief", text("report.debrief"), *parts)
 
 
-def learned(run: ReportedRun, text: Catalogue) -> Markup:
+def learned(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the proposed learning step and whether it was accepted."""
     lines = [*_proposed(run, text), *_accepted(run, text), *_series(run, text)]
     body = listed(lines) if lines else paragraph(text("report.nothing_learned_here"))
     return section("learned", text("report.learned"), body)
 
 
-def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _proposed(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     for part in run.parts:
         step = part.data.get("learning")
         if not isinstance(step, Mapping):
@@ -55,7 +55,7 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.not_proposed", reasons="; ".join(problem_words(each, text) for each in reasons))
 
 
-def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _accepted(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     for event in run.story.accepted:
         version, name = str(event.data.get("version", "")), str(event.data.get("by", ""))
         yield text(
@@ -63,7 +63,7 @@ def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:
         )
 
 
-def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _series(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     """Yield how each of several parts in a row was corrected."""
     results = [event.data for event in run.story.events if event.kind == "result"]
     passes = results[-1].get("passes") if results else None
@@ -85,7 +85,7 @@ def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.pass_learned", part=place, orders=", ".join(map(str, waves)))
 
 
-def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
+def chart(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
     points, row = run.points or (), run.story.row
     if len(points) < 2:

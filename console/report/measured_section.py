@@ -27,10 +27,10 @@ from console.report.drawing import (
 )
 from console.report.markup import Markup, element, listed, paragraph, section, table
 from console.report.quantities import NOTHING, exact, mm, number, um
-from console.report.reported_run import ReportedRun
 from console.report.verdict import SIGNS, Judgement
 from console.session.data.measured_part import RecordedPart
 from console.session.learning.evaluated_part import EvaluatedPart
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import is_plain, part_words
 from profiles.arrays import Floats
@@ -42,7 +42,7 @@ from profiles.roundness import RoundnessResult
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 
 
-def measured(run: ReportedRun, text: Catalogue) -> Markup:
+def measured(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the section; without a measured part it says so."""
     title = text("report.measured")
     if not run.parts:
@@ -60,7 +60,7 @@ def measured(run: ReportedRun, text: Catalogue) -> Markup:
     )
 
 
-def _how(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _how(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return what applies to each figure: circle, filter, state, number of points."""
     shown = run.product or run.parts[-1]
     found = run.evaluated(shown)
@@ -180,7 +180,7 @@ def _jaws(jaw_1_deg: float, jaws: int, word: str) -> list[Markup]:
     return drawn
 
 
-def _plots(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _plots(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return both parts on one scale, and the product alone on its own."""
     product = run.evaluated(run.product)
     before, measured_before = _before(run)
@@ -213,7 +213,7 @@ def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, wha
     return figure(drawing, caption, "round")
 
 
-def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
+def _before(run: OpenedRun) -> tuple[Profile | None, bool]:
     """Return the part without compensation, turned to the jaws of the product, and whether it was measured."""
     product, found = run.evaluated(run.product), run.evaluated(run.before)
     jaw_1_deg = product.jaw_1_deg if product else None
@@ -241,7 +241,7 @@ def _stated(job: Job, jaw_1_deg: float) -> Profile:
     return Profile(angle_deg=_TURN_DEG, deviation_um=free_state_lobe(job).at_um(turned), bold=False)
 
 
-def _marks(run: ReportedRun, part: RecordedPart | None, mine: Profile | None) -> Marks:
+def _marks(run: OpenedRun, part: RecordedPart | None, mine: Profile | None) -> Marks:
     tolerance_um, found = part.tolerance_um if part is not None else None, run.evaluated(part)
     jaws = 0 if run.job is None else run.job.jaws
     return Marks(
@@ -251,13 +251,13 @@ def _marks(run: ReportedRun, part: RecordedPart | None, mine: Profile | None) ->
     )
 
 
-def _pair(run: ReportedRun) -> list[tuple[str, EvaluatedPart]]:
+def _pair(run: OpenedRun) -> list[tuple[str, EvaluatedPart]]:
     """Return the parts of the columns, with the word of each."""
     chosen = (("before", run.evaluated(run.before)), ("after", run.evaluated(run.product)))
     return [(word, found) for word, found in chosen if found is not None]
 
 
-def _figures(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _figures(run: OpenedRun, text: Catalogue) -> Markup | None:
     pair = _pair(run)
     if not pair:
         return None
@@ -273,7 +273,7 @@ def _figures(run: ReportedRun, text: Catalogue) -> Markup | None:
     return table(text("report.figures"), head, rows, numeric=range(1, len(head)))
 
 
-def _diameters(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _diameters(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return the mean diameter against its tolerance."""
     part = run.product
     if part is None or part.diameter_mm is None:
@@ -334,7 +334,7 @@ def _bar(left: float, top: float, width: float, height: float, *, product: bool)
     )
 
 
-def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _harmonics(run: OpenedRun, text: Catalogue) -> Markup | None:
     pair = _pair(run)
     if not pair:
         return None
@@ -370,7 +370,7 @@ def _phase(found: EvaluatedPart, n: int) -> str:
     return number(0.0 if round(phase_deg, 2) >= round(360.0 / n, 2) else phase_deg, 2)
 
 
-def _all_parts(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _all_parts(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return every measurement of the run, where there are more than the two that are compared."""
     again = [(part, text("report.measured_again")) for part in run.again]
     parts = [(part, "") for part in run.parts]
@@ -397,7 +397,7 @@ def _passed(passed: bool | None, text: Catalogue) -> str:
     return f"{sign} {text('report.good' if passed else 'report.bad')}"
 
 
-def _checks(run: ReportedRun, text: Catalogue) -> Markup:
+def _checks(run: OpenedRun, text: Catalogue) -> Markup:
     """Return whether each trace gives what was recorded."""
     lines = []
     for part in run.parts:

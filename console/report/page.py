@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from console.report.course_section import course
-from console.report.history_sections import chart, debriefed, learned
+from console.report.history_sections import chart, learned, write_debrief
 from console.report.markup import Markup, element, facts_table, listed, paragraph
 from console.report.measured_section import measured
 from console.report.quantities import date_in, exact
-from console.report.record_sections import missing, missing_lines, program, provenance
-from console.report.reported_run import ReportedRun
+from console.report.record_sections import list_gaps, missing, program, provenance
 from console.report.request_sections import asked, sent, set_up
 from console.report.verdict import SIGNS, verdict
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 
 SHORT_ID = 8
@@ -79,7 +79,7 @@ pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK K
 """
 
 
-def report_page(run: ReportedRun, text: Catalogue) -> str:
+def report_page(run: OpenedRun, text: Catalogue) -> str:
     """Return the text of the HTML file of a run."""
     row = run.story.row
     title = text("report.title", job=row.job, run=row.run_id[:SHORT_ID])
@@ -100,7 +100,7 @@ def report_page(run: ReportedRun, text: Catalogue) -> str:
         sent(run, text),
         measured(run, text),
         course(run, text),
-        debriefed(run, text),
+        write_debrief(run, text),
         learned(run, text),
         chart(run, text),
         provenance(run, text),
@@ -112,7 +112,7 @@ def report_page(run: ReportedRun, text: Catalogue) -> str:
     return f"<!DOCTYPE html>\n{element('html', head, element('body', sheet), lang=text.language)}\n"
 
 
-def _running(run: ReportedRun, text: Catalogue) -> Markup:
+def _running(run: OpenedRun, text: Catalogue) -> Markup:
     """Return what stands at the top of each printed page: that it is simulated, the job and the run."""
     row = run.story.row
     banner = None
@@ -129,7 +129,7 @@ def _running(run: ReportedRun, text: Catalogue) -> Markup:
     return element("div", banner, *(element("span", each) for each in names), class_="running")
 
 
-def _head(run: ReportedRun, text: Catalogue) -> Markup:
+def _head(run: OpenedRun, text: Catalogue) -> Markup:
     """Return who, what and when, and the verdict."""
     row = run.story.row
     rows = [
@@ -142,7 +142,7 @@ def _head(run: ReportedRun, text: Catalogue) -> Markup:
     ]
     found = verdict(run, text)
     sign = f"{SIGNS[found.judgement]} {text(f'report.verdict.{found.judgement}')}"
-    gaps = list(missing_lines(run, text))
+    gaps = list(list_gaps(run, text))
     return element(
         "header",
         element("h1", text("report.heading")),
@@ -158,7 +158,7 @@ def _head(run: ReportedRun, text: Catalogue) -> Markup:
     )
 
 
-def _part(run: ReportedRun, text: Catalogue) -> str:
+def _part(run: OpenedRun, text: Catalogue) -> str:
     job = run.job
     if job is None:
         return text("report.not_recorded")

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 
 from console.report.markup import Markup, element, facts_table, listed, paragraph, plain, section
 from console.report.quantities import DEG_DIGITS, MM_DIGITS, UM_DIGITS
-from console.report.reported_run import ReportedRun
 from console.session.data.run_facts import origin_facts
 from console.session.data.run_reader import How
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, fact_rows, part_words
 from profiles.job_labels import hash_of_job
 
 
-def provenance(run: ReportedRun, text: Catalogue) -> Markup:
+def provenance(run: OpenedRun, text: Catalogue) -> Markup:
     """Return versions and hashes, by which everything can be found again, and how numbers are rounded."""
     story = run.story
     rows = [
@@ -35,7 +35,7 @@ def provenance(run: ReportedRun, text: Catalogue) -> Markup:
     )
 
 
-def _as_filed(run: ReportedRun, text: Catalogue) -> str:
+def _as_filed(run: OpenedRun, text: Catalogue) -> str:
     """Return whether the job as cut is that of its file."""
     story = run.story
     if story.job_text is None:
@@ -44,14 +44,14 @@ def _as_filed(run: ReportedRun, text: Catalogue) -> str:
     return text("report.job_as_filed" if same else "report.job_changed")
 
 
-def missing(run: ReportedRun, text: Catalogue) -> Markup:
+def missing(run: OpenedRun, text: Catalogue) -> Markup:
     """Return what the record does not have, or what of it cannot be read."""
-    lines = list(missing_lines(run, text))
+    lines = list(list_gaps(run, text))
     body = listed(lines) if lines else paragraph(text("report.nothing_missing"))
     return section("missing", text("report.missing"), body)
 
 
-def missing_lines(run: ReportedRun, text: Catalogue) -> Iterator[str]:  # noqa: C901 - one branch a case
+def list_gaps(run: OpenedRun, text: Catalogue) -> Iterator[str]:  # noqa: C901 - one branch a case
     """Yield one sentence for each gap of the record."""
     story, row = run.story, run.story.row
     for what in story.damaged:
@@ -86,7 +86,7 @@ def missing_lines(run: ReportedRun, text: Catalogue) -> Iterator[str]:  # noqa: 
         yield text("report.contradiction")
 
 
-def program(run: ReportedRun, text: Catalogue) -> Markup:
+def program(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the program in full; it can be folded, and is printed."""
     content = run.story.program
     if not content.strip():

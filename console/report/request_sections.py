@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from console.report.markup import Markup, facts_table, joined, listed, paragraph, section
 from console.report.quantities import exact
-from console.report.reported_run import ReportedRun
 from console.session.data.run_facts import program_sha256, setup_facts
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, fact_rows, stage_words
 from profiles.job import JOB_FIELDS, NO_LOBE, Job
@@ -31,7 +31,7 @@ _SIGNS = {"um": "µm", "deg": "°"}
 _UNITS = {field.key: _SIGNS.get(field.unit, field.unit) for field in JOB_FIELDS}
 
 
-def asked(run: ReportedRun, text: Catalogue) -> Markup:
+def asked(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the part and the cut as the job states them, and where its lobe is from."""
     title, job = text("report.asked"), run.job
     if job is None:
@@ -79,7 +79,7 @@ def _lobe(job: Job, text: Catalogue) -> list[tuple[str, str]]:
     return [*_rows(job, ("lobe_error_um_pp",), text), source, *_rows(job, ("lobe_phase_deg", *CONDITIONS), text)]
 
 
-def set_up(run: ReportedRun, text: Catalogue) -> Markup:
+def set_up(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the alignment and the forces of the cut, and when each was taken."""
     setup, title = run.story.setup_as_armed, text("report.set")
     if not setup:
@@ -105,7 +105,7 @@ def _items(value: object) -> list[tuple[object, object]]:
     return list(value.items()) if isinstance(value, Mapping) else []
 
 
-def sent(run: ReportedRun, text: Catalogue) -> Markup:
+def sent(run: OpenedRun, text: Catalogue) -> Markup:
     """Return how the program was made, and what it is known by."""
     story, row = run.story, run.story.row
     version = row.compensation

@@ -8,13 +8,13 @@ from enum import StrEnum
 from typing import Any
 
 from console.report.quantities import against_limit, mm, um
-from console.report.reported_run import ReportedRun
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.data.run_reader import How, RunStory
+from console.session.data.run_reader import How
 from console.session.data.run_rows import FAILED_HOW
+from console.session.learning.opened_run import OpenedRun
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import reason_words
+from console.text.recorded_words import Layout, ending_words
 
 
 class Judgement(StrEnum):
@@ -38,17 +38,17 @@ class Verdict:
     reasons: tuple[str, ...]
 
 
-def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
+def verdict(run: OpenedRun, text: Catalogue) -> Verdict:
     """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
     row, product = run.story.row, run.product
     judged = tuple(_judged(run, text))
     contradiction = run.contradicts_itself or (product is not None and run.doubts(product))
     if row.damaged or run.story.damaged or contradiction:
         return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
-    if row.ended.how in FAILED_HOW:
-        return Verdict(judgement=Judgement.BAD, reasons=(ending_words(run.story, text), *judged))
-    if row.ended.how in (How.OPEN, How.NOT_STARTED):
-        return Verdict(judgement=Judgement.OPEN, reasons=(ending_words(run.story, text), *judged))
+    if row.ended.how in FAILED_HOW | {How.OPEN, How.NOT_STARTED}:
+        ended = ending_words(row.ended, text, Layout.REPORT, run.story.alarms)
+        judgement = Judgement.BAD if row.ended.how in FAILED_HOW else Judgement.OPEN
+        return Verdict(judgement=judgement, reasons=(ended, *judged))
     if product is None:
         why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
@@ -61,7 +61,7 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     return Verdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
 
 
-def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _judged(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     """Yield what was measured against what was allowed."""
     recorded = run.product
     if recorded is None or recorded.passed is None:
@@ -86,18 +86,3 @@ def _tool(found: Mapping[str, Any], text: Catalogue) -> Iterator[str]:
             off_um, limit_um = tool.get(f"{name}_um"), tool.get(f"{name}_limit_um")
             if isinstance(off_um, float) and isinstance(limit_um, float) and off_um > limit_um:
                 yield text(f"report.why.tool_{name}", value=um(off_um), limit=um(limit_um))
-
-
-def ending_words(story: RunStory, text: Catalogue) -> str:
-    """Return how a run ended: after how many turns, for which reason, by whom."""
-    ending = story.row.ended
-    words = [text(f"report.ended.{ending.how}")]
-    if ending.turn is not None:
-        words.append(text("report.ended_after", turns=f"{ending.turn:.1f}"))
-    if ending.by:
-        words.append(text("report.ended_by", name=ending.by))
-    if ending.reason:
-        words.append(
-            text("report.ended_for", reason=reason_words(ending, text, [each.problem for each in story.alarms]))
-        )
-    return "; ".join(words) + "."

@@ -18,12 +18,13 @@ from profiles.problem import Problem
 if TYPE_CHECKING:
     from console.session.data.run_facts import RunFact
     from console.session.data.run_rows import Ending
-    from console.session.data.run_story import AlarmStory, RunEvent
+    from console.session.data.run_story import AlarmStory, RunEvent, RunStory
 
 COMMANDS = {each.__name__: each.logged for each in Command.__subclasses__()}
 """Every command by its name, and whether it is an order of the operator."""
 
 LONGEST = 1000
+DONE = "done"  # of `How`, which takes the reader of records with it
 OPEN = "…"  # in the place of a fact that was not recorded
 
 
@@ -100,6 +101,29 @@ class Layout(StrEnum):
     REPORT = "report"
 
 
+_ENDED = {
+    Layout.PAGE: "records_page.ending",
+    Layout.COMMAND: "records.how",
+    Layout.REPORT: "report.ended",
+}
+
+
+def ending_words(ended: Ending, text: Catalogue, layout: Layout, alarms: Iterable[AlarmStory] = ()) -> str:
+    """Return how a run ended: after which turn, why, and by whom; `alarms` are those of the run."""
+    how, by = text(f"{_ENDED[layout]}.{ended.how}"), ended.by
+    turn = "" if ended.turn is None else f"{ended.turn:.1f}"
+    why = reason_words(ended, text, [each.problem for each in alarms]) if ended.reason else ""
+    if layout is Layout.REPORT:
+        facts = {"after": {"turns": turn}, "by": {"name": by}, "for": {"reason": why}}
+        known = [text(f"report.ended_{key}", **each) for key, each in facts.items() if any(each.values())]
+        return "; ".join((how, *known)) + "."
+    turn = turn and text("records.turn", turn=turn)
+    if layout is Layout.PAGE:
+        return " · ".join(filter(None, (how, turn, why, printable(by, 40))))
+    how = f"{how} ({turn})" if turn and ended.how != DONE else how
+    return ": ".join(filter(None, (how, ", ".join(filter(None, (why, by))))))
+
+
 _DIGITS = {"N": (1, 0, 1), "deg": (2, 2, 2), "mm": (3, 3, 4)}
 """Of a fact by its kind, in the order of the layouts."""
 
@@ -136,6 +160,14 @@ def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:
         at = printable(fact.at, 20)
         shown = text("report.taken_at", value=shown, at=at) if layout is Layout.REPORT else f"{shown} ({at})"
     return " · ".join(filter(None, (shown, *(text(each) for each in fact.notes))))
+
+
+def timed_words(story: RunStory, text: Catalogue) -> dict[str, list[tuple[str, str]]]:
+    """Return alarms and commands of a run, each with its time."""
+    return {
+        "alarms": [(clock(each.raised), story_alarm_words(each, text)) for each in story.alarms],
+        "commands": [(clock(each.at), story_command_words(each, text)) for each in story.commands],
+    }
 
 
 def story_command_words(event: RunEvent, text: Catalogue) -> str:

@@ -39,7 +39,7 @@ from console.tui.controller import errand
 from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import job_shelf as shelf
 from console.tui.pages import jobs
-from console.tui.records import beside
+from console.tui.records import background_reader
 from console.tui.theme import COLOUR, Palette
 from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.cutting.place import ProgramPlace
@@ -328,7 +328,7 @@ def fixed_world() -> Iterator[None]:
         for module in (shelf, jobs):
             patch.setattr(module, "load_job", signed_job)
         patch.setattr(errand, "SHORT_S", 60.0)
-        patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
+        patch.setattr(background_reader, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()
         yield

@@ -24,7 +24,7 @@ from console.session.station.state import Activity
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
-from console.tui.records import beside, listing, reading
+from console.tui.records import background_reader, listing, reading
 from profiles.store import load_job
 from tests.tui import records_stage
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, play_on
@@ -38,7 +38,7 @@ MANY = 230
 @pytest.fixture(autouse=True)
 def in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is read is there when it is asked for, however busy this computer is."""
-    monkeypatch.setattr(beside, "SHORT_S", 60.0)
+    monkeypatch.setattr(background_reader, "SHORT_S", 60.0)
 
 
 @pytest.fixture(scope="module")
@@ -284,7 +284,7 @@ def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.Monk
 
     runs = run_reader.runs
     monkeypatch.setattr(listing, "runs", slow)
-    monkeypatch.setattr(beside, "SHORT_S", 0.0)
+    monkeypatch.setattr(background_reader, "SHORT_S", 0.0)
 
     async def scene(page: RecordsScene) -> None:
         await page.show()

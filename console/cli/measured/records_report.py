@@ -12,7 +12,6 @@ from console.cli.output import fields_of, show
 from console.session.data.run_facts import origin_facts, setup_facts
 from console.session.data.run_reader import (
     MODEL,
-    How,
     RecordedPart,
     RunEvent,
     RunFilters,
@@ -28,15 +27,13 @@ from console.text.columns import broken, table
 from console.text.cut_verdict import verdict_words
 from console.text.recorded_words import (
     Layout,
-    clock,
+    ending_words,
     fact_rows,
     local,
     part_words,
-    reason_words,
     stage_words,
-    story_alarm_words,
-    story_command_words,
     strategy_words,
+    timed_words,
 )
 from profiles.axis.response import Source
 from profiles.files import printable
@@ -88,7 +85,8 @@ def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
     """
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], local(row.started), *sim, row.job])
-    facts = [_result(row, text), _ended(row, text), row.machine, strategy_words(row.strategy, text)]
+    ended = ending_words(row.ended, text, Layout.COMMAND)
+    facts = [_result(row, text), ended, row.machine, strategy_words(row.strategy, text)]
     stage = stage_words(row.strategy, row.stage, text)
     facts += [each for each in (stage, _compensation(row, text), row.operator or "") if each]
     if lathe:
@@ -108,15 +106,6 @@ def _result(row: RunRow, text: Catalogue) -> str:
     unjudged = "records.not_judged" if row.proven else "records.not_proven"
     verdict = {True: "records.passed", False: "records.failed", None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
-
-
-def _ended(row: RunRow, text: Catalogue) -> str:
-    ended = row.ended
-    said = text(f"records.how.{ended.how}")
-    if ended.turn is not None and ended.how is not How.DONE:
-        said = f"{said} ({text('records.turn', turn=f'{ended.turn:.1f}')})"
-    why = reason_words(ended, text) if ended.reason else ""
-    return ": ".join(filter(None, (said, ", ".join(filter(None, (why, ended.by))))))
 
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
@@ -218,14 +207,14 @@ def _iso(date: datetime | None) -> str | None:
 
 def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     row = found.row
-    judged = verdict_words(found.cut_verdict, text)
+    judged, timed = verdict_words(found.cut_verdict, text), timed_words(found, text)
     planned = _indented([f"{text('run.cut_verdict')}: {judged}"] if judged else [])
     lines = [*row_lines(row, text, lathe), *planned, "", *table(_facts(found, text))]
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),
-        ("commands", [f"{clock(each.at)}  {story_command_words(each, text)}" for each in found.commands]),
-        ("alarms", [f"{clock(each.raised)}  {story_alarm_words(each, text)}" for each in found.alarms]),
+        ("commands", map("  ".join, timed["commands"])),
+        ("alarms", map("  ".join, timed["alarms"])),
         ("learned", [_learned_line(each, text) for each in found.accepted]),
     ):
         lines += ["", text(f"records.{name}"), *(_indented(told) or [_nothing(text)])]

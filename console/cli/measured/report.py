@@ -35,15 +35,15 @@ def main(options: Namespace, text: Catalogue) -> int:
     from console.cli.output import show
     from console.report.page import report_page
     from console.report.quantities import date_in
-    from console.report.reported_run import reported_run
     from console.report.verdict import verdict
     from console.session.data.run_reader import story
+    from console.session.learning.opened_run import open_for_report
     from console.session.learning.run_debrief import run_debrief
 
     data = data_of(options)
     found = story(data, options.run or _newest(data))
     row = found.row
-    run = reported_run(found, _points(data, row), debrief=run_debrief(found, data))
+    run = open_for_report(found, _points(data, row), debrief=run_debrief(found, data))
     path = Path(options.output or f"{_stem(row.job)}-{row.started.astimezone():%Y-%m-%d-%H%M%S}.html")
     _write(path, report_page(run, text), overwrite=options.overwrite)
     facts = {"run": row.run_id, "job": row.job, "date": date_in(None, row.started), "file": str(path)}

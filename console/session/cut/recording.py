@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from typing import Protocol
 
 import numpy as np
 
@@ -31,8 +30,8 @@ PHASE_POLLS = 3 * PHASE_SAMPLES
 SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known to some ms only
 
 
-class Recorder(Protocol):
-    """Take what is to be recorded of the cuts of one machine; only `measured` may wait, and raise."""
+class CutRecorder:
+    """Takes what is to be recorded of the cuts of one machine, and keeps nothing: for a cut of no recorded run."""
 
     def part(self, name: str, *, product: bool) -> None:
         """Name the cuts that follow; one for comparison is no `product`."""
@@ -53,35 +52,10 @@ class Recorder(Protocol):
         """Take a window that the controller has sampled."""
 
     def measured(self, job: Job, trace: Trace) -> None:
-        """Take the measured part of the last cut; SessionError `record.lost`."""
+        """Take the measured part of the last cut; this alone may wait, and raise SessionError `record.lost`."""
 
 
-class Unrecorded:
-    """A cut that is part of no recorded run."""
-
-    def part(self, name: str, *, product: bool) -> None:
-        """Ignore it."""
-
-    def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
-        """Ignore it."""
-
-    def see(self, snapshot: Snapshot) -> None:
-        """Ignore it."""
-
-    def end(self) -> None:
-        """Ignore it."""
-
-    def judged(self, verdict: CutVerdict) -> None:
-        """Ignore it."""
-
-    def gathered(self, batch: Batch) -> None:
-        """Ignore it."""
-
-    def measured(self, job: Job, trace: Trace) -> None:
-        """Ignore it."""
-
-
-class LogRecorder:
+class LogRecorder(CutRecorder):
     """Pass the polls of each cut to the log of its run, and its part to `keep`, named as for `part_record`."""
 
     def __init__(self, log: RunLog, keep: Callable[..., None] = lambda *_, **__: None) -> None:

@@ -219,16 +219,6 @@ class Beside(Protocol):
         """Take a status poll during the cut."""
 
 
-class _Nothing:
-    """No work beside a cut."""
-
-    def begin(self, plan: CutPlan) -> None:
-        """Do nothing."""
-
-    def see(self, snapshot: Snapshot) -> None:
-        """Do nothing."""
-
-
 def cut_part(
     context: CutContext,
     job: Job,
@@ -257,12 +247,16 @@ def cut_part(
     """
     lathe = context.lathe
     context.recorder.part(name, product=product)
-    watch: Beside = beside or force or _Nothing()
+    watch: Beside | None = beside or force
 
     def begin(step: Step, detail: str) -> None:
         tell(step, detail)
-        if step is Step.CUT:
+        if step is Step.CUT and watch is not None:
             watch.begin(plan)
+
+    def see(snapshot: Snapshot) -> None:
+        if watch is not None:
+            watch.see(snapshot)
 
     version, kind = lathe.connect()
     try:
@@ -271,7 +265,7 @@ def cut_part(
         load(context, plan, tell, aligned=False)
         tell(Step.ALIGN, "")
         _switch_on(context, job, homed=homed, blank=blank and not clamped)
-        end = cut(context, job, plan, begin, watch.see, settle_tool=not homed)
+        end = cut(context, job, plan, begin, see, settle_tool=not homed)
         checked = None if force is None else force.result()
         return replace(_outcome(context, job, end, tell, measured=measured and blank), force=checked)
     except ProblemError as error:

@@ -151,7 +151,7 @@ def evaluated_part(
     jaw_1_deg = header.jaw_1_of(spindle_deg)
     if on_spindle:
         jaw_1_deg = spindle_deg if header.phase_known else None
-        turn = turn if jaw_1_deg is None else on_the_spindle(turn, header, jaw_1_deg)
+        turn = turn if jaw_1_deg is None else turn_to_spindle(turn, header, jaw_1_deg)
     found = EvaluatedPart(
         recorded=part,
         trace=trace,
@@ -191,14 +191,14 @@ def examined(
         result = evaluate(
             turn.angle_deg, turn.deviation_um, FILTER_UPR, state=header.state, radius_mm=header.radius_of(job)
         )
-        result = result_on_the_spindle(result, header, job.jaw_1_deg)
+        result = turn_result_to_spindle(result, header, job.jaw_1_deg)
         problems = unit_doubt(result.ront_um, trace.meta, plane=trace.centre_mm is not None)
     return EvaluatedPart(
         path=path,
         content=content,
         trace=trace,
         header=header,
-        turn=on_the_spindle(turn, header, job.jaw_1_deg),
+        turn=turn_to_spindle(turn, header, job.jaw_1_deg),
         turns=turns,
         job=job,
         asked=asked,
@@ -257,7 +257,7 @@ def one_turn(trace: Trace, header: TraceHeader) -> tuple[Trace, Turns | None]:
     return Trace(angle_deg=turns.angle_deg, deviation_um=turns.repeatable_um, meta=meta), turns
 
 
-def on_the_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Trace:
+def turn_to_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Trace:
     """Return a turn at spindle angles, rising from 0; as it is where they are not known.
 
     `spindle_deg` is the spindle angle of jaw 1 in the cut.
@@ -276,8 +276,8 @@ def on_the_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Trac
     )
 
 
-def result_on_the_spindle(found: RoundnessResult, header: TraceHeader, spindle_deg: float) -> RoundnessResult:
-    """Return the result of a turn with its angles as `on_the_spindle` has them; not a figure of it changes.
+def turn_result_to_spindle(found: RoundnessResult, header: TraceHeader, spindle_deg: float) -> RoundnessResult:
+    """Return the result of a turn with its angles as `turn_to_spindle` has them; not a figure of it changes.
 
     The contacts of the circles, which are places in the order of the file, are left out.
     """

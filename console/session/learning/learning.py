@@ -94,7 +94,16 @@ def learn(
     before, floor = learner.reference(), learner.floor()
     learner.in_air()
     made = tuple(learner.part(number) for number in range(1, parts + 1))
-    return LearnResult(plan=plan, before=before, floor=floor, parts=made)
+    return LearnResult(
+        plan=plan,
+        simulated=True,
+        before=before,
+        after=made[-1].roundness,
+        figures=made[-1].figures,
+        collisions=tuple(dict.fromkeys(kind for each in made for kind in each.collisions)),
+        floor=floor,
+        parts=made,
+    )
 
 
 def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:

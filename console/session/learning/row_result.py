@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from console.session.cut.run import RunPlan, RunResult
+from console.session.cut.run import RunResult
 from console.session.cut.telemetry import CutFigures
 from console.session.learning.learning_beside import TRIM_LIMIT_UM, blank_orders
 from console.session.learning.lobe_learning import LeftLobe
@@ -52,26 +52,12 @@ class LearnedPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LearnResult:
-    """Parts made: `before` without compensation, the parts in order, `floor` a part without a lobe."""
+class LearnResult(RunResult):
+    """A run of several parts, whose last is that of `after`; `floor` is a part without a lobe."""
 
-    plan: RunPlan
     before: RoundnessResult
     floor: RoundnessResult
     parts: tuple[LearnedPart, ...]
-
-    @property
-    def last(self) -> RunResult:
-        """The series as a run: its part is the last one, its collisions are those of all parts."""
-        part = self.parts[-1]
-        return RunResult(
-            plan=self.plan,
-            simulated=True,
-            before=self.before,
-            after=part.roundness,
-            figures=part.figures,
-            collisions=tuple(dict.fromkeys(kind for each in self.parts for kind in each.collisions)),
-        )
 
     @property
     def own(self) -> tuple[Certified, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.station.state import MeasuredPart, StationState
-from console.tui.inspecting.evaluation import VERDICT, Looked, Side, side_of, supported_upr
+from console.tui.inspecting.evaluation import VERDICT, DisplayFilter, Side, list_supported_upr, side_of
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_origin import without_lobe
@@ -29,7 +29,7 @@ class Comparison:
     part: MeasuredPart
     before: Side
     after: Side | None
-    looked: Looked = VERDICT
+    looked: DisplayFilter = VERDICT
     other: EvaluatedPart | None = None
     supported: tuple[float, ...] = ()
 
@@ -46,7 +46,7 @@ class Comparison:
 
 
 def compared(
-    state: StationState, looked: Looked = VERDICT, other: EvaluatedPart | None = None
+    state: StationState, looked: DisplayFilter = VERDICT, other: EvaluatedPart | None = None
 ) -> Comparison | None:
     """Return the comparison of the last measured part, None when nothing is measured.
 
@@ -58,7 +58,7 @@ def compared(
     plain = _plain(state, part)
     traces = [part.trace, *(() if plain is None else (plain.trace,))]
     traces += [] if other is None else [other.turn]
-    supported = supported_upr(traces)
+    supported = list_supported_upr(traces)
     if looked.filter_upr is not None and looked.filter_upr not in supported:
         looked = replace(looked, filter_upr=None)
     upr = looked.upr_for(part.result)

@@ -19,7 +19,7 @@ FILTERS_UPR = (15.0, 50.0, 150.0, 500.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Looked:
+class DisplayFilter:
     """What a part is looked at with: one of `CIRCLES`, and a cut-off; None is that of its verdict."""
 
     circle: str = LEAST_SQUARES
@@ -35,7 +35,7 @@ class Looked:
         return judged.filter_upr if self.filter_upr is None else self.filter_upr
 
 
-VERDICT = Looked()
+VERDICT = DisplayFilter()
 """How parts are judged."""
 
 
@@ -86,27 +86,27 @@ def side_of(
     )
 
 
-def supported_upr(traces: Sequence[Trace]) -> tuple[float, ...]:
+def list_supported_upr(traces: Sequence[Trace]) -> tuple[float, ...]:
     """Return the cut-offs for which all traces have enough points, by their largest step."""
     points = min((round(360.0 / largest_gap_deg(trace.angle_deg)) for trace in traces), default=0)
     return tuple(upr for upr in FILTERS_UPR if points >= POINTS_PER_UNDULATION * upr)
 
 
-def with_next_filter(looked: Looked, judged_upr: float | None, supported: Sequence[float]) -> Looked:
+def next_filter(looked: DisplayFilter, judged_upr: float | None, supported: Sequence[float]) -> DisplayFilter:
     """Return the next wider filter, the narrowest after the widest; `judged_upr` is that of the verdict."""
     choices = sorted({*supported, *(() if judged_upr is None else (judged_upr,))})
     if not choices:
-        return Looked(circle=looked.circle)
+        return DisplayFilter(circle=looked.circle)
     shown = judged_upr if looked.filter_upr is None else looked.filter_upr
     wider = [upr for upr in choices if shown is not None and upr > shown]
     following = wider[0] if wider else choices[0]
-    return Looked(circle=looked.circle, filter_upr=None if following == judged_upr else following)
+    return DisplayFilter(circle=looked.circle, filter_upr=None if following == judged_upr else following)
 
 
-def with_next_circle(looked: Looked) -> Looked:
+def next_circle(looked: DisplayFilter) -> DisplayFilter:
     """Return the next of the four circles: LSC, MZC, MCC, MIC."""
     following = CIRCLES[(CIRCLES.index(looked.circle) + 1) % len(CIRCLES)]
-    return Looked(circle=following, filter_upr=looked.filter_upr)
+    return DisplayFilter(circle=following, filter_upr=looked.filter_upr)
 
 
 def tolerance_rings_um(seen: Side, tolerance_um: float) -> tuple[float, float]:

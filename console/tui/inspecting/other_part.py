@@ -8,7 +8,7 @@ from pathlib import Path
 from console.session.data.run_reader import RecordedPart, measured_parts, story
 from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
 from console.session.station.state import MeasuredPart
-from console.tui.records.beside import Beside, Problems
+from console.tui.records.background_reader import BackgroundReader, Problems
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 
@@ -17,7 +17,7 @@ MOST_PARTS = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WhichParts:
+class PartQuery:
     """Of which job and machine the parts are; `but` is the run of the part that they are compared with."""
 
     job: str
@@ -26,20 +26,20 @@ class WhichParts:
     but: str | None
 
 
-def which_parts(part: MeasuredPart, machine: str, *, simulated: bool) -> WhichParts:
+def query_of(part: MeasuredPart, machine: str, *, simulated: bool) -> PartQuery:
     """Return which parts may lie beside a measured one."""
-    return WhichParts(job=part.job.name, machine=machine, simulated=simulated, but=part.run_id)
+    return PartQuery(job=part.job.name, machine=machine, simulated=simulated, but=part.run_id)
 
 
-class OtherParts:
+class PartReader:
     """Read parts beside the screen; None is returned meanwhile, problems where they cannot be read."""
 
     def __init__(self, data: Path) -> None:
         self._data = data
-        self._listing: Beside[list[RecordedPart]] = Beside()
-        self._part: Beside[EvaluatedPart] = Beside()
+        self._listing: BackgroundReader[list[RecordedPart]] = BackgroundReader()
+        self._part: BackgroundReader[EvaluatedPart] = BackgroundReader()
 
-    def listed(self, which: WhichParts, version: int) -> list[RecordedPart] | Problems | None:
+    def listed(self, which: PartQuery, version: int) -> list[RecordedPart] | Problems | None:
         """Return the parts, newest first; another `version` reads them again."""
 
         def read() -> list[RecordedPart]:

@@ -6,10 +6,10 @@ from console.session.data.run_reader import RecordedPart
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
-from console.tui.inspecting.other_part import OtherParts, WhichParts
+from console.tui.inspecting.other_part import PartQuery, PartReader
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, dim, fitted, hanging, line, ranged, wrapped
-from console.tui.pages.inspect_lines import made_of_point
+from console.tui.pages.inspect_lines import point_words
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.files import printable
@@ -36,8 +36,8 @@ class PartChooser(Sheet):
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui.palette, id="part-chooser", classes="panel")
         self._ui = ui
-        self._parts = OtherParts(ui.data)
-        self._which: WhichParts | None = None
+        self._parts = PartReader(ui.data)
+        self._which: PartQuery | None = None
         self._found: list[RecordedPart] | tuple[Problem, ...] | None = None
         self._opened = self._selected = 0
         self._taken: RecordedPart | None = None
@@ -48,7 +48,7 @@ class PartChooser(Sheet):
         """Whether it is in the place of the page."""
         return self._which is not None
 
-    def open(self, which: WhichParts) -> None:
+    def open(self, which: PartQuery) -> None:
         """Show the parts as they are recorded now."""
         self._which, self._found, self._selected = which, None, 0
         self._opened += 1
@@ -126,7 +126,7 @@ class PartChooser(Sheet):
         if not found:
             return [*rows, *wrapped(text("inspect_page.no_parts"), width, Token.DIM)]
         for place, point in enumerate(found, start=1):
-            name = f"{local(point.at)}  {printable(made_of_point(point, text), 40)}  {printable(point.part, 12)}"
+            name = f"{local(point.at)}  {printable(point_words(point, text), 40)}  {printable(point.part, 12)}"
             tolerance = point.tolerance_um
             mark = "·" if tolerance is None else "✓" if point.ront_um <= tolerance else "✗"
             rows.append(

@@ -7,11 +7,11 @@ import math
 from console.session.data.run_reader import MODEL, RecordedPart
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import local, plain_cut_words
+from console.text.recorded_words import local
 from console.tui.inspecting.comparison import Comparison
 from console.tui.inspecting.evaluation import Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
-from console.tui.pages.learn_lines import identified_words
+from console.tui.pages.learn_lines import cut_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.theme import Token
@@ -74,20 +74,13 @@ def scale_words(
 
 def other_words(point: RecordedPart, text: Catalogue) -> str:
     """Return when a recorded part was measured, and how it was cut."""
-    made = point.strategy if point.compensation is None else made_of_point(point, text)
+    made = point.strategy if point.compensation is None else point_words(point, text)
     return f"{local(point.at)[5:]} {printable(made, 30)}"
 
 
-def made_of_point(point: RecordedPart, text: Catalogue) -> str:
+def point_words(point: RecordedPart, text: Catalogue) -> str:
     """Return strategy, compensation and stage of a recorded part."""
-    model = point.compensation in (None, MODEL)
-    if model and point.inverted is not None:
-        compensation = identified_words(text, point.inverted)
-    else:
-        compensation = text("made.model") if model else text("made.learned", version=point.compensation or "")
-    stage = "" if point.stage in (None, "full") else f", {text(f'made.{point.stage}')}"
-    plain = plain_cut_words(point.strategy, point.stage or "full", text, "made")
-    return plain or f"{point.strategy}, {compensation}{stage}"
+    return cut_words(text, point.strategy, point.compensation or MODEL, point.stage, point.inverted, brief=True)
 
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:

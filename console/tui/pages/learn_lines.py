@@ -6,17 +6,19 @@ import re
 from contextlib import suppress
 from datetime import UTC, datetime
 
+from console.session.data.learned_store import NONE
 from console.session.data.measured_part import MODEL, MadeWith
 from console.session.force_record import ForceCheck
 from console.session.learning.learning_steps import Taught
 from console.session.learning.part_learning import PartLearning
+from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.text.causes import cause_words
 from console.text.certificate import certificate_lines
 from console.text.force import force_words
-from console.text.recorded_words import plain_cut_words
+from console.text.recorded_words import is_plain, stage_words, strategy_words
 from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
@@ -33,10 +35,30 @@ def learn_title(learning: PartLearning, text: Catalogue) -> str:
     return text("inspect_page.learn", made=part_words(text, learning.made))
 
 
+def cut_words(
+    text: Catalogue,
+    strategy: str,
+    compensation: str | None,
+    stage: str | None,
+    inverted: str | None = None,
+    *,
+    brief: bool = False,
+) -> str:
+    """Return how a part was cut: strategy, compensation and stage; what is None, not recorded, is left out.
+
+    A plain cut has no compensation. `brief`: without the usual stage.
+    """
+    said = [strategy_words(strategy, text)]
+    if compensation is not None and not is_plain(strategy):
+        said.append(compensation_words(text, None if compensation == NONE else compensation, inverted or MODEL))
+    if not (brief and stage == Stage.FULL):
+        said.append(stage_words(strategy, stage, text, "made"))
+    return ", ".join(printable(each, 30) for each in said if each)
+
+
 def part_words(text: Catalogue, made: MadeWith) -> str:
-    """Return how a part was cut: strategy, compensation and stage; a plain cut has no compensation."""
-    words = f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
-    return plain_cut_words(made.strategy, made.stage, text, "made") or words
+    """Return how a part was cut."""
+    return cut_words(text, made.strategy, made.compensation, made.stage, made.inverted)
 
 
 def learn_lines(
@@ -101,13 +123,16 @@ def certified_lines(learning: PartLearning, text: Catalogue, width: int) -> list
     return [BLANK, *wrapped(title, width, Token.STRONG), *(line((row, Token.TEXT)) for row in rows)]
 
 
-def made_words(text: Catalogue, compensation: str | None, stage: str, inverted: str = MODEL) -> str:
-    """Return compensation and stage; `compensation` is the learned version, None the inverse of `inverted`."""
-    if compensation is not None:
-        what = text("made.learned", version=compensation)
-    else:
-        what = text("made.model") if inverted == MODEL else identified_words(text, inverted)
-    return f"{what}, {text(f'made.{stage}')}"
+def compensation_words(text: Catalogue, version: str | None, inverted: str = MODEL) -> str:
+    """Return the compensation of a cut: the learned version, None for the inverse of `inverted`."""
+    if version is not None:
+        return text("made.learned", version=version)
+    return text("made.model") if inverted == MODEL else identified_words(text, inverted)
+
+
+def made_words(text: Catalogue, version: str | None, stage: str, inverted: str = MODEL) -> str:
+    """Return compensation and stage of a cut."""
+    return f"{compensation_words(text, version, inverted)}, {text(f'made.{stage}')}"
 
 
 def identified_words(text: Catalogue, name: str) -> str:

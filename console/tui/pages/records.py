@@ -14,7 +14,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.page import ChartPage
-from console.tui.records.beside import Problems
+from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList
 from console.tui.records.listing import ALL, PIECE, Listing, Wanted
 from console.tui.records.panels import Mode, RecordsPanels, full_lines

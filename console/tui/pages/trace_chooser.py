@@ -22,7 +22,7 @@ from console.session.station.state import StationState
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.pages.trace_lines import KEYS, Choice, fact_lines, file_lines, next_words
-from console.tui.records.beside import Beside, Problems
+from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -79,8 +79,8 @@ class TraceListing:
 
     def __init__(self, data: Path) -> None:
         self._data = data
-        self._looks: Beside[Look] = Beside()
-        self._checks: Beside[bool] = Beside()
+        self._looks: BackgroundReader[Look] = BackgroundReader()
+        self._checks: BackgroundReader[bool] = BackgroundReader()
         self._turn = self._check = 0
         self._last: Look | Problems | None = None
 

@@ -14,6 +14,7 @@ from textual.widget import Widget
 
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.learning.job_chart import Figure, JobChart, NoClaim
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local, part_words
 from console.tui.lines import (
@@ -37,10 +38,9 @@ from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
-from console.tui.records.beside import Problems
+from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
 from console.tui.records.listing import Listing, Wanted
-from console.tui.records.opened_run import OpenedRun
 from console.tui.records.reading import Opened
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
@@ -135,7 +135,8 @@ def pair_caption(pair: Pair, um_per_division: float, text: Catalogue, width: int
             ranged(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
         )
     scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
-    untied = any(run.trace is not None and run.trace.jaw_1_deg is None for run in pair.sides)
+    traces = [run.evaluated(run.product) for run in pair.sides]
+    untied = any(trace is not None and trace.jaw_1_deg is None for trace in traces)
     note = text("records_page.not_turned") if untied else text("records_page.turned")
     return [*rows, ranged(line(dim(note)), line(dim(" " + scale)), width)]
 
@@ -397,8 +398,8 @@ class RecordsPanels:
 
     def _show_run(self, run: OpenedRun, found: Opened, top: int) -> int:
         text, panel = self._text, self._run
-        others = [(found, Token.BEFORE, True) for part, found in run.parts if not part.product]
-        polar, marks = polar_of([*others, (run.trace, Token.AFTER, False)])
+        others = [(found, Token.BEFORE, True) for part, found in run.traces if not part.product]
+        polar, marks = polar_of([*others, (run.evaluated(run.product), Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("inspect_page.roundness", figures=evaluated_words(run, text)))
@@ -409,7 +410,8 @@ class RecordsPanels:
 
     def _show_pair(self, pair: Pair, found: Opened, top: int) -> int:
         text, panel = self._text, self._run
-        polar, marks = polar_of([(pair.marked.trace, Token.BEFORE, True), (pair.other.trace, Token.AFTER, False)])
+        one, other = (run.evaluated(run.product) for run in pair.sides)
+        polar, marks = polar_of([(one, Token.BEFORE, True), (other, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("records_page.both"))
@@ -504,13 +506,13 @@ def evaluated_words(run: OpenedRun, text: Catalogue) -> str:
 def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
     """Return the legend of the traces of a run, where jaw 1 is, and the scale."""
     rows = []
-    for part, _ in run.parts:
+    for part, _ in run.traces:
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
         rows.append(
             ranged(line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width)
         )
-    trace = run.trace
+    trace = run.evaluated(run.product)
     jaw_1_deg = number_or_none(run.story.setup.get("jaw_1_deg")) if trace is None else trace.jaw_1_deg
     jaw = "" if trace is None else text("inspect_page.jaw_unknown")
     if jaw_1_deg is not None:

@@ -8,9 +8,9 @@ from pathlib import Path
 
 from console.session.data.run_reader import RunRow
 from console.session.learning.job_chart import Figure, JobChart, job_chart, parts_like
-from console.tui.records.beside import Beside, Problems
+from console.session.learning.opened_run import OpenedRun, open_run
+from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.records.listing import Listing, Wanted, listed
-from console.tui.records.opened_run import OpenedRun, opened_run
 from profiles.store import LoadedMachine
 
 STATISTICS = "scipy.stats"
@@ -28,9 +28,9 @@ class RecordsReader:
 
     def __init__(self, data: Path, machine: LoadedMachine) -> None:
         self._data, self._machine = data, machine
-        self._list: Beside[Listing] = Beside()
-        self._runs: Beside[Opened] = Beside()
-        self._chart: Beside[JobChart] = Beside()
+        self._list: BackgroundReader[Listing] = BackgroundReader()
+        self._runs: BackgroundReader[Opened] = BackgroundReader()
+        self._chart: BackgroundReader[JobChart] = BackgroundReader()
         self._known: Listing | None = None
 
     def listing(self, wanted: Wanted) -> Listing | Problems | None:
@@ -48,7 +48,7 @@ class RecordsReader:
         data, machine, explains = self._data, self._machine, not moving
 
         def read() -> Opened:
-            return Opened(runs=tuple(opened_run(data, each, machine, explains=explains) for each in run_ids))
+            return Opened(runs=tuple(open_run(data, each, machine, explains=explains) for each in run_ids))
 
         return self._runs.answer((run_ids, explains, version), read)
 

@@ -38,7 +38,7 @@ class Planning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
+class PlannedProgram:
     """The output of a strategy: the program, and where the tool is before it, counts.
 
     `axis_definitions` are those of the controller once the program is loaded; `restore` are the lines that

@@ -16,7 +16,7 @@ SHORT_S = 0.03
 """How long a new question is waited for: a healthy disk answers in this time, and nothing flickers."""
 
 
-class Beside(Generic[Found]):
+class BackgroundReader(Generic[Found]):
     """Answer one question after the other in a thread; what is no longer asked is dropped.
 
     One that never `waits` answers at a later tick: for many questions in a row.
