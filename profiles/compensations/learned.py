@@ -180,6 +180,18 @@ def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> L
     )
 
 
+def history_of(
+    version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...]
+) -> tuple[LearnedCompensation, ...]:
+    """Return the versions that led to one, oldest first; it is the last."""
+    by_number = {each.version: each for each in known}
+    found: list[LearnedCompensation] = []
+    while version is not None:
+        found.insert(0, version)
+        version = by_number.get(version.parent) if version.parent < version.version else None
+    return tuple(found)
+
+
 def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem, ...]:
     """Return why a compensation is not valid for the request; job and machine have the same names."""
     holds, problems = learned.holds_for, list[Problem]()

@@ -16,9 +16,8 @@ from console.session.data import run_facts
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunStory
 from console.session.data.run_rows import problem_events
-from console.session.learning.learning_record import learning_event
 from console.session.learning.opened_run import open_for_report, open_run
-from console.session.learning.part_learning import PartLearning
+from console.session.learning.part_learning import PartLearning, learning_event
 from console.session.learning.run_debrief import run_debrief
 from console.session.station.commands import Command
 from console.session.station.history.session_log import SessionLog, command_entry, with_state

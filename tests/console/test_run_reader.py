@@ -27,8 +27,7 @@ from console.session.data.run_log import RunLog
 from console.session.data.run_reader import How, RunFilters, RunRow, measured_parts, run_of_trace, runs, story
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
-from console.session.learning.learning_record import record_accepted
-from console.session.learning.part_learning import accept
+from console.session.learning.part_learning import accept, record_accepted
 from console.session.station.alarms import Priority, acknowledged
 from console.session.station.commands import Acknowledge, DisableDrives, EndCut, Measure, Start
 from profiles.problem import Problem

@@ -295,12 +295,12 @@ def test_a_single_part_is_not_counted_as_several(tmp_path: Path) -> None:
 
 def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
     from console.session.data.run_reader import measured_parts
-    from console.tui.inspecting.other_part import other_part
+    from console.tui.inspecting.part_chooser import read_other_part
 
     recorded(tmp_path)
     work = signed()
     point = measured_parts(tmp_path, work.job.name, work.machine.machine.name, True)[-1]
-    other = other_part(tmp_path, point)
+    other = read_other_part(tmp_path, point)
     assert other.result.ront_um == pytest.approx(point.ront_um)
     seen = compared(MEASURED, DisplayFilter(), other)
     assert seen is not None and seen.before.ront_um == pytest.approx(point.ront_um)

@@ -25,7 +25,6 @@ from console.session.data.learned_store import (
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
-from console.session.learning.history import history_of
 from console.session.learning.learning import COMPARED, refuse_unlearnable
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
@@ -36,7 +35,7 @@ from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import OTHER_SETTINGS, HoldsFor, LearnedCompensation, differences
+from profiles.compensations.learned import OTHER_SETTINGS, HoldsFor, LearnedCompensation, differences, history_of
 from profiles.compensations.path import CutPath
 from profiles.files import printable
 from profiles.job import Job

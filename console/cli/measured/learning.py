@@ -19,8 +19,8 @@ from console.session.data.learned_store import asked_for, elsewhere_problems, st
 from console.session.data.measured_part import KEYS
 from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
-from console.session.learning.learning_record import record_accepted
 from console.session.learning.learning_steps import SIMULATED, Taught, reverted, taught
+from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue

@@ -30,7 +30,6 @@ from console.session.data.measured_part import date_problems as cut_date_problem
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck
 from console.session.learning.fingerprint import of_mean_clamping
-from console.session.learning.history import history_of
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.following import follows_by_order
@@ -39,7 +38,7 @@ from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.causes import Cause, causes
 from profiles.compensations.certificate import Follows, is_promised, promised_orders
-from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
+from profiles.compensations.learned import MODEL, LearnedCompensation, again, history_of, model_again
 from profiles.compensations.learning import coefficient_of
 from profiles.compensations.next_version import CutWith, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics

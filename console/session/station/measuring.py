@@ -16,9 +16,8 @@ from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.evaluated_part import EvaluatedPart, examined, refuse_unready
-from console.session.learning.learning_record import learning_event
 from console.session.learning.learning_steps import as_cut
-from console.session.learning.part_learning import learning_of
+from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace

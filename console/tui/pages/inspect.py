@@ -20,7 +20,6 @@ from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
 from console.tui.inspecting.comparison import Comparison, compared
 from console.tui.inspecting.evaluation import VERDICT, DisplayFilter, list_supported_upr, next_circle, next_filter
-from console.tui.inspecting.other_part import query_of
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
@@ -312,7 +311,7 @@ class InspectPage(ChartPage):
 
     def _look(self, action: str) -> None:
         """Look at the part in another way; its verdict stays."""
-        part, state = self.ui.control.state.measured, self.ui.control.state
+        part = self.ui.control.state.measured
         if part is None:
             return
         if action == "inspect.circle":
@@ -326,8 +325,7 @@ class InspectPage(ChartPage):
         elif action in ZOOMS:
             self._zoom += ZOOMS[action]
         else:
-            machine = self.ui.machine.machine.name
-            self._parts.open(query_of(part, machine, simulated=state.simulated))
+            self._parts.open(part)
 
     def _why_not_looked(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why the measured part cannot be looked at in another way."""
