@@ -37,7 +37,7 @@ class InPart:
     speed_rpm: Floats
 
 
-def course(run: OpenedRun, text: Catalogue) -> Markup:
+def write_course(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the section."""
     cuts = [found for each in run.story.telemetry if (found := _in_part(each, run)) is not None]
     last = cuts[-1] if cuts else None

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from console.report.course_figure import chart_figure
 from console.report.drawing import figure
-from console.report.markup import Markup, element, listed, paragraph, section
+from console.report.markup import Markup, element, list_of, paragraph, section
 from console.report.quantities import number, time_in, um
 from console.session.data.run_rows import recorded_problems
 from console.session.learning.job_chart import Figure, JobChart, job_chart
@@ -26,15 +26,15 @@ def write_debrief(run: OpenedRun, text: Catalogue) -> Markup | None:
     parts = [
         part
         for title, rows in debrief_sections(run.debrief, text)
-        for part in (element("h3", title), listed(rows))
+        for part in (element("h3", title), list_of(rows))
     ]
     return section("debrief", text("report.debrief"), *parts)
 
 
-def learned(run: OpenedRun, text: Catalogue) -> Markup:
+def write_learning(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the proposed learning step and whether it was accepted."""
     lines = [*_proposed(run, text), *_accepted(run, text), *_series(run, text)]
-    body = listed(lines) if lines else paragraph(text("report.nothing_learned_here"))
+    body = list_of(lines) if lines else paragraph(text("report.nothing_learned_here"))
     return section("learned", text("report.learned"), body)
 
 
@@ -85,7 +85,7 @@ def _series(run: OpenedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.pass_learned", part=place, orders=", ".join(map(str, waves)))
 
 
-def chart(run: OpenedRun, text: Catalogue) -> Markup | None:
+def write_chart(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
     points, row = run.points or (), run.story.row
     if len(points) < 2:
@@ -95,7 +95,7 @@ def chart(run: OpenedRun, text: Catalogue) -> Markup | None:
     caption = text("report.chart_caption", count=len(points), limit=um(found.upper_um))
     names = (text("part.part"), "RONt, µm")
     drawing = chart_figure("run-chart", text("report.chart"), caption, names, found, own)
-    return section("chart", text("report.chart"), figure(drawing, caption), listed(_statistics(found, text)))
+    return section("chart", text("report.chart"), figure(drawing, caption), list_of(_statistics(found, text)))
 
 
 def _statistics(found: JobChart, text: Catalogue) -> Iterator[str]:

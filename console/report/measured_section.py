@@ -25,7 +25,7 @@ from console.report.drawing import (
     picture,
     step_125,
 )
-from console.report.markup import Markup, element, listed, paragraph, section, table
+from console.report.markup import Markup, element, list_of, paragraph, section, table
 from console.report.quantities import NOTHING, exact, mm, number, um
 from console.report.verdict import SIGNS, Judgement
 from console.session.data.measured_part import RecordedPart
@@ -42,7 +42,7 @@ from profiles.roundness import RoundnessResult
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 
 
-def measured(run: OpenedRun, text: Catalogue) -> Markup:
+def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the section; without a measured part it says so."""
     title = text("report.measured")
     if not run.parts:
@@ -73,7 +73,7 @@ def _how(run: OpenedRun, text: Catalogue) -> Markup | None:
     lines = [how, *(text.problem(each) for each in (*found.warnings, *result.warnings))]
     if shown.trace_name:
         lines.append(text("report.imported", name=shown.trace_name))
-    return listed(lines)
+    return list_of(lines)
 
 
 SIZE, CENTRE = 340.0, 170.0
@@ -414,4 +414,4 @@ def _checks(run: OpenedRun, text: Catalogue) -> Markup:
             lines.append(text("report.check_same", part=name))
         if not part.has_its_trace:
             lines.append(text("report.check_hash", part=name))
-    return element("div", element("h3", text("report.checks")), listed(lines))
+    return element("div", element("h3", text("report.checks")), list_of(lines))

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from console.report.course_section import course
-from console.report.history_sections import chart, learned, write_debrief
-from console.report.markup import Markup, element, facts_table, listed, paragraph
-from console.report.measured_section import measured
+from console.report.course_section import write_course
+from console.report.history_sections import write_chart, write_debrief, write_learning
+from console.report.markup import Markup, element, facts_table, list_of, paragraph
+from console.report.measured_section import write_measurement
 from console.report.quantities import date_in, exact
-from console.report.record_sections import list_gaps, missing, program, provenance
-from console.report.request_sections import asked, sent, set_up
-from console.report.verdict import SIGNS, verdict
+from console.report.record_sections import list_gaps, write_gaps, write_program, write_provenance
+from console.report.request_sections import write_request, write_sent, write_setup
+from console.report.verdict import SIGNS, judge_run
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 
@@ -79,7 +79,7 @@ pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK K
 """
 
 
-def report_page(run: OpenedRun, text: Catalogue) -> str:
+def write_report(run: OpenedRun, text: Catalogue) -> str:
     """Return the text of the HTML file of a run."""
     row = run.story.row
     title = text("report.title", job=row.job, run=row.run_id[:SHORT_ID])
@@ -95,17 +95,17 @@ def report_page(run: OpenedRun, text: Catalogue) -> str:
     )
     sections = (
         _head(run, text),
-        asked(run, text),
-        set_up(run, text),
-        sent(run, text),
-        measured(run, text),
-        course(run, text),
+        write_request(run, text),
+        write_setup(run, text),
+        write_sent(run, text),
+        write_measurement(run, text),
+        write_course(run, text),
         write_debrief(run, text),
-        learned(run, text),
-        chart(run, text),
-        provenance(run, text),
-        missing(run, text),
-        program(run, text),
+        write_learning(run, text),
+        write_chart(run, text),
+        write_provenance(run, text),
+        write_gaps(run, text),
+        write_program(run, text),
     )
     running = element("div", _running(run, text), class_="head")
     sheet = element("div", running, element("main", *sections, class_="body"), class_="sheet")
@@ -140,7 +140,7 @@ def _head(run: OpenedRun, text: Catalogue) -> Markup:
         (text("report.started"), date_in(run.zone, row.started)),
         (text("fact.run_id.report"), row.run_id),
     ]
-    found = verdict(run, text)
+    found = judge_run(run, text)
     sign = f"{SIGNS[found.judgement]} {text(f'report.verdict.{found.judgement}')}"
     gaps = list(list_gaps(run, text))
     return element(
@@ -149,7 +149,7 @@ def _head(run: OpenedRun, text: Catalogue) -> Markup:
         element(
             "div",
             paragraph(element("strong", sign)),
-            listed(found.reasons) if found.reasons else None,
+            list_of(found.reasons) if found.reasons else None,
             paragraph(text("report.simulated_long")) if row.simulated else None,
             class_=f"verdict {found.judgement}",
         ),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from console.report.markup import Markup, element, facts_table, listed, paragraph, plain, section
+from console.report.markup import Markup, element, escape_markup, facts_table, list_of, paragraph, section
 from console.report.quantities import DEG_DIGITS, MM_DIGITS, UM_DIGITS
 from console.session.data.run_facts import origin_facts
 from console.session.data.run_reader import How
@@ -14,7 +14,7 @@ from console.text.recorded_words import Layout, fact_rows, part_words
 from profiles.job_labels import hash_of_job
 
 
-def provenance(run: OpenedRun, text: Catalogue) -> Markup:
+def write_provenance(run: OpenedRun, text: Catalogue) -> Markup:
     """Return versions and hashes, by which everything can be found again, and how numbers are rounded."""
     story = run.story
     rows = [
@@ -44,10 +44,10 @@ def _as_filed(run: OpenedRun, text: Catalogue) -> str:
     return text("report.job_as_filed" if same else "report.job_changed")
 
 
-def missing(run: OpenedRun, text: Catalogue) -> Markup:
+def write_gaps(run: OpenedRun, text: Catalogue) -> Markup:
     """Return what the record does not have, or what of it cannot be read."""
     lines = list(list_gaps(run, text))
-    body = listed(lines) if lines else paragraph(text("report.nothing_missing"))
+    body = list_of(lines) if lines else paragraph(text("report.nothing_missing"))
     return section("missing", text("report.missing"), body)
 
 
@@ -86,14 +86,14 @@ def list_gaps(run: OpenedRun, text: Catalogue) -> Iterator[str]:  # noqa: C901 -
         yield text("report.contradiction")
 
 
-def program(run: OpenedRun, text: Catalogue) -> Markup:
+def write_program(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the program in full; it can be folded, and is printed."""
     content = run.story.program
     if not content.strip():
         return section("program", text("report.program_text"), paragraph(text("report.no_program")))
     summary = text("report.program_summary", count=len(content.splitlines()))
     # A line feed right behind <pre> is no part of the text: one is written, so that none of the program is lost.
-    shown = element("pre", plain("\n" + content))
+    shown = element("pre", escape_markup("\n" + content))
     return section(
         "program",
         text("report.program_text"),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from console.report.markup import Markup, facts_table, joined, listed, paragraph, section
+from console.report.markup import Markup, facts_table, join_markup, list_of, paragraph, section
 from console.report.quantities import exact
 from console.session.data.run_facts import program_sha256, setup_facts
 from console.session.learning.opened_run import OpenedRun
@@ -31,7 +31,7 @@ _SIGNS = {"um": "µm", "deg": "°"}
 _UNITS = {field.key: _SIGNS.get(field.unit, field.unit) for field in JOB_FIELDS}
 
 
-def asked(run: OpenedRun, text: Catalogue) -> Markup:
+def write_request(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the part and the cut as the job states them, and where its lobe is from."""
     title, job = text("report.asked"), run.job
     if job is None:
@@ -79,7 +79,7 @@ def _lobe(job: Job, text: Catalogue) -> list[tuple[str, str]]:
     return [*_rows(job, ("lobe_error_um_pp",), text), source, *_rows(job, ("lobe_phase_deg", *CONDITIONS), text)]
 
 
-def set_up(run: OpenedRun, text: Catalogue) -> Markup:
+def write_setup(run: OpenedRun, text: Catalogue) -> Markup:
     """Return the alignment and the forces of the cut, and when each was taken."""
     setup, title = run.story.setup_as_armed, text("report.set")
     if not setup:
@@ -97,7 +97,7 @@ def set_up(run: OpenedRun, text: Catalogue) -> Markup:
         "set",
         title,
         facts_table(text("report.set_table"), rows),
-        joined([paragraph(text("report.set_warnings")), listed(said)]) if said else None,
+        join_markup([paragraph(text("report.set_warnings")), list_of(said)]) if said else None,
     )
 
 
@@ -105,7 +105,7 @@ def _items(value: object) -> list[tuple[object, object]]:
     return list(value.items()) if isinstance(value, Mapping) else []
 
 
-def sent(run: OpenedRun, text: Catalogue) -> Markup:
+def write_sent(run: OpenedRun, text: Catalogue) -> Markup:
     """Return how the program was made, and what it is known by."""
     story, row = run.story, run.story.row
     version = row.compensation

@@ -38,7 +38,7 @@ class Verdict:
     reasons: tuple[str, ...]
 
 
-def verdict(run: OpenedRun, text: Catalogue) -> Verdict:
+def judge_run(run: OpenedRun, text: Catalogue) -> Verdict:
     """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
     row, product = run.story.row, run.product
     judged = tuple(_judged(run, text))

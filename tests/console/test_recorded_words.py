@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from console.report.page import report_page
+from console.report.page import write_report
 from console.session.data import run_facts
 from console.session.data.records import RunRecord
 from console.session.data.run_reader import RunStory
@@ -43,7 +43,7 @@ def page_words(data: Path, found: RunStory, text: Catalogue) -> str:
 
 
 def report_words(data: Path, found: RunStory, text: Catalogue) -> str:
-    return report_page(open_for_report(found, (), debrief=run_debrief(found, data)), text)
+    return write_report(open_for_report(found, (), debrief=run_debrief(found, data)), text)
 
 
 def ended_early(event: dict[str, object], *alarms: Problem) -> Callable[[RunRecord], None]:

@@ -17,7 +17,7 @@ from xml.etree import ElementTree
 import pytest
 
 from console.__main__ import main
-from console.report.page import report_page
+from console.report.page import write_report
 from console.report.quantities import against_limit, exact
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
@@ -86,7 +86,7 @@ def run_of(folder: Path, run_id: str, zone: Any = UTC) -> OpenedRun:
 
 
 def page_of(folder: Path, run_id: str, language: str = "en", zone: Any = UTC) -> str:
-    return report_page(run_of(folder, run_id, zone), load(language))
+    return write_report(run_of(folder, run_id, zone), load(language))
 
 
 def words(page: str) -> str:
@@ -132,7 +132,7 @@ def test_every_kind_of_run_gives_a_sound_page_in_both_languages(tmp_path: Path) 
     for run in runs:
         reported = run_of(folder, run)
         for language in LANGUAGES:
-            check(report_page(reported, load(language)), language)
+            check(write_report(reported, load(language)), language)
 
 
 def test_names_from_outside_are_text_and_nothing_else(tmp_path: Path) -> None:

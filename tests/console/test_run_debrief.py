@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.report.page import report_page
+from console.report.page import write_report
 from console.school.training.lesson import load_lesson
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
@@ -148,7 +148,7 @@ def test_command_page_and_report_say_the_same(language: str, console: Console, t
         "".join(words for words, _ in each)
         for each in story_lines(open_run(tmp_path, found.row.run_id, lathe()), text, 120)
     )
-    report = report_page(open_for_report(found, debrief=debrief), text)
+    report = write_report(open_for_report(found, debrief=debrief), text)
     for shown in (told.out, page, report):
         plain = "".join(shown.split())
         assert all("".join(row.split()) in plain for row in rows)

@@ -33,9 +33,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     """Write the report of a run and print where it is."""
     from console.cli.library import data_of
     from console.cli.output import show
-    from console.report.page import report_page
+    from console.report.page import write_report
     from console.report.quantities import date_in
-    from console.report.verdict import verdict
+    from console.report.verdict import judge_run
     from console.session.data.run_reader import story
     from console.session.learning.opened_run import open_for_report
     from console.session.learning.run_debrief import run_debrief
@@ -45,9 +45,9 @@ def main(options: Namespace, text: Catalogue) -> int:
     row = found.row
     run = open_for_report(found, _points(data, row), debrief=run_debrief(found, data))
     path = Path(options.output or f"{_stem(row.job)}-{row.started.astimezone():%Y-%m-%d-%H%M%S}.html")
-    _write(path, report_page(run, text), overwrite=options.overwrite)
+    _write(path, write_report(run, text), overwrite=options.overwrite)
     facts = {"run": row.run_id, "job": row.job, "date": date_in(None, row.started), "file": str(path)}
-    judged = verdict(run, text)
+    judged = judge_run(run, text)
     show(
         options,
         lambda: {
