@@ -23,9 +23,9 @@ def escape_markup(text: str) -> Markup:
     return text if isinstance(text, Markup) else Markup(escape(escaped(text)))
 
 
-def join_markup(parts: Iterable[str | None], separator: str = "") -> Markup:
+def join_markup(parts: Iterable[str | None]) -> Markup:
     """Return several texts or elements as one; None is left out."""
-    return Markup(separator.join(escape_markup(part) for part in parts if part is not None))
+    return Markup("".join(escape_markup(part) for part in parts if part is not None))
 
 
 def element(name: str, /, *children: str | None, **attributes: Attribute) -> Markup:

@@ -15,7 +15,7 @@ import pytest
 from console.session.cut.recording import part_record
 from console.session.data.measured_part import MadeWith
 from console.session.data.records import RunRecord
-from console.session.learning.evaluated_part import EvaluatedPart, examined
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part, taken_before
 from console.session.stages import Stage
 from console.text.catalogue import load
@@ -51,7 +51,7 @@ def cut(folder: Path, compensation: int | None = None, of: EvaluatedPart | None 
 
 
 def seen(path: Path) -> EvaluatedPart:
-    return examined(path, JOB, {}, simulated=False)
+    return read_gauge_file(path, JOB, {}, simulated=False)
 
 
 def test_a_file_that_was_taken_for_a_part_is_not_that_of_the_next(tmp_path: Path) -> None:

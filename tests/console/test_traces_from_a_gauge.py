@@ -15,7 +15,7 @@ import pytest
 
 from console.session.data.history import last_results
 from console.session.data.trace_folder import export_trace, offered, trace_folder
-from console.session.learning.evaluated_part import EvaluatedPart, examined
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from console.session.learning.part_learning import accept
 from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Start, TakeTrace
 from console.session.station.state import MeasuredPart, StationState
@@ -236,7 +236,7 @@ def test_a_trace_of_a_part_of_another_simulated_lathe_is_not_that_of_this_part(
 ) -> None:
     stated = {**STATED, "simulated": "yes", "lathe": "steady, seed 11"}
     path = written(tmp_path, outside_job, **stated).path
-    found = examined(path, outside_job.job, {}, simulated=True, lathe=cut_on)
+    found = read_gauge_file(path, outside_job.job, {}, simulated=True, lathe=cut_on)
     assert [problem.code for problem in found.problems] == codes
     assert found.ready is (not codes)
 
@@ -286,7 +286,7 @@ def written(folder: Path, job: LoadedJob, **stated: str) -> EvaluatedPart:
     path = folder / "made.csv"
     deviation_um = 5.0 * np.cos(3.0 * np.radians(angle_deg - 20.0))
     write_trace(path, Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=stated), overwrite=True)
-    return examined(path, job.job, {}, simulated=False)
+    return read_gauge_file(path, job.job, {}, simulated=False)
 
 
 @pytest.mark.parametrize("direction", ["cw", "ccw", "spindle"])

@@ -14,7 +14,7 @@ from console.session.guide.refusals import LOOKS
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import with_strategy
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compared
+from console.tui.inspecting.comparison import compare_parts
 from console.tui.inspecting.evaluation import DisplayFilter, list_supported_upr, next_filter, tolerance_rings_um
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
 from console.tui.inspecting.plain_words import plain_words
@@ -131,7 +131,7 @@ def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path)
 @pytest.mark.parametrize("kind", CIRCLES)
 @pytest.mark.parametrize("factor", [0.99, 1.01])
 def test_the_trace_is_between_the_tolerance_rings_exactly_where_ront_is_within(kind: str, factor: float) -> None:
-    seen = compared(MEASURED, DisplayFilter(circle=kind))
+    seen = compare_parts(MEASURED, DisplayFilter(circle=kind))
     assert seen is not None
     tolerance_um = factor * seen.last.ront_um
     inner, outer = tolerance_rings_um(seen.last, tolerance_um)
@@ -302,10 +302,10 @@ def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -
     point = measured_parts(tmp_path, work.job.name, work.machine.machine.name, True)[-1]
     other = read_other_part(tmp_path, point)
     assert other.result.ront_um == pytest.approx(point.ront_um)
-    seen = compared(MEASURED, DisplayFilter(), other)
+    seen = compare_parts(MEASURED, DisplayFilter(), other)
     assert seen is not None and seen.before.ront_um == pytest.approx(point.ront_um)
     # With a filter that it does not support both keep that of the verdict.
-    wide = compared(MEASURED, DisplayFilter(filter_upr=500.0), other)
+    wide = compare_parts(MEASURED, DisplayFilter(filter_upr=500.0), other)
     assert wide is not None and wide.looked == DisplayFilter() and wide.supported == (15.0, 50.0)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from console.cli.arguments import DEFAULT_PLANT, INDICATOR
 from console.cli.library import data_of, job_of, known_lathe, lathe_parts_of, machine_of, true_parameters_of
-from console.cli.measured.asked_fingerprint import requested_fingerprint
+from console.cli.measured.fingerprint_source import requested_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.cut.simulated_parts import LatheParts
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated

@@ -134,7 +134,7 @@ class EvaluatedPart:
         )
 
 
-def evaluated_part(
+def evaluate_part(
     part: RecordedPart, setup: Mapping[str, Any], *at_once: str, on_spindle: bool = False
 ) -> EvaluatedPart | None:
     """Read the trace of a part of a run with this set-up, None without one; `on_spindle`: at spindle angles.
@@ -146,7 +146,7 @@ def evaluated_part(
     if trace is None:
         return None
     header, warnings = header_of(trace.meta)
-    turn, _ = one_turn(trace, header)
+    turn, _ = fold_turns(trace, header)
     spindle_deg = number_or_none(part.data.get("jaw_1_deg", setup.get("jaw_1_deg")))
     jaw_1_deg = header.jaw_1_of(spindle_deg)
     if on_spindle:
@@ -167,7 +167,7 @@ def evaluated_part(
     return found
 
 
-def examined(
+def read_gauge_file(
     path: Path, job: Job, answers: Mapping[str, str], *, simulated: bool, lathe: str = ""
 ) -> EvaluatedPart:
     """Read the trace in a file for a part of `job`, cut with jaw 1 where the job has it.
@@ -179,13 +179,13 @@ def examined(
     """
     content = read_trace_file(path)
     filed = parse_trace(content, where=printable(str(path)))
-    asked = _asked(header_of(filed.meta)[0])
+    asked = _list_questions(header_of(filed.meta)[0])
     given = {key: answers[key] for key in asked if key in answers}
     trace = replace(filed, meta=MappingProxyType({**filed.meta, **given}))
     header, warnings = header_of(trace.meta)
-    open_ = tuple(key for key in _asked(header) if key not in given)
+    open_ = tuple(key for key in _list_questions(header) if key not in given)
     problems = _refusals(trace, header, simulated=simulated, lathe=lathe)
-    turn, turns = one_turn(trace, header)
+    turn, turns = fold_turns(trace, header)
     result = None
     if not problems and header.state != UNKNOWN_STATE:
         result = evaluate(
@@ -212,7 +212,7 @@ def examined(
 def refuse_unready(found: EvaluatedPart) -> None:
     """Refuse a trace by which the part cannot be judged (its `problems`), or that leaves a question open.
 
-    Raises SessionError: `trace.unanswered`, and the problems of `examined`.
+    Raises SessionError: `trace.unanswered`, and the problems of `read_gauge_file`.
     """
     refuse(found.problems)
     if found.open:
@@ -220,7 +220,7 @@ def refuse_unready(found: EvaluatedPart) -> None:
         raise SessionError(Problem(code="trace.unanswered", where=where, key=", ".join(found.open)))
 
 
-def _asked(header: TraceHeader) -> tuple[str, ...]:
+def _list_questions(header: TraceHeader) -> tuple[str, ...]:
     """Return the keys that a header leaves open; without a mark, the direction says nothing."""
     marked = header.jaw_1_deg is not None or header.start_mark is not None
     tied = header.jaw_1_deg is not None or header.start_mark != "unknown"
@@ -248,7 +248,7 @@ def _refusals(trace: Trace, header: TraceHeader, *, simulated: bool, lathe: str)
     return tuple(problems)
 
 
-def one_turn(trace: Trace, header: TraceHeader) -> tuple[Trace, Turns | None]:
+def fold_turns(trace: Trace, header: TraceHeader) -> tuple[Trace, Turns | None]:
     """Return the repeatable deviation of the turns of a trace as one turn, and all; ProfileError `trace.turns`."""
     if header.turns == 1:
         return trace, None

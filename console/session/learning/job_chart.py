@@ -80,7 +80,7 @@ class JobChart:
         return () if self.limits is None else tuple(self.begins + place for place in self.limits.beyond)
 
 
-def parts_like(data: Path, row: RunRow) -> tuple[tuple[RecordedPart, ...], int]:
+def list_like_parts(data: Path, row: RunRow) -> tuple[tuple[RecordedPart, ...], int]:
     """Return the full parts of a run's job, on its machine, cut as it was, and how many others the record has.
 
     Raises SessionError: as `measured_parts`.

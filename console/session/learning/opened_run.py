@@ -12,7 +12,7 @@ from typing import Any
 from console.session.data.kept_files import jobs_folder
 from console.session.data.run_reader import RecordedPart, RunRow, RunStory, Telemetry, story
 from console.session.data.run_story import POLLED
-from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
+from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.learning.run_debrief import RunDebrief, run_debrief
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -154,7 +154,7 @@ def _opened(story: RunStory, *at_once: str, on_spindle: bool = False, **of: Any)
 
 def _evaluation(part: RecordedPart, story: RunStory, *at_once: str, on_spindle: bool = False) -> Evaluation:
     try:
-        return evaluated_part(part, story.setup, *at_once, on_spindle=on_spindle) or ()
+        return evaluate_part(part, story.setup, *at_once, on_spindle=on_spindle) or ()
     except ProfileError as refused:
         return tuple(refused.problems)
     except ValueError as refused:  # a header that no console has written

@@ -15,7 +15,7 @@ from console.session.data.measured_part import CutPart, RecordedPart, newest_par
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
-from console.session.learning.evaluated_part import EvaluatedPart, examined, refuse_unready
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
 from console.session.learning.learning_steps import as_cut
 from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
@@ -65,7 +65,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
 
     Raises:
         SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; `trace.changed`; as
-            `of_this_part`, `refuse_unready` and `examined`.
+            `of_this_part`, `refuse_unready` and `read_gauge_file`.
     """
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
@@ -73,7 +73,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     cut, job, loaded = _cut_of(context, command)
     try:
         simulated = context.shop is not None
-        found = examined(command.path, job, command.answers, simulated=simulated, lathe=cut.lathe)
+        found = read_gauge_file(command.path, job, command.answers, simulated=simulated, lathe=cut.lathe)
     except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:

@@ -45,7 +45,7 @@ class Comparison:
         return self.last.result
 
 
-def compared(
+def compare_parts(
     state: StationState, looked: DisplayFilter = VERDICT, other: EvaluatedPart | None = None
 ) -> Comparison | None:
     """Return the comparison of the last measured part, None when nothing is measured.
@@ -82,7 +82,7 @@ def compared(
     return Comparison(part=part, before=before, after=after, looked=looked, other=other, supported=supported)
 
 
-def as_cut(job: Job) -> Job:
+def strip_lobe(job: Job) -> Job:
     """Return what a plain cut of a job depends on: all but its name, and what its file says of the lobe."""
     return replace(without_lobe(job), name="", lobe_phase_deg=0.0, assumed=(), source="", copied_from=None)
 
@@ -90,7 +90,7 @@ def as_cut(job: Job) -> Job:
 def _plain(state: StationState, part: MeasuredPart) -> MeasuredPart | None:
     """Return the part before compensation, None where none was measured or it is the last one itself."""
     plain = state.uncompensated
-    if plain is None or not part.strategy.traits.follows_lobe or as_cut(plain.job) != as_cut(part.job):
+    if plain is None or not part.strategy.traits.follows_lobe or strip_lobe(plain.job) != strip_lobe(part.job):
         return None
     return plain
 

@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from console.session.data.run_reader import RecordedPart, measured_parts, story
-from console.session.learning.evaluated_part import EvaluatedPart, evaluated_part
+from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
@@ -168,7 +168,7 @@ def read_other_part(data: Path, point: RecordedPart) -> EvaluatedPart:
     found = None
     if products:
         part = replace(point, trace=products[-1].trace, trace_name=products[-1].trace_name, data=products[-1].data)
-        found = evaluated_part(part, run.setup, "result", on_spindle=True)
+        found = evaluate_part(part, run.setup, "result", on_spindle=True)
     if found is None:
         raise ProfileError(Problem(code="inspect.no_trace", key=printable(point.run_id, 8)))
     return found

@@ -18,7 +18,7 @@ from console.text.catalogue import Catalogue
 from console.tui.calibrating.draft import TYPED_OUT, value_of
 from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
-from console.tui.inspecting.comparison import Comparison, compared
+from console.tui.inspecting.comparison import Comparison, compare_parts
 from console.tui.inspecting.evaluation import VERDICT, DisplayFilter, list_supported_upr, next_circle, next_filter
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
@@ -412,13 +412,13 @@ class InspectPage(ChartPage):
             return
         self._of = of
         try:
-            self._seen = compared(state, self._looked, other)
+            self._seen = compare_parts(state, self._looked, other)
         except ProfileError as error:  # only what is looked at: the part itself was judged
             self.ui.said = tuple(error.problems)
             self._looked = VERDICT
             self._parts.forget()
             self._of = (state.measured, state.uncompensated, VERDICT, None)
-            self._seen = compared(state)
+            self._seen = compare_parts(state)
         if self._seen is not None:
             self._looked = self._seen.looked
 

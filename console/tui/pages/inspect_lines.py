@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 from console.session.data.run_reader import MODEL, RecordedPart
 from console.session.station.state import MeasuredPart
@@ -221,34 +222,41 @@ def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
 
 
 def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
-    return [*_roundness_verdict(seen, text, width), *_diameter_verdict(seen.part, text, width)]
+    part = seen.part
+    size = diameter_verdict(part.diameter_mm, part.job.diameter_tolerance_um, part.diameter_passes, text, width)
+    return [*_roundness_verdict(seen, text, width), *size]
 
 
-def _diameter_verdict(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
-    """Return whether the diameter is within its tolerance; nothing without one, or without the size."""
-    passes, diameter_mm, limit_um = part.diameter_passes, part.diameter_mm, part.job.diameter_tolerance_um
+def diameter_verdict(
+    diameter_mm: float | None, limit_um: float | None, passes: bool | None, text: Catalogue, width: int
+) -> list[Line]:
+    """Return whether a diameter is within its tolerance; nothing without one, or without the size."""
     if passes is None or diameter_mm is None or limit_um is None:
         return []
-    word = "diameter_pass" if passes else "diameter_fail"
     facts = {"value": text.units.figure(diameter_mm, "mm", 3), "limit": text.units.short(limit_um, "um")}
-    return [_judged(text(f"inspect_page.{word}", **facts), passes, width)]
+    return [judged_line("diameter_", facts, text, width, passes=passes)]
 
 
-def _judged(words: str, passes: bool, width: int) -> Line:
-    mark, token = ("✓ ", Token.STRONG) if passes else ("✗ ", Token.WARNING)
-    return line((mark + fitted(words, max(width - 2, 0)), token))
+def judged_line(what: str, facts: Mapping[str, str], text: Catalogue, width: int, *, passes: bool) -> Line:
+    """Return a verdict with its mark: `what` is "diameter_", or "" for the roundness."""
+    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
+    return line((mark + fitted(text(f"inspect_page.{what}{word}", **facts), max(width - 2, 0)), token))
+
+
+def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> dict[str, str]:
+    """Return RONt of a part and its tolerance for a sentence."""
+    limit = NOTHING if limit_um is None else text.units.figure(limit_um, "um", 2)
+    return {"value": text.units.figure(ront_um, "um", 2), "limit": limit}
 
 
 def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
     if seen.part.is_half:
         return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
     ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
-    facts = {"value": text.units.figure(ront_um, "um", 2), "limit": text.units.figure(limit_um, "um", 2)}
+    facts = roundness_facts(ront_um, limit_um, text)
     if not seen.part.proven:
         return [line((f"? {fitted(text('inspect_page.not_proven', **facts), max(width - 2, 0))}", Token.WARNING))]
-    passes = ront_um <= limit_um
-    words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
-    rows = [_judged(words, passes, width)]
+    rows = [judged_line("", facts, text, width, passes=ront_um <= limit_um)]
     if not seen.looked.is_verdict:  # figures beside it are by something else
         result = seen.part.result
         by = text("inspect_page.judged_by", circle=result.reference_circle, filter=filter_words(result, text))

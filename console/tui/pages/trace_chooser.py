@@ -15,7 +15,7 @@ from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, offered, trace_folder
 from console.session.errors import fault_problem
-from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, examined
+from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
 from console.session.station.state import StationState
@@ -178,7 +178,9 @@ class _Reader:
         found: Found
         try:
             simulated, lathe = question.simulated, question.lathe
-            read = examined(question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe)
+            read = read_gauge_file(
+                question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe
+            )
             found = of_this_part(read, self._data, question.run_id)
         except ProfileError as error:
             found = tuple(error.problems)

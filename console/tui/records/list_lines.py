@@ -9,7 +9,7 @@ from console.session.data.run_reader import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
-from console.tui.records.listing import Listing, Wanted
+from console.tui.records.listing import Listing, ListQuery
 from console.tui.theme import Token
 from console.units import Units
 from profiles.files import printable
@@ -44,7 +44,7 @@ def judged(row: RunRow, units: Units) -> Piece:
     return to_the_right(f"{units.figure(row.ront_um, 'um', 2)} {mark}", _RONT), token
 
 
-def title_words(wanted: Wanted, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
+def title_words(wanted: ListQuery, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
     """Return how many runs are listed, and which."""
     count = NOTHING if listing is None else f"{len(listing.rows)}{'+' if listing.more else ''}"
     said = [text("records_page.title", count=count)]
@@ -92,7 +92,7 @@ def hidden_words(runs: RunList, text: Catalogue, height: int) -> str:
     return "  ".join(words)
 
 
-def nothing_lines(wanted: Wanted, text: Catalogue, width: int) -> list[Line]:
+def nothing_lines(wanted: ListQuery, text: Catalogue, width: int) -> list[Line]:
     """Return why no run is listed, and what makes one."""
     filters = wanted.filters
     if filters.failed or filters.job is not None or wanted.words:

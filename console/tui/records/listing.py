@@ -13,7 +13,7 @@ ALL = 1_000_000
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class ListQuery:
     """Which runs to list: `words` are in the name of the job; `version` changes when the record may have."""
 
     filters: RunFilters
@@ -26,7 +26,7 @@ class Wanted:
 class Listing:
     """The runs found so far, newest first, and whether there may be more."""
 
-    wanted: Wanted
+    wanted: ListQuery
     rows: tuple[RunRow, ...] = ()
     more: bool = True
 
@@ -35,7 +35,7 @@ class Listing:
         return next((place for place, row in enumerate(self.rows) if row.run_id == run_id), None)
 
 
-def listed(folder: Path, wanted: Wanted, known: Listing | None) -> Listing:
+def list_runs(folder: Path, wanted: ListQuery, known: Listing | None) -> Listing:
     """Return as many runs as are wanted, continuing what is `known` of the same ones.
 
     Raises SessionError: as `console.session.data.run_reader.runs`.
@@ -56,5 +56,5 @@ def listed(folder: Path, wanted: Wanted, known: Listing | None) -> Listing:
     return Listing(wanted=wanted, rows=tuple(rows), more=more)
 
 
-def _same(one: Wanted, other: Wanted) -> bool:
+def _same(one: ListQuery, other: ListQuery) -> bool:
     return (one.filters, one.words, one.version) == (other.filters, other.words, other.version)

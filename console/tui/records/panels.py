@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -40,8 +39,8 @@ from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
-from console.tui.records.listing import Listing, Wanted
-from console.tui.records.reading import Opened
+from console.tui.records.listing import Listing, ListQuery
+from console.tui.records.reading import OpenedRuns
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
@@ -50,7 +49,7 @@ from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
 from profiles.strict_values import number, number_or_none
 
-Found = Listing | Opened | JobChart | Problems | None
+Found = Listing | OpenedRuns | JobChart | Problems | None
 _PAGE_LEAST = 1
 _LABEL_LEAST = 13  # columns
 _MARKS = {True: "✓", False: "✗", None: "·"}
@@ -91,19 +90,6 @@ class RoundnessPanel(Horizontal):
         super().__init__(self.left, self.facts, id="records-run")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pair:
-    """Two opened runs: the one that was marked, and the one that was opened beside it."""
-
-    marked: OpenedRun
-    other: OpenedRun
-
-    @property
-    def sides(self) -> tuple[OpenedRun, OpenedRun]:
-        """Both, the marked one first."""
-        return self.marked, self.other
-
-
 def polar_of(traces: Sequence[tuple[EvaluatedPart | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
     """Return what is plotted, with jaw 1 of all at the angle of the last; each with its token, or dashed."""
     shown = [(trace, token, dashed) for trace, token, dashed in traces if trace is not None]
@@ -124,24 +110,24 @@ def _turn_deg(trace: EvaluatedPart, jaw_1_deg: float | None) -> float:
     return 0.0 if jaw_1_deg is None or trace.jaw_1_deg is None else jaw_1_deg - trace.jaw_1_deg
 
 
-def pair_caption(pair: Pair, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
+def pair_caption(pair: OpenedRuns, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
     """Return the legend of the two traces, and their scale."""
     rows = []
-    for run, key in zip(pair.sides, (BEFORE_KEY, AFTER_KEY), strict=True):
+    for run, key in zip(pair.runs, (BEFORE_KEY, AFTER_KEY), strict=True):
         part = run.story.product
         ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
-        token = Token.BEFORE if run is pair.marked else Token.AFTER
+        token = Token.BEFORE if run is pair.runs[0] else Token.AFTER
         rows.append(
             ranged(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
         )
     scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
-    traces = [run.evaluated(run.product) for run in pair.sides]
+    traces = [run.evaluated(run.product) for run in pair.runs]
     untied = any(trace is not None and trace.jaw_1_deg is None for trace in traces)
     note = text("records_page.not_turned") if untied else text("records_page.turned")
     return [*rows, ranged(line(dim(note)), line(dim(" " + scale)), width)]
 
 
-def pair_lines(pair: Pair, text: Catalogue, width: int) -> list[Line]:
+def pair_lines(pair: OpenedRuns, text: Catalogue, width: int) -> list[Line]:
     """Return the table of both runs, the most important rows first."""
     column = max((width - _LABEL_LEAST) // 2, 8)
     label = max(width - 2 * column, 1)
@@ -153,9 +139,9 @@ def pair_lines(pair: Pair, text: Catalogue, width: int) -> list[Line]:
     return rows
 
 
-def _rows(pair: Pair, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
+def _rows(pair: OpenedRuns, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
     """Return each row of the table with the values of both."""
-    marked, other = (_values(run, text) for run in pair.sides)
+    marked, other = (_values(run, text) for run in pair.runs)
     names = [*marked, *(name for name in other if name not in marked)]
     return [(name, (marked.get(name, NOTHING), other.get(name, NOTHING))) for name in names]
 
@@ -340,7 +326,7 @@ class RecordsPanels:
             return self._rows
         if isinstance(found, JobChart):
             return self._chart
-        if not isinstance(found, Opened):
+        if not isinstance(found, OpenedRuns):
             return self._rows if mode is Mode.LIST and found is None else self._message
         if mode is Mode.CUT:
             return self._cut if found.runs[0].telemetry is not None else self._message
@@ -354,7 +340,7 @@ class RecordsPanels:
         return max(panel.size.height - 2, _PAGE_LEAST)
 
     def show_list(
-        self, runs: RunList | None, wanted: Wanted, found: Found, *, everywhere: bool, typing: bool
+        self, runs: RunList | None, wanted: ListQuery, found: Found, *, everywhere: bool, typing: bool
     ) -> None:
         """Show the list, or why there is none."""
         text = self._text
@@ -380,7 +366,7 @@ class RecordsPanels:
         text = self._text
         if isinstance(found, JobChart):
             return self._show_chart(found, top)
-        if not isinstance(found, Opened):
+        if not isinstance(found, OpenedRuns):
             lines = [line(dim(text("records_page.reading")))]
             if isinstance(found, tuple):
                 lines = _problem_lines(found, text, max(self._message.size.width, 1))
@@ -393,10 +379,10 @@ class RecordsPanels:
             lines = self._lines(found, self._program, lambda _: program_lines(run))
             return self._scroll(self._program, lines, top, text("records_page.program", time=_when(run)))
         if mode is Mode.PAIR and len(found.runs) > 1:
-            return self._show_pair(Pair(marked=found.runs[0], other=run), found, top)
+            return self._show_pair(found, top)
         return self._show_run(run, found, top)
 
-    def _show_run(self, run: OpenedRun, found: Opened, top: int) -> int:
+    def _show_run(self, run: OpenedRun, found: OpenedRuns, top: int) -> int:
         text, panel = self._text, self._run
         others = [(found, Token.BEFORE, True) for part, found in run.traces if not part.product]
         polar, marks = polar_of([*others, (run.evaluated(run.product), Token.AFTER, False)])
@@ -408,16 +394,16 @@ class RecordsPanels:
         lines = self._lines(found, panel.facts, lambda width: story_lines(run, text, width))
         return self._scroll(panel.facts, lines, top, _when(run))
 
-    def _show_pair(self, pair: Pair, found: Opened, top: int) -> int:
+    def _show_pair(self, pair: OpenedRuns, top: int) -> int:
         text, panel = self._text, self._run
-        one, other = (run.evaluated(run.product) for run in pair.sides)
+        one, other = (run.evaluated(run.product) for run in pair.runs)
         polar, marks = polar_of([(one, Token.BEFORE, True), (other, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("records_page.both"))
         scale = panel.polar.scale_um_per_division
         panel.caption.show(pair_caption(pair, scale, text, max(panel.caption.size.width, 1)))
-        lines = self._lines(found, panel.facts, lambda width: pair_lines(pair, text, width))
+        lines = self._lines(pair, panel.facts, lambda width: pair_lines(pair, text, width))
         return self._scroll(panel.facts, lines, top, text("records_page.pair"))
 
     def _show_cut(self, run: OpenedRun) -> int:
@@ -479,10 +465,10 @@ def full_lines(mode: Mode, found: Found, text: Catalogue, width: int) -> list[Li
         return _problem_lines(found, text, width)
     if isinstance(found, JobChart):
         return chart_lines(found, text, width)
-    if not isinstance(found, Opened) or mode is Mode.PROGRAM:
+    if not isinstance(found, OpenedRuns) or mode is Mode.PROGRAM:
         return []
     if mode is Mode.PAIR and len(found.runs) > 1:
-        return pair_lines(Pair(marked=found.runs[0], other=found.runs[1]), text, width)
+        return pair_lines(found, text, width)
     return story_lines(found.runs[-1], text, width)
 
 

@@ -7,17 +7,17 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from console.session.data.run_reader import RunRow
-from console.session.learning.job_chart import Figure, JobChart, job_chart, parts_like
+from console.session.learning.job_chart import Figure, JobChart, job_chart, list_like_parts
 from console.session.learning.opened_run import OpenedRun, open_run
 from console.tui.records.background_reader import BackgroundReader, Problems
-from console.tui.records.listing import Listing, Wanted, listed
+from console.tui.records.listing import Listing, ListQuery, list_runs
 from profiles.store import LoadedMachine
 
 STATISTICS = "scipy.stats"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Opened:
+class OpenedRuns:
     """The runs that are open: one, or the marked one and another."""
 
     runs: tuple[OpenedRun, ...]
@@ -29,26 +29,26 @@ class RecordsReader:
     def __init__(self, data: Path, machine: LoadedMachine) -> None:
         self._data, self._machine = data, machine
         self._list: BackgroundReader[Listing] = BackgroundReader()
-        self._runs: BackgroundReader[Opened] = BackgroundReader()
+        self._runs: BackgroundReader[OpenedRuns] = BackgroundReader()
         self._chart: BackgroundReader[JobChart] = BackgroundReader()
         self._known: Listing | None = None
 
-    def listing(self, wanted: Wanted) -> Listing | Problems | None:
+    def listing(self, wanted: ListQuery) -> Listing | Problems | None:
         """Return the runs that are wanted; what is known of them is continued."""
         known = self._known
-        found = self._list.answer(wanted, lambda: listed(self._data, wanted, known))
+        found = self._list.answer(wanted, lambda: list_runs(self._data, wanted, known))
         if isinstance(found, Listing):
             self._known = found
         return found
 
     def opened(
         self, run_ids: tuple[str, ...], version: tuple[object, ...], *, moving: bool
-    ) -> Opened | Problems | None:
+    ) -> OpenedRuns | Problems | None:
         """Return these runs in full. While something moves, why a part is not round is left for later."""
         data, machine, explains = self._data, self._machine, not moving
 
-        def read() -> Opened:
-            return Opened(runs=tuple(open_run(data, each, machine, explains=explains) for each in run_ids))
+        def read() -> OpenedRuns:
+            return OpenedRuns(runs=tuple(open_run(data, each, machine, explains=explains) for each in run_ids))
 
         return self._runs.answer((run_ids, explains, version), read)
 
@@ -60,7 +60,7 @@ class RecordsReader:
         question = (row.run_id, figure, judge, version)
 
         def read() -> JobChart:
-            parts, others = parts_like(self._data, row)
+            parts, others = list_like_parts(self._data, row)
             found = job_chart(parts, figure, judge=judge)
             return replace(found, job=row.job, strategy=row.strategy, others=others)
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from console.session.data.run_facts import Kind, origin_facts, setup_facts
 from console.session.data.run_reader import How, RecordedPart, RunRow
 from console.session.data.run_rows import recorded_problems
@@ -21,7 +19,7 @@ from console.text.recorded_words import (
 )
 from console.text.run_debrief import debrief_sections
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
-from console.tui.pages.inspect_lines import FRONT_MULTIPLES
+from console.tui.pages.inspect_lines import FRONT_MULTIPLES, diameter_verdict, judged_line, roundness_facts
 from console.tui.pages.jobs_lines import job_lines
 from console.tui.pages.learn_lines import cut_words
 from console.tui.theme import Token
@@ -57,7 +55,7 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
     part, row = run.story.product, run.story.row
-    lines = verdict(part, text) if part is not None else [line(dim(text("records.not_measured")))]
+    lines = _verdict(part, text, width) if part is not None else [line(dim(text("records.not_measured")))]
     ended = ending_words(row.ended, text, Layout.PAGE, run.story.alarms)
     lines += wrapped(ended, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
@@ -67,27 +65,13 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     return lines
 
 
-def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
-    """Return RONt of a part against its tolerance, and its diameter where that has one, as they were judged."""
-    facts = {"value": text.units.figure(part.ront_um, "um", 2), "limit": NOTHING}
-    if part.tolerance_um is not None:
-        facts["limit"] = text.units.figure(part.tolerance_um, "um", 2)
+def _verdict(part: RecordedPart, text: Catalogue, width: int) -> list[Line]:
+    """Return RONt of a part against its tolerance, and its diameter if that has one, as they were judged."""
+    facts = roundness_facts(part.ront_um, part.tolerance_um, text)
     if part.passed is None:
         return [line((text("records_page.not_judged", **facts), Token.TEXT))]
-    lines = [_judged("", facts, passes=bool(part.is_round), text=text)]
-    allowed_um, of_size = part.diameter_tolerance_um, part.is_of_size
-    if part.diameter_mm is not None and allowed_um is not None and of_size is not None:
-        facts = {
-            "value": text.units.figure(part.diameter_mm, "mm", 3),
-            "limit": text.units.short(allowed_um, "um"),
-        }
-        lines.append(_judged("diameter_", facts, passes=of_size, text=text))
-    return lines
-
-
-def _judged(what: str, facts: Mapping[str, str], *, passes: bool, text: Catalogue) -> Line:
-    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
-    return line((mark + text(f"inspect_page.{what}{word}", **facts), token))
+    size = diameter_verdict(part.diameter_mm, part.diameter_tolerance_um, part.is_of_size, text, width)
+    return [judged_line("", facts, text, width, passes=bool(part.is_round)), *size]
 
 
 def made_of(row: RunRow, text: Catalogue) -> str:

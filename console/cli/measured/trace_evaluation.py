@@ -8,7 +8,7 @@ from pathlib import Path
 
 from console.cli.library import job_of, named, naming
 from console.session.cut.recording import mean_diameter_of
-from console.session.learning.evaluated_part import EvaluatedPart, one_turn
+from console.session.learning.evaluated_part import EvaluatedPart, fold_turns
 from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
@@ -18,7 +18,7 @@ from profiles.trace_files.plausible import size_doubt, unit_doubt
 from profiles.traces import Trace, read_trace
 
 
-def measured_trace(options: Namespace) -> EvaluatedPart:
+def evaluate_trace_file(options: Namespace) -> EvaluatedPart:
     """Evaluate a trace and return the results with every warning; without a V-block for the requested circle."""
     where = printable(options.file)
     job = job_of(options).job if options.job else None
@@ -26,7 +26,7 @@ def measured_trace(options: Namespace) -> EvaluatedPart:
     header, warnings = header_of(trace.meta)
     _refuse_method(header, options, where)
     with naming(where):
-        turn, turns = one_turn(trace, header)
+        turn, turns = fold_turns(trace, header)
         result = _evaluated(turn, header, job, options)
     plane = trace.centre_mm is not None
     doubts = unit_doubt(result.ront_um, trace.meta, plane=plane) if options.vblock is None else ()
