@@ -1,4 +1,4 @@
-"""How the cut went: tool and spindle over the turns, how it ended, alarms, what the operator did."""
+"""Section on the cut: tool and spindle over the turns, its end, alarms, actions of the operator."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class InPart:
 
 
 def write_course(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return the section."""
+    """Write the section."""
     cuts = [found for each in run.story.telemetry if (found := _in_part(each, run)) is not None]
     last = cuts[-1] if cuts else None
     ended = ending_words(run.story.row.ended, text, Layout.REPORT, run.story.alarms)
@@ -106,7 +106,7 @@ def _drawn(run: OpenedRun, cut: InPart, text: Catalogue) -> Markup:
 
 
 def _recorded_figures(run: OpenedRun, text: Catalogue) -> Markup | None:
-    """Return the errors of the tool as the console judged them at the end of the cut."""
+    """Return the tool errors as judged at the end of the cut."""
     found = [event.data for event in run.story.events if event.kind in ("result", "cut", "held")]
     if not found:
         return None
@@ -142,7 +142,7 @@ def _priority(alarm: AlarmStory, text: Catalogue) -> str:
 
 
 def _after(run: OpenedRun, alarm: AlarmStory, text: Catalogue) -> str:
-    """Return when an alarm was acknowledged, and when its cause was gone."""
+    """Return when an alarm was acknowledged, and when it cleared."""
     said = []
     if alarm.acknowledged is not None:
         said.append(text("alarms_page.acknowledged", at=_time(run, alarm.acknowledged)))
@@ -165,7 +165,7 @@ def _events(run: OpenedRun, text: Catalogue) -> Markup | None:
 
 
 def _name(event: RunEvent, text: Catalogue) -> str:
-    """Return what happened; of a kind that this console does not know, its name in the record."""
+    """Return an event in words; an unknown kind by its name in the record."""
     data = event.data
     if event.kind == "step":
         part, step = part_words(str(data.get("part") or "part"), text), str(data.get("step", ""))
@@ -181,7 +181,7 @@ def _known(family: str, name: str, text: Catalogue) -> str:
 
 
 def _detail(event: RunEvent, text: Catalogue) -> str:
-    """Return the plain values of an event, without those that stand elsewhere in the report."""
+    """Return the plain values of an event, without those shown elsewhere in the report."""
     data = event.data
     if event.kind == "step":
         return str(data.get("detail", ""))

@@ -1,4 +1,4 @@
-"""What the part taught, and how it stands among the parts of its job before it."""
+"""Sections on the debrief, the learning step, and the run chart of the job."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from profiles.strict_values import number_or_none
 
 
 def write_debrief(run: OpenedRun, text: Catalogue) -> Markup | None:
-    """Return what the run cost, why, what to do next time, and what the record does not tell; None without it."""
+    """Write the debrief: cost, causes, advice, course, gaps of the record; None without a debrief."""
     if run.debrief is None:
         return None
     parts = [
@@ -32,7 +32,7 @@ def write_debrief(run: OpenedRun, text: Catalogue) -> Markup | None:
 
 
 def write_learning(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return the proposed learning step and whether it was accepted."""
+    """Write the proposed learning step and whether it was accepted."""
     lines = [*_proposed(run, text), *_accepted(run, text), *_series(run, text)]
     body = list_of(lines) if lines else paragraph(text("report.nothing_learned_here"))
     return section("learned", text("report.learned"), body)
@@ -86,7 +86,7 @@ def _series(run: OpenedRun, text: Catalogue) -> Iterator[str]:
 
 
 def write_chart(run: OpenedRun, text: Catalogue) -> Markup | None:
-    """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
+    """Write the run chart of the parts up to this one; None for a single part."""
     points, row = run.points or (), run.story.row
     if len(points) < 2:
         return None

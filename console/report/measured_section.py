@@ -1,4 +1,4 @@
-"""What was measured: the part before and after compensation, drawn on one scale, in figures and in harmonics."""
+"""Section on the measurement: the part before and after compensation as plots, figures and harmonics."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 
 
 def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return the section; without a measured part it says so."""
+    """Write the section; without a measured part it says so."""
     title = text("report.measured")
     if not run.parts:
         return section("measured", title, paragraph(text("report.nothing_measured")))
@@ -61,7 +61,7 @@ def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
 
 
 def _how(run: OpenedRun, text: Catalogue) -> Markup | None:
-    """Return what applies to each figure: circle, filter, state, number of points."""
+    """Return the conditions of every figure: circle, filter, state, number of points."""
     shown = run.product or run.parts[-1]
     found = run.evaluated(shown)
     if found is None:
@@ -96,9 +96,9 @@ class Profile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """What is drawn beside the profiles: the zone of the tolerance, um from the circle, and the jaws.
+    """The tolerance zone, um from the circle, and the jaws, drawn with the profiles.
 
-    The zone is None where nothing is judged, `jaw_1_deg` None where the angles are not tied to the jaws.
+    The zone is None if nothing is judged, `jaw_1_deg` None if the angles are not tied to the jaws.
     """
 
     zone_um: tuple[float, float] | None = None
@@ -236,7 +236,7 @@ def _drawn(found: EvaluatedPart, by_deg: float = 0.0, *, bold: bool = True) -> P
 
 
 def _stated(job: Job, jaw_1_deg: float) -> Profile:
-    """Return the lobe that a job states, with jaw 1 where it is in the trace."""
+    """Return the lobe that a job states, turned to jaw 1 of the trace."""
     turned = _TURN_DEG - jaw_1_deg + job.jaw_1_deg
     return Profile(angle_deg=_TURN_DEG, deviation_um=free_state_lobe(job).at_um(turned), bold=False)
 
@@ -371,7 +371,7 @@ def _phase(found: EvaluatedPart, n: int) -> str:
 
 
 def _all_parts(run: OpenedRun, text: Catalogue) -> Markup | None:
-    """Return every measurement of the run, where there are more than the two that are compared."""
+    """Return all measurements of the run; None if they are the two that are compared."""
     again = [(part, text("report.measured_again")) for part in run.again]
     parts = [(part, "") for part in run.parts]
     if not again and all(part in (run.before, run.product) for part in run.parts):
@@ -398,7 +398,7 @@ def _passed(passed: bool | None, text: Catalogue) -> str:
 
 
 def _checks(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return whether each trace gives what was recorded."""
+    """Return whether each trace reproduces its recorded figures."""
     lines = []
     for part in run.parts:
         name, found = part_words(part.part or "part", text), run.evaluated(part)

@@ -80,7 +80,7 @@ pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK K
 
 
 def write_report(run: OpenedRun, text: Catalogue) -> str:
-    """Return the text of the HTML file of a run."""
+    """Write a run as the text of an HTML file."""
     row = run.story.row
     title = text("report.title", job=row.job, run=row.run_id[:SHORT_ID])
     if row.simulated:
@@ -113,7 +113,7 @@ def write_report(run: OpenedRun, text: Catalogue) -> str:
 
 
 def _running(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return what stands at the top of each printed page: that it is simulated, the job and the run."""
+    """Return the header of each printed page: SIMULATED, the job and the run."""
     row = run.story.row
     banner = None
     if row.simulated:
@@ -130,7 +130,7 @@ def _running(run: OpenedRun, text: Catalogue) -> Markup:
 
 
 def _head(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return who, what and when, and the verdict."""
+    """Return job, part, machine, operator, date and run, and the verdict."""
     row = run.story.row
     rows = [
         (text("fact.job"), row.job),

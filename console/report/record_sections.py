@@ -1,4 +1,4 @@
-"""What the record rests on: hashes and versions, what is missing from it, and the program in full."""
+"""Sections on the record itself: hashes and versions, its gaps, and the program in full."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from profiles.job_labels import hash_of_job
 
 
 def write_provenance(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return versions and hashes, by which everything can be found again, and how numbers are rounded."""
+    """Write versions and hashes, by which everything can be found again, and the rounding of numbers."""
     story = run.story
     rows = [
         *fact_rows(origin_facts(story), text, Layout.REPORT),
@@ -45,7 +45,7 @@ def _as_filed(run: OpenedRun, text: Catalogue) -> str:
 
 
 def write_gaps(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return what the record does not have, or what of it cannot be read."""
+    """Write the gaps of the record: missing or unreadable data."""
     lines = list(list_gaps(run, text))
     body = list_of(lines) if lines else paragraph(text("report.nothing_missing"))
     return section("missing", text("report.missing"), body)
@@ -87,7 +87,7 @@ def list_gaps(run: OpenedRun, text: Catalogue) -> Iterator[str]:  # noqa: C901 -
 
 
 def write_program(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return the program in full; it can be folded, and is printed."""
+    """Write the program in full; it can be folded, and is printed."""
     content = run.story.program
     if not content.strip():
         return section("program", text("report.program_text"), paragraph(text("report.no_program")))

@@ -1,4 +1,4 @@
-"""What was asked for, what was set at the machine, and what was sent to its controller."""
+"""Sections on the job, the set-up of the machine, and the program sent to the controller."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _UNITS = {field.key: _SIGNS.get(field.unit, field.unit) for field in JOB_FIELDS}
 
 
 def write_request(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return the part and the cut as the job states them, and where its lobe is from."""
+    """Write the part and the cut as the job states them, with the source of its lobe."""
     title, job = text("report.asked"), run.job
     if job is None:
         why = [text.problem(problem) for problem in run.job_problems] or [text("report.no_job_text")]
@@ -60,7 +60,7 @@ def write_request(run: OpenedRun, text: Catalogue) -> Markup:
 
 
 def _rows(job: Job, keys: tuple[str, ...], text: Catalogue) -> list[tuple[str, str]]:
-    """Return the fields of a job that have a value; those that its source does not give are marked."""
+    """Return the job fields that have a value; assumed ones are marked."""
     rows = []
     for key in keys:
         value = getattr(job, key)
@@ -80,7 +80,7 @@ def _lobe(job: Job, text: Catalogue) -> list[tuple[str, str]]:
 
 
 def write_setup(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return the alignment and the forces of the cut, and when each was taken."""
+    """Write the alignment and the forces of the cut, with the time of each."""
     setup, title = run.story.setup_as_armed, text("report.set")
     if not setup:
         return section("set", title, paragraph(text("report.no_setup")))
@@ -106,7 +106,7 @@ def _items(value: object) -> list[tuple[object, object]]:
 
 
 def write_sent(run: OpenedRun, text: Catalogue) -> Markup:
-    """Return how the program was made, and what it is known by."""
+    """Write the origin of the program, and its hash."""
     story, row = run.story, run.story.row
     version = row.compensation
     stage = text("report.not_recorded") if row.stage is None else stage_words(row.strategy, row.stage, text)

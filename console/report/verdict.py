@@ -18,7 +18,7 @@ from console.text.recorded_words import Layout, ending_words
 
 
 class Judgement(StrEnum):
-    """What a report says of a part."""
+    """Verdict of a report on a part."""
 
     GOOD = "good"
     BAD = "bad"
@@ -32,7 +32,7 @@ SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", J
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """A judgement, and the sentences that say why."""
+    """A judgement with its reasons as sentences."""
 
     judgement: Judgement
     reasons: tuple[str, ...]
@@ -62,7 +62,7 @@ def judge_run(run: OpenedRun, text: Catalogue) -> Verdict:
 
 
 def _judged(run: OpenedRun, text: Catalogue) -> Iterator[str]:
-    """Yield what was measured against what was allowed."""
+    """Yield each measured value against its limit."""
     recorded = run.product
     if recorded is None or recorded.passed is None:
         return
@@ -79,7 +79,7 @@ def _judged(run: OpenedRun, text: Catalogue) -> Iterator[str]:
 
 
 def _tool(found: Mapping[str, Any], text: Catalogue) -> Iterator[str]:
-    """Yield how far the tool itself was off its plan, if that was more than it may use."""
+    """Yield each tool error that exceeds its fraction of the tolerance."""
     tool = found.get("tool")
     if found.get("cut_verdict") == CutJudgement.TOOL_ERROR and isinstance(tool, Mapping):
         for name in FIGURES:

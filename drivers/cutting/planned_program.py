@@ -1,6 +1,6 @@
-"""What planning a cut gives to a strategy, and what the strategy makes of it.
+"""Input and output of a strategy when a cut is planned.
 
-Apart from the descriptors, which are read at every start: this is needed once a program is made.
+Kept apart from the descriptors, which are read at every start: this is needed only once a program is made.
 """
 
 from __future__ import annotations

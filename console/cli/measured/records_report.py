@@ -45,7 +45,7 @@ FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter
 
 
 def filters_of(options: Namespace) -> RunFilters:
-    """Return what the arguments select."""
+    """Return the filters given by the arguments."""
     return RunFilters(
         job=options.job,
         machine=options.of_machine,
@@ -79,9 +79,9 @@ def _list_lines(shown: tuple[RunRow, ...], more: bool, lathes: Mapping[str, str]
 
 
 def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
-    """Return a run on a line with its id, and what became of it on those below; nothing is cut off.
+    """Return a run: a line with its id, and its result and cut below; nothing is cut off.
 
-    `lathe` is named where the runs are of several.
+    `lathe` is named if the runs are of several.
     """
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], local(row.started), *sim, row.job])
@@ -138,7 +138,7 @@ def show_run(options: Namespace, text: Catalogue) -> None:
 def debrief_run(options: Namespace, text: Catalogue) -> None:
     """Print what a run cost, why, and what to do next time; as JSON with codes beside the sentences."""
     from console.session.learning.run_debrief import run_debrief
-    from console.text.run_debrief import debrief_sections, told_words
+    from console.text.run_debrief import debrief_sections, incident_words
 
     data = data_of(options)
     found = story(data, options.run)
@@ -153,7 +153,7 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
             "setup": found.setup,
             "causes": [asdict(cause) for cause in debrief.causes],
             "next": [each.value for each in debrief.advice],
-            "happened": [{"at_s": each.at_s, "text": told_words(each, text)} for each in debrief.happened],
+            "happened": [{"at_s": each.at_s, "text": incident_words(each, text)} for each in debrief.happened],
             "unknown": [each.code for each in debrief.unknown],
             "text": dict(sections),
         },
@@ -162,7 +162,7 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
 
 
 def story_fields(found: RunStory) -> dict[str, object]:
-    """Return a run in full for JSON; of traces and telemetry what there is of them."""
+    """Return a run in full for JSON; of traces and telemetry only their sizes."""
     return {
         **row_fields(found.row),
         **fields_of(found, "software", "python", "controller", "family", "job_sha256", "machine_sha256", "setup"),
@@ -232,7 +232,7 @@ def _indented(lines: Iterable[str]) -> list[str]:
 
 
 def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
-    """Return what the run rests on, as far as it is recorded."""
+    """Return versions, hashes, set-up and diameter, as far as they are recorded."""
     rows = fact_rows((*origin_facts(found), *setup_facts(found)), text, Layout.COMMAND)
     diameter = _diameter(found.row, text)
     return [*rows, *([(text("records.diameter"), diameter)] if diameter else [])]

@@ -1,4 +1,4 @@
-"""What the record keeps of a cut: telemetry from its status polls, and its measured part."""
+"""Recording of a cut: telemetry from its status polls, and its measured part."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known
 
 
 class CutRecorder:
-    """Takes what is to be recorded of the cuts of one machine, and keeps nothing: for a cut of no recorded run."""
+    """Receives the events of the cuts of one machine and keeps nothing: for cuts outside a recorded run."""
 
     def part(self, name: str, *, product: bool) -> None:
         """Name the cuts that follow; one for comparison is no `product`."""
@@ -71,7 +71,7 @@ class LogRecorder(CutRecorder):
         self._log.begin_cut(self._name, TelemetryRows(plan, job, machine))
 
     def see(self, snapshot: Snapshot) -> None:
-        """Add a poll: what it needs of the machine, as numbers. All else is computed by the log's thread."""
+        """Add a poll as numbers; the log's thread computes the rest."""
         tool, spindle = snapshot.tool, snapshot.spindle
         polled = (snapshot.at_s, tool.position, spindle.position, snapshot.carriage.position, tool.following_error)
         self._log.poll(polled)
@@ -81,7 +81,7 @@ class LogRecorder(CutRecorder):
         self._log.end_cut()
 
     def judged(self, verdict: CutVerdict) -> None:
-        """Keep whether the part of this cut can be judged."""
+        """Note whether the part of this cut can be judged."""
         self._proven = verdict.proven
 
     def gathered(self, batch: Batch) -> None:
@@ -146,7 +146,7 @@ class TelemetryRows:
         return 60.0 * turns / (now[0] - before[0]) if now[0] > before[0] else np.nan
 
     def _phase_deg(self) -> float:
-        """Return the phase lag of the tool in spindle degrees, NaN where too few polls in the part tell it."""
+        """Return the phase lag of the tool in spindle degrees, NaN with too few polls in the part."""
         if not self._follows:
             return np.nan
         polls = np.array(self._polls, dtype=np.float64)[-PHASE_POLLS:]
@@ -171,7 +171,7 @@ def part_record(
     file: tuple[str, bytes] | None = None,
     more: Mapping[str, object] | None = None,
 ) -> RecordedPart:
-    """Return what the record keeps of a measured part; one whose cut is not `proven` is not judged.
+    """Return a measured part for the record; if its cut is not `proven`, it is not judged.
 
     `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
     would write it, with `made`, how the part was cut, in its header. `more` is added to the figures.
@@ -196,7 +196,7 @@ def part_record(
 
 
 def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:
-    """Return the mean diameter, None where the trace does not state the radius at which its deviation is 0."""
+    """Return the mean diameter; None if the trace does not state the radius of zero deviation."""
     header, _ = header_of(trace.meta)
     if header.radius_mm is None or header.size == "relative":
         return None

@@ -99,7 +99,7 @@ class MadeWith:
         return {**self.header(), "compensation": version, CUT_JAW: jaw_1_deg}
 
     def header(self) -> dict[str, str]:
-        """Return the keys and values that the header of a trace has of it."""
+        """Return it as header lines of a trace."""
         return {key: value for key, value in asdict(self).items() if key not in (CHANGED, FINGERPRINT) or value}
 
 
@@ -145,7 +145,7 @@ def _other(key: str, value: str, limit: str) -> SessionError:
 
 
 def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
-    """Return how the parts of these cuts were made, None where the record does not say."""
+    """Return how the parts of these cuts were made, None if it is not recorded."""
     return [made for kind, data, _ in cuts for made in _made(kind, data)]
 
 
@@ -173,7 +173,7 @@ def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
 
 
 def is_other_lathe(stated: str, recorded: str | None) -> bool:
-    """Whether two texts of simulated lathes are those of two lathes; one that is not known is none."""
+    """Whether two simulated lathes differ; an unknown one differs from none."""
     return bool(stated and recorded) and stated != recorded
 
 
@@ -339,12 +339,12 @@ class RecordedPart:
 
     @property
     def is_round(self) -> bool | None:
-        """Whether RONt is within its tolerance; the verdict where no tolerance is recorded."""
+        """Whether RONt is within its tolerance; the recorded verdict without one."""
         return self.passed if self.tolerance_um is None else self.ront_um <= self.tolerance_um
 
     @property
     def off_nominal_um(self) -> float | None:
-        """How much the mean diameter is larger than the nominal one, um; None where either is not known."""
+        """Oversize of the mean diameter, um; None if it or the nominal one is unknown."""
         if self.diameter_mm is None or self.nominal_diameter_mm is None:
             return None
         return 1000.0 * (self.diameter_mm - self.nominal_diameter_mm)

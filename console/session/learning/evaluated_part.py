@@ -277,9 +277,9 @@ def turn_to_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Tra
 
 
 def turn_result_to_spindle(found: RoundnessResult, header: TraceHeader, spindle_deg: float) -> RoundnessResult:
-    """Return the result of a turn with its angles as `turn_to_spindle` has them; not a figure of it changes.
+    """Return the result of a turn at spindle angles; no figure changes.
 
-    The contacts of the circles, which are places in the order of the file, are left out.
+    The contacts of the circles are left out: they are indices into the points of the file.
     """
     jaw_1_deg = header.jaw_1_of(spindle_deg)
     if jaw_1_deg is None:

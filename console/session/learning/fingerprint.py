@@ -1,4 +1,4 @@
-"""The fingerprint of a clamping in a cut: what becomes of its path, and what a learning step has to know of it.
+"""The fingerprint of a clamping in a cut: its effect on the path and on the learning step.
 
 Versions are kept with jaw 1 where the file of the job has it, and so is what was felt. How a part was clamped is
 one line of text in the record and in the header of its trace.

@@ -1,4 +1,4 @@
-"""Run chart of a job: its measured parts in the order of manufacture, and what may be claimed of them."""
+"""Run chart of a job: its measured parts in the order of manufacture, with limits and capability."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MOST_BEYOND = 0.01
 
 
 class Figure(StrEnum):
-    """What is charted of each part."""
+    """The charted figure of each part."""
 
     RONT = "ront"
     DIAMETER = "diameter"
@@ -71,7 +71,7 @@ class JobChart:
 
     @property
     def alike(self) -> int:
-        """How many parts were made alike, up to the newest."""
+        """Number of parts made alike, up to the newest."""
         return len(self.values_um) - self.begins
 
     @property
@@ -91,7 +91,7 @@ def list_like_parts(data: Path, row: RunRow) -> tuple[tuple[RecordedPart, ...], 
 
 
 def job_chart(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool = True) -> JobChart:
-    """Return the chart of one figure; without `judge` what loads scipy is left out."""
+    """Return the chart of one figure; without `judge`, no statistics that load scipy."""
     known = [(place, point) for place, point in enumerate(parts, 1) if _value_um(point, figure) is not None]
     values = tuple(value for _, point in known if (value := _value_um(point, figure)) is not None)
     points = [point for _, point in known]
@@ -123,7 +123,7 @@ def _value_um(point: RecordedPart, figure: Figure) -> float | None:
 
 
 def _begins(points: Sequence[RecordedPart]) -> int:
-    """Return the first of the newest parts that were made alike."""
+    """Return the index of the first of the newest parts that were made alike."""
     made = [
         (
             each.compensation,

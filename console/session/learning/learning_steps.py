@@ -69,7 +69,7 @@ class LeftHarmonic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taught:
+class LearningOutcome:
     """A learning step, its cut, warnings, each harmonic that could be learned, and why the part is not round."""
 
     step: LearningStep
@@ -80,7 +80,7 @@ class Taught:
     causes: tuple[Cause, ...] = ()
 
 
-def taught(
+def learn_from_trace(
     trace: Trace,
     job: LoadedJob,
     machine: LoadedMachine,
@@ -92,7 +92,7 @@ def taught(
     robust: bool,
     date: str,
     extra: tuple[int, ...] = (),
-) -> Taught:
+) -> LearningOutcome:
     """Return the learning step from the trace of a part; `said` is what is known of its cut, see `made_with`.
 
     `identified` is the file of the response that the cut has inverted, `extra` are further harmonics to learn.
@@ -114,11 +114,11 @@ def taught(
     its = next((data for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), "{}")
     how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
     how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its)}
-    found = taught_by(trace, job, machine, data, made, identified, **how)
+    found = learn_from_part(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
 
-def taught_by(
+def learn_from_part(
     trace: Trace,
     job: LoadedJob,
     machine: LoadedMachine,
@@ -132,8 +132,8 @@ def taught_by(
     extra: tuple[int, ...] = (),
     tool_um: complex = 0j,
     push_um: float = 0.0,
-) -> Taught:
-    """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
+) -> LearningOutcome:
+    """Return the learning step from a part `made` in this way; the other arguments as for `learn_from_trace`.
 
     `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as then; `push_um` the push left.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
@@ -155,7 +155,7 @@ def taught_by(
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     step = _once(_pushed(step, push_um), known)
-    return Taught(
+    return LearningOutcome(
         step=step,
         made=made,
         stage=stage,

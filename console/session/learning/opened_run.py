@@ -27,7 +27,7 @@ Evaluation = EvaluatedPart | tuple[Problem, ...]
 
 
 class JobNow(StrEnum):
-    """The file of a recorded job today."""
+    """Today's file of a recorded job, compared with the record."""
 
     SAME = "same"
     CHANGED = "changed"

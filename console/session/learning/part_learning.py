@@ -1,4 +1,4 @@
-"""What a measured part teaches: its learning step, or why there is none; keeping that, and going back."""
+"""The learning step of a measured part or why it has none; keeping it, recording it, and reverting."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from console.session.data.records import add_to_run
 from console.session.data.run_rows import problem_events
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import Taught, reverted, taught_by
+from console.session.learning.learning_steps import LearningOutcome, learn_from_part, reverted
 from console.session.operator import operator_name
 from profiles.compensations.learned import LearnedCompensation
 from profiles.compensations.next_version import LearningStep
@@ -31,12 +31,12 @@ class PartLearning:
     """How a part was `made`, and its learning step or why there is none: `taught` or `problems`."""
 
     made: MadeWith
-    taught: Taught | None = None
+    taught: LearningOutcome | None = None
     problems: tuple[Problem, ...] = ()
 
     @property
     def reasons(self) -> tuple[Problem, ...]:
-        """Why nothing of it may be kept, empty where it may."""
+        """Why nothing of it may be kept; empty if it may."""
         return self.problems if self.taught is None else self.taught.step.reasons
 
 
@@ -58,7 +58,7 @@ def learning_of(
     try:
         how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now()}
         how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um}
-        taught = taught_by(trace, job, machine, data, made, **how)
+        taught = learn_from_part(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))
     return PartLearning(made=made, taught=taught)

@@ -1,4 +1,4 @@
-"""The parts of a row that learns: what each was cut with and left, and what is reported of the row."""
+"""The parts of a learning series, how each was cut and what it left, and the warnings of the series."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class LearnResult(RunResult):
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Return what was hard to believe, and what was not learned.
+        """Return implausible readings, and orders that were not learned.
 
         Fingerprints that chance hardly explains: `learning.surprise`; harmonics: `learning.grew`; parts that
         needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
@@ -83,14 +83,14 @@ class LearnResult(RunResult):
 
 
 def _surprised(parts: tuple[LearnedPart, ...]) -> Iterator[Problem]:
-    """Return the parts whose fingerprint was hard to believe."""
+    """Yield the parts with an implausible fingerprint."""
     for n, part in enumerate(parts, start=1):
         for each in () if part.clamped is None else part.clamped.warnings:
             yield Problem(code="learning.surprise", key=str(n), value=each.value, limit=each.limit)
 
 
 def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
-    """Return that nothing was gained, where two parts with the same path might differ by as much."""
+    """Return `learning.no_gain` if two parts cut with the same path might differ by as much."""
     first_um, last_um = parts[0].roundness.ront_um, parts[-1].roundness.ront_um
     if len(parts) == 1 or first_um - last_um > CERTAIN_GAIN_UM:
         return ()

@@ -1,4 +1,4 @@
-"""What the page Inspect compares: the last part, and beside it the one before compensation or a recorded one."""
+"""Comparison on the page Inspect: the last part with the one before compensation or a recorded one."""
 
 from __future__ import annotations
 
@@ -83,7 +83,7 @@ def compare_parts(
 
 
 def strip_lobe(job: Job) -> Job:
-    """Return what a plain cut of a job depends on: all but its name, and what its file says of the lobe."""
+    """Return a job without its name and its lobe: the rest determines a plain cut."""
     return replace(without_lobe(job), name="", lobe_phase_deg=0.0, assumed=(), source="", copied_from=None)
 
 

@@ -1,4 +1,4 @@
-"""A measured trace by the circle and the filter that the operator looks at; its verdict stays with its own."""
+"""A measured trace with the reference circle and filter chosen for display; its verdict keeps its own."""
 
 from __future__ import annotations
 
@@ -20,14 +20,14 @@ FILTERS_UPR = (15.0, 50.0, 150.0, 500.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DisplayFilter:
-    """What a part is looked at with: one of `CIRCLES`, and a cut-off; None is that of its verdict."""
+    """Circle (one of `CIRCLES`) and filter cut-off for display; None is the cut-off of the verdict."""
 
     circle: str = LEAST_SQUARES
     filter_upr: float | None = None
 
     @property
     def is_verdict(self) -> bool:
-        """Whether these are the circle and the filter by which parts are judged."""
+        """Whether these are the circle and filter of the verdict."""
         return self == VERDICT
 
     def upr_for(self, judged: RoundnessResult) -> float | None:

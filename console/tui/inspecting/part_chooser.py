@@ -1,4 +1,4 @@
-"""Chooser of the page Inspect: which recorded part of the same job lies beside the one just measured."""
+"""Chooser of the page Inspect: the recorded part of the same job to compare with."""
 
 from __future__ import annotations
 
@@ -80,13 +80,13 @@ class PartChooser(Sheet):
         return () if action in KEYS else (Problem(code="screen.close_parts"),)
 
     def take(self) -> None:
-        """Lay the selected part beside the measured one, or none of the record."""
+        """Compare with the selected part, or with none of the record."""
         listed = self._found if isinstance(self._found, list) else []
         self._taken = listed[self._selected - 1] if 0 < self._selected <= len(listed) else None
         self.close()
 
     def forget(self) -> None:
-        """Lay nothing of the record beside the part: another one was measured."""
+        """Compare with no recorded part: another part was measured."""
         self._taken = None
 
     def taken(self) -> EvaluatedPart | None:

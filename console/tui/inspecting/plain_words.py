@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from console.session.guide.measured_part import in_scatter, is_elsewhere, is_kept, jaw_explains
-from console.session.learning.learning_steps import LeftHarmonic, Taught
+from console.session.learning.learning_steps import LearningOutcome, LeftHarmonic
 from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.work import Work
@@ -45,7 +45,7 @@ def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, f
     return text("inspect_page.plain.other", n=most.order, left=_um(most, text))
 
 
-def _half_words(taught: Taught, text: Catalogue) -> str:
+def _half_words(taught: LearningOutcome, text: Catalogue) -> str:
     part = taught.step.next.part
     whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
     left = expected(whole_um_pp, taught.stage.fraction)
@@ -53,7 +53,7 @@ def _half_words(taught: Taught, text: Catalogue) -> str:
     return text("inspect_page.half_left", right=right, wrong=wrong)
 
 
-def _lobe(taught: Taught) -> LeftHarmonic | None:
+def _lobe(taught: LearningOutcome) -> LeftHarmonic | None:
     order = taught.step.next.path.target.lobes
     return next((each for each in taught.harmonics if each.order == order), None)
 

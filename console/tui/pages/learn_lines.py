@@ -9,7 +9,7 @@ from datetime import UTC, datetime
 from console.session.data.learned_store import NONE
 from console.session.data.measured_part import MODEL, MadeWith
 from console.session.force_record import ForceCheck
-from console.session.learning.learning_steps import Taught
+from console.session.learning.learning_steps import LearningOutcome
 from console.session.learning.part_learning import PartLearning
 from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
@@ -157,7 +157,7 @@ def chosen_words(text: Catalogue, work: Work) -> str:
     return made_words(text, f"{learned.version} (= {older})", work.stage)
 
 
-def _harmonics_words(taught: Taught, text: Catalogue) -> str:
+def _harmonics_words(taught: LearningOutcome, text: Catalogue) -> str:
     def um(value: float) -> str:
         return text.units.figure(value, "um", 2)
 
@@ -173,7 +173,7 @@ def _harmonics_words(taught: Taught, text: Catalogue) -> str:
     return text("inspect_page.left", harmonics=" · ".join(words))
 
 
-def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
+def _facts(taught: LearningOutcome, work: Work | None, text: Catalogue) -> list[str]:
     step = taught.step
     facts = [] if step.reasons else [f"{text('learned.gain')} {step.next.gain:.3g}"]
     if step.contraction is not None:

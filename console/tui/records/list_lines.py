@@ -93,7 +93,7 @@ def hidden_words(runs: RunList, text: Catalogue, height: int) -> str:
 
 
 def nothing_lines(wanted: ListQuery, text: Catalogue, width: int) -> list[Line]:
-    """Return why no run is listed, and what makes one."""
+    """Return why the list is empty, and how a run is recorded."""
     filters = wanted.filters
     if filters.failed or filters.job is not None or wanted.words:
         return wrapped(text("records_page.no_match"), width)

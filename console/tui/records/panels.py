@@ -1,4 +1,4 @@
-"""The panels of the page Records: what each kind of content is shown in, and how much of it is seen."""
+"""The panels of the page Records, one for each kind of content, and their scrolling."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ MOST_NAMED = 8  # parts beyond the limits that are named
 
 
 class Mode(StrEnum):
-    """What the page shows."""
+    """Mode of the page."""
 
     LIST = "list"
     RUN = "run"
@@ -91,7 +91,7 @@ class RoundnessPanel(Horizontal):
 
 
 def polar_of(traces: Sequence[tuple[EvaluatedPart | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
-    """Return what is plotted, with jaw 1 of all at the angle of the last; each with its token, or dashed."""
+    """Return the plotted traces, each turned so that jaw 1 is at the angle of the last one's."""
     shown = [(trace, token, dashed) for trace, token, dashed in traces if trace is not None]
     jaw_1_deg = shown[-1][0].jaw_1_deg if shown else None
     polar = [
@@ -184,7 +184,7 @@ def _shown(value: object, form: Callable[[float], str]) -> str:
 
 
 def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
-    """Return the chart as it is drawn, in these units; a limit below 0 of what cannot be below is left out."""
+    """Return the drawing of a chart in these units; RONt has no limit below 0."""
     size, begins = units.size("um"), float(chart.numbers[chart.begins]) if chart.numbers else 0.0
     levels = [
         Level(value=value / size, name="tol", token=Token.WARNING)
@@ -210,7 +210,7 @@ def chart_title(chart: JobChart, text: Catalogue) -> str:
 
 
 def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
-    """Return what the chart says, the most important first."""
+    """Return the statistics of a chart in words, most important first."""
     if not chart.values_um:
         said = "no_parts" if not chart.parts else "no_diameters"
         return wrapped(text(f"records_page.chart.{said}"), width)
@@ -460,7 +460,7 @@ class RecordsPanels:
 
 
 def full_lines(mode: Mode, found: Found, text: Catalogue, width: int) -> list[Line]:
-    """Return everything that is told of what is open, or why it cannot be read."""
+    """Return all text on the opened runs or chart, or why they cannot be read."""
     if isinstance(found, tuple):
         return _problem_lines(found, text, width)
     if isinstance(found, JobChart):

@@ -1,4 +1,4 @@
-"""What the page Records reads: the list, one run or two, the chart of a job; each beside the screen."""
+"""Reader of the page Records: the list, one run or two, the chart of a job; each in a thread."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class OpenedRuns:
 
 
 class RecordsReader:
-    """Read from the data folder; None is returned while something is read, its problems where it cannot be."""
+    """Reads the data folder; returns None meanwhile, problems if it cannot be read."""
 
     def __init__(self, data: Path, machine: LoadedMachine) -> None:
         self._data, self._machine = data, machine
@@ -34,7 +34,7 @@ class RecordsReader:
         self._known: Listing | None = None
 
     def listing(self, wanted: ListQuery) -> Listing | Problems | None:
-        """Return the runs that are wanted; what is known of them is continued."""
+        """Return the queried runs, continuing the known list."""
         known = self._known
         found = self._list.answer(wanted, lambda: list_runs(self._data, wanted, known))
         if isinstance(found, Listing):

@@ -1,4 +1,4 @@
-"""Text of a recorded run: verdict, figures, set-up, job, learning, alarms, commands; what matters first."""
+"""Text of a recorded run: verdict, figures, set-up, job, learning, alarms, commands, most important first."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _UNNAMED = ("software", "controller")  # told by what they are
 
 
 def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    """Return everything that is told of a run in words."""
+    """Return all text on a run."""
     room = min(width, _WIDEST)
     lines = [*verdict_lines(run, text, width), *_damage_lines(run, text, width), *_cut_lines(run, text, room)]
     for title, said in debrief_sections(run.debrief, text) if run.debrief else ():
@@ -167,7 +167,7 @@ def _job_lines(run: OpenedRun, text: Catalogue, width: int, room: int) -> list[L
 
 
 def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    """Return the learning step that the part has proposed, or why none; and those that were accepted."""
+    """Return the proposed learning step, or why there is none, and the accepted ones."""
     lines: list[Line] = []
     proposed = None if run.story.product is None else run.story.product.data.get("learning")
     if isinstance(proposed, dict):
