@@ -25,7 +25,7 @@ from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.kept_files import RunDates
 from console.session.data.learned_store import NONE
-from console.session.data.measured_part import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
+from console.session.data.measured_part import FINGERPRINT, MODEL, MadeWith, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
@@ -378,15 +378,16 @@ def _save_part(request: RunRequest, result: RunResult) -> None:
 
 
 def _made(request: RunRequest) -> dict[str, str]:
+    """Return how the part was cut, as header lines of its trace."""
     plan = request.plan
-    return {
-        "compensation": NONE if plan.compensation is None else str(plan.compensation),
-        "strategy": plan.cut.strategy.value,
-        "stage": plan.stage.value,
-        INVERTED: plan.inverted or MODEL,
-        CUT_JAW: AS_FILED,
-        **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
-    }
+    made = MadeWith(
+        compensation=NONE if plan.compensation is None else str(plan.compensation),
+        strategy=plan.cut.strategy.value,
+        stage=plan.stage.value,
+        inverted=plan.inverted or MODEL,
+        fingerprint=plan.fingerprint,
+    )
+    return made.header()
 
 
 def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:

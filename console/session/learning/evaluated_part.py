@@ -86,7 +86,7 @@ class EvaluatedPart:
         """The deviations from the least squares circle at the angles of the turn."""
         return centred_profile(self.turn.angle_deg, self.turn.deviation_um, self.filter_upr)
 
-    @property
+    @cached_property
     def sha256(self) -> str:
         """The hash of the file."""
         return hashlib.sha256(self.content).hexdigest()
