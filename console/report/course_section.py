@@ -12,9 +12,17 @@ from console.report.course_figure import course_figure
 from console.report.drawing import figure
 from console.report.markup import Markup, element, paragraph, section, table
 from console.report.quantities import number, time_in, um
-from console.session.data.run_reader import AlarmStory, RunEvent, Telemetry
 from console.session.data.run_rows import PROBLEMS, REASONS, recorded_problems
-from console.session.data.run_story import ACKNOWLEDGED, ENDED, POLLED, RAISED, TELEMETRY_END
+from console.session.data.run_story import (
+    ACKNOWLEDGED,
+    ENDED,
+    POLLED,
+    RAISED,
+    TELEMETRY_END,
+    AlarmStory,
+    RunEvent,
+    Telemetry,
+)
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, ending_words, order_words, part_words, problem_words

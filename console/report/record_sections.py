@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from console.report.markup import Markup, element, escape_markup, facts_table, list_of, paragraph, section
 from console.report.quantities import DEG_DIGITS, MM_DIGITS, UM_DIGITS
 from console.session.data.run_facts import origin_facts
-from console.session.data.run_reader import How
+from console.session.data.run_rows import How
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, fact_rows, part_words

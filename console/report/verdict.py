@@ -9,8 +9,7 @@ from typing import Any
 
 from console.report.quantities import against_limit, mm, um
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.data.run_reader import How
-from console.session.data.run_rows import FAILED_HOW
+from console.session.data.run_rows import FAILED_HOW, How
 from console.session.learning.opened_run import OpenedRun
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue

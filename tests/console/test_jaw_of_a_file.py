@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from console.__main__ import main
-from console.session.data.run_reader import RecordedPart
+from console.session.data.measured_part import RecordedPart
 from console.session.learning.evaluated_part import evaluate_part, read_gauge_file
 from console.session.station.state import MeasuredPart, StationState
 from console.tui.inspecting.comparison import compare_parts

@@ -14,8 +14,8 @@ import pytest
 from console.report.page import write_report
 from console.session.data import run_facts
 from console.session.data.records import RunRecord
-from console.session.data.run_reader import RunStory
 from console.session.data.run_rows import problem_events
+from console.session.data.run_story import RunStory
 from console.session.learning.opened_run import open_for_report, open_run
 from console.session.learning.part_learning import PartLearning, learning_event
 from console.session.learning.run_debrief import run_debrief

@@ -19,7 +19,8 @@ from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.measured_part import MadeWith, tool_event
 from console.session.data.records import RunRecord, add_to_run
-from console.session.data.run_reader import RunStory, runs, story
+from console.session.data.run_reader import runs, story
+from console.session.data.run_story import RunStory
 from console.session.learning.opened_run import open_for_report, open_run
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
 from console.session.stages import Stage

@@ -24,7 +24,8 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_log import RunLog
-from console.session.data.run_reader import How, RunFilters, RunRow, measured_parts, run_of_trace, runs, story
+from console.session.data.run_reader import RunFilters, measured_parts, run_of_trace, runs, story
+from console.session.data.run_rows import How, RunRow
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
 from console.session.learning.part_learning import accept, record_accepted

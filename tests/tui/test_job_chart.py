@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from console.session.data.run_reader import RecordedPart
+from console.session.data.measured_part import RecordedPart
 from console.session.learning.job_chart import Figure, JobChart, NoClaim, job_chart
 from console.text.catalogue import load
 from console.tui.lines import plain, width_of

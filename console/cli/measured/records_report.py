@@ -9,19 +9,11 @@ from datetime import datetime
 
 from console.cli.library import data_of
 from console.cli.output import fields_of, show
+from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import origin_facts, setup_facts
-from console.session.data.run_reader import (
-    MODEL,
-    RecordedPart,
-    RunEvent,
-    RunFilters,
-    RunRow,
-    RunStory,
-    Telemetry,
-    runs,
-    story,
-)
-from console.session.data.run_story import POLLED
+from console.session.data.run_reader import RunFilters, runs, story
+from console.session.data.run_rows import MODEL, RunRow
+from console.session.data.run_story import POLLED, RunEvent, RunStory, Telemetry
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
 from console.text.cut_verdict import verdict_words

@@ -14,7 +14,8 @@ from console.text.catalogue import Catalogue
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
-    from console.session.data.run_reader import RecordedPart, RunRow
+    from console.session.data.measured_part import RecordedPart
+    from console.session.data.run_rows import RunRow
 
 MOST_POINTS = 5_000
 """Parts of a job among which those before the run are looked for."""

@@ -28,38 +28,15 @@ from console.session.data.run_rows import (
     COMPLETE,
     FAILED,
     MODEL,
-    Ending,
-    How,
     RunRow,
     date_of,
     inverted_of,
     rows_where,
 )
-from console.session.data.run_story import AlarmStory, RunEvent, RunStory, Telemetry, story_of
+from console.session.data.run_story import RunStory, story_of
 from console.session.errors import SessionError
 from profiles.files import printable
 from profiles.problem import Problem
-
-__all__ = [
-    "MODEL",
-    "AlarmStory",
-    "Ending",
-    "How",
-    "RecordedPart",
-    "RunEvent",
-    "RunFilters",
-    "RunRow",
-    "RunStory",
-    "Telemetry",
-    "cuts_of_run",
-    "ended_early",
-    "measured_parts",
-    "other_run_of_trace",
-    "recorded_date",
-    "run_of_trace",
-    "runs",
-    "story",
-]
 
 READ_TIMEOUT_S = 0.5
 """How long to wait for a console that is just closing the file."""

@@ -8,8 +8,9 @@ from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 
-from console.session.data.measured_part import UNDATED
-from console.session.data.run_reader import RecordedPart, RunRow, measured_parts
+from console.session.data.measured_part import UNDATED, RecordedPart
+from console.session.data.run_reader import measured_parts
+from console.session.data.run_rows import RunRow
 from profiles.metrology.process_statistics import (
     LEAST_PARTS,
     Capability,

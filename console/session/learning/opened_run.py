@@ -10,8 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.kept_files import jobs_folder
-from console.session.data.run_reader import RecordedPart, RunRow, RunStory, Telemetry, story
-from console.session.data.run_story import POLLED
+from console.session.data.measured_part import RecordedPart
+from console.session.data.run_reader import story
+from console.session.data.run_rows import RunRow
+from console.session.data.run_story import POLLED, RunStory, Telemetry
 from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.learning.run_debrief import RunDebrief, run_debrief
 from profiles.job import Job

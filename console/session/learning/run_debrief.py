@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
-from console.session.data.measured_part import made_with, parts_made, tool_lobe_um
-from console.session.data.run_reader import How, RecordedPart, RunEvent, RunStory
-from console.session.data.run_rows import FAILED_HOW
-from console.session.data.run_story import COMMAND
+from console.session.data.measured_part import RecordedPart, made_with, parts_made, tool_lobe_um
+from console.session.data.run_rows import FAILED_HOW, How
+from console.session.data.run_story import COMMAND, RunEvent, RunStory
 from console.session.learning.learning_steps import learn_from_part
 from console.session.stages import Stage
 from console.session.stop_keys import is_by_key

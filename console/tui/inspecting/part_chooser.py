@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
-from console.session.data.run_reader import RecordedPart, measured_parts, story
+from console.session.data.measured_part import RecordedPart
+from console.session.data.run_reader import measured_parts, story
 from console.session.learning.evaluated_part import EvaluatedPart, evaluate_part
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue

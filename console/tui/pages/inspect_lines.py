@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from console.session.data.run_reader import MODEL, RecordedPart
+from console.session.data.measured_part import RecordedPart
+from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from console.session.data.run_reader import MODEL, How, RunRow
+from console.session.data.run_rows import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped

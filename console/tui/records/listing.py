@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from console.session.data.run_reader import RunFilters, RunRow, runs
+from console.session.data.run_reader import RunFilters, runs
+from console.session.data.run_rows import RunRow
 
 PIECE = 50  # runs that are read at once
 SEARCH_PIECE = 500  # the same where most of them are only looked through

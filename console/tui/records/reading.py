@@ -6,7 +6,7 @@ import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from console.session.data.run_reader import RunRow
+from console.session.data.run_rows import RunRow
 from console.session.learning.job_chart import Figure, JobChart, job_chart, list_like_parts
 from console.session.learning.opened_run import OpenedRun, open_run
 from console.tui.records.background_reader import BackgroundReader, Problems

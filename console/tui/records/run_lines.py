@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import Kind, origin_facts, setup_facts
-from console.session.data.run_reader import How, RecordedPart, RunRow
-from console.session.data.run_rows import recorded_problems
+from console.session.data.run_rows import How, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.cut_verdict import verdict_words
