@@ -7,8 +7,15 @@ from console.report.history_sections import write_chart, write_debrief, write_le
 from console.report.markup import Markup, element, facts_table, list_of, paragraph
 from console.report.measured_section import write_measurement
 from console.report.quantities import date_in, exact
-from console.report.record_sections import list_gaps, write_gaps, write_program, write_provenance
-from console.report.request_sections import write_request, write_sent, write_setup
+from console.report.record_sections import (
+    list_gaps,
+    write_gaps,
+    write_program,
+    write_provenance,
+    write_request,
+    write_sent,
+    write_setup,
+)
 from console.report.verdict import SIGNS, judge_run
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue

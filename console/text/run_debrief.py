@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from console.session.data.run_rows import ENDS
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
-from console.text.causes import cause_words
+from console.text.part_sentences import cause_words
 from console.text.recorded_words import order_words, part_words
 from profiles.files import printable
 

@@ -14,8 +14,13 @@ from console.session.guide.refusals import LOOKS
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import with_strategy
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compare_parts
-from console.tui.inspecting.evaluation import DisplayFilter, list_supported_upr, next_filter, tolerance_rings_um
+from console.tui.inspecting.comparison import (
+    DisplayFilter,
+    compare_parts,
+    list_supported_upr,
+    next_filter,
+    tolerance_rings_um,
+)
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
 from console.tui.inspecting.plain_words import plain_words
 from console.tui.keymap import ACTIONS

@@ -24,7 +24,7 @@ from console.session.station.state import Activity
 from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
-from console.tui.records import background_reader, listing, reading
+from console.tui.records import background_reader, reading
 from profiles.store import load_job
 from tests.tui import records_stage
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, play_on
@@ -283,7 +283,7 @@ def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.Monk
         return runs(*given, **options)
 
     runs = run_reader.runs
-    monkeypatch.setattr(listing, "runs", slow)
+    monkeypatch.setattr(reading, "runs", slow)
     monkeypatch.setattr(background_reader, "SHORT_S", 0.0)
 
     async def scene(page: RecordsScene) -> None:

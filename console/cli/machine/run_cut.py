@@ -44,11 +44,15 @@ from console.session.station.alarms import collision_problems
 from console.session.station.reaching import Reached, commissioning, guard, leave, machine_context, reach
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.text.catalogue import Catalogue
-from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
-from console.text.cut_verdict import verdict_words
-from console.text.fingerprint import clamped_fields, fingerprint_line
-from console.text.force import force_words
+from console.text.part_sentences import (
+    certificate_fields,
+    certificate_lines,
+    clamped_fields,
+    fingerprint_line,
+    force_words,
+    verdict_words,
+)
 from console.text.recorded_words import plain_cut_words
 from drivers.clock import boot_s
 from drivers.lathe.snapshot import Snapshot

@@ -81,7 +81,7 @@ def _judge(options: Namespace, text: Catalogue) -> None:
     from console.cli.measured.fingerprint_source import requested_fingerprint
     from console.cli.output import show, tell
     from console.session.data.calibrated_chuck import calibrated
-    from console.text.fingerprint import deflection_lines, fingerprint_fields, fingerprint_line
+    from console.text.part_sentences import deflection_lines, fingerprint_fields, fingerprint_line
     from drivers.cutting.strategy import Strategy
 
     job, machine = job_of(options).job, calibrated(machine_of(options, SIM_OPTION), data_of(options)).machine

@@ -24,9 +24,8 @@ from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
-from console.text.causes import cause_words
-from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
+from console.text.part_sentences import cause_words, certificate_fields, certificate_lines
 from drivers.simulator.plant.which_lathe import options_of
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, changed_settings, differences
 from profiles.compensations.next_version import Contraction, LearningStep

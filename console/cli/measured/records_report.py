@@ -16,7 +16,7 @@ from console.session.data.run_rows import MODEL, RunRow
 from console.session.data.run_story import POLLED, RunEvent, RunStory, Telemetry
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
-from console.text.cut_verdict import verdict_words
+from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
     Layout,
     ending_words,

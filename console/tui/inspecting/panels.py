@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from textual.containers import Horizontal, Vertical
 
 from console.text.catalogue import Catalogue
-from console.tui.inspecting.comparison import Comparison
-from console.tui.inspecting.evaluation import Side, tolerance_rings_um
+from console.tui.inspecting.comparison import Comparison, Side, tolerance_rings_um
 from console.tui.lines import BLANK, Line, Sheet, entitle
 from console.tui.pages import inspect_lines
 from console.tui.plot.canvas import DOTS_ACROSS

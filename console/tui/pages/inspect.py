@@ -18,8 +18,15 @@ from console.text.catalogue import Catalogue
 from console.tui.calibrating.draft import TYPED_OUT, value_of
 from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
-from console.tui.inspecting.comparison import Comparison, compare_parts
-from console.tui.inspecting.evaluation import VERDICT, DisplayFilter, list_supported_upr, next_circle, next_filter
+from console.tui.inspecting.comparison import (
+    VERDICT,
+    Comparison,
+    DisplayFilter,
+    compare_parts,
+    list_supported_upr,
+    next_circle,
+    next_filter,
+)
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys

@@ -10,8 +10,7 @@ from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
-from console.tui.inspecting.comparison import Comparison
-from console.tui.inspecting.evaluation import Side
+from console.tui.inspecting.comparison import Comparison, Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
 from console.tui.pages.learn_lines import cut_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY

@@ -15,9 +15,7 @@ from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.text.causes import cause_words
-from console.text.certificate import certificate_lines
-from console.text.force import force_words
+from console.text.part_sentences import cause_words, certificate_lines, force_words
 from console.text.recorded_words import is_plain, stage_words, strategy_words
 from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped

@@ -16,9 +16,8 @@ from console.tui.lines import Line, line
 from console.tui.page import ChartPage
 from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList
-from console.tui.records.listing import ALL, PIECE, Listing, ListQuery
 from console.tui.records.panels import Mode, RecordsPanels, full_lines
-from console.tui.records.reading import OpenedRuns, RecordsReader
+from console.tui.records.reading import ALL, PIECE, Listing, ListQuery, OpenedRuns, RecordsReader
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS

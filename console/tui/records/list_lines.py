@@ -9,7 +9,7 @@ from console.session.data.run_rows import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
-from console.tui.records.listing import Listing, ListQuery
+from console.tui.records.reading import Listing, ListQuery
 from console.tui.theme import Token
 from console.units import Units
 from profiles.files import printable

@@ -39,8 +39,7 @@ from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
 from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
-from console.tui.records.listing import Listing, ListQuery
-from console.tui.records.reading import OpenedRuns
+from console.tui.records.reading import Listing, ListQuery, OpenedRuns
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext

@@ -7,7 +7,7 @@ from console.session.data.run_facts import Kind, origin_facts, setup_facts
 from console.session.data.run_rows import How, RunRow, recorded_problems
 from console.session.learning.opened_run import JobNow, OpenedRun
 from console.text.catalogue import Catalogue
-from console.text.cut_verdict import verdict_words
+from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
     Layout,
     ending_words,
