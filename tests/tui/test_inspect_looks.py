@@ -22,9 +22,9 @@ from console.tui.inspecting.comparison import (
     tolerance_rings_um,
 )
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
-from console.tui.inspecting.plain_words import plain_words
 from console.tui.keymap import ACTIONS
 from console.tui.pages.inspect import InspectPage
+from console.tui.pages.learn_lines import plain_words
 from console.tui.plot.frame import stepped_125
 from console.tui.plot.polar_view import PolarView, shows_rings
 from console.tui.theme import Token

@@ -37,9 +37,8 @@ def add(parser: Parser, text: Catalogue) -> None:
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
     from console.cli.library import job_of, naming
-    from console.cli.measured.roundness_report import roundness_lines, trace_fields
+    from console.cli.measured.roundness_report import roundness_lines, trace_fields, v_block_fields, v_block_lines
     from console.cli.measured.trace_evaluation import evaluate_trace_file
-    from console.cli.measured.v_block import v_block_fields, v_block_lines
     from console.cli.output import show, tell
     from profiles.files import printable
 
