@@ -17,9 +17,9 @@ from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import INVERTING, Strategy
 from drivers.identification.following import follows_by_order
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import ClampedRead, LearnedCompensation, PartRead
+from profiles.compensations.learned import ClampingReading, LearnedCompensation, PartReading
 from profiles.compensations.learning import REPEATS_SD_UM
-from profiles.compensations.next_version import CutWith
+from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe
@@ -106,7 +106,7 @@ def fingerprinted(
     )
 
 
-def read_clamping(said: str, lobes: int) -> tuple[ClampedRead, dict[int, complex]] | None:
+def read_clamping(said: str, lobes: int) -> tuple[ClampingReading, dict[int, complex]] | None:
     """Parse the line of a clamping: what a version keeps of it, and what was added to the path, um by order.
 
     None for an empty line.
@@ -119,7 +119,7 @@ def read_clamping(said: str, lobes: int) -> tuple[ClampedRead, dict[int, complex
     if found is None or not (float(found[1]) > 0.0 and float(found[5]) > 0.0):
         raise SessionError(Problem(code="clamping.made", value=said[:60]))
     height, turn_deg, felt_um, felt_deg, sd_um = (float(found[place]) for place in range(1, 6))
-    read = ClampedRead(
+    read = ClampingReading(
         height=height,
         turn_deg=turn_deg,
         felt=PathHarmonic(lobes=lobes, amplitude_um=felt_um, phase_deg=felt_deg),
@@ -137,8 +137,8 @@ def read_clamping(said: str, lobes: int) -> tuple[ClampedRead, dict[int, complex
 
 
 def of_mean_clamping(
-    cut: CutWith, part: PartHarmonics, said: str, lobes: int, response: Callable[[int], complex]
-) -> tuple[CutWith, PartHarmonics]:
+    cut: AppliedPath, part: PartHarmonics, said: str, lobes: int, response: Callable[[int], complex]
+) -> tuple[AppliedPath, PartHarmonics]:
     """Return cut and part as they would have been in the mean clamping; `said` is how the part was clamped."""
     clamping = read_clamping(said, lobes)
     if clamping is None:
@@ -161,7 +161,7 @@ def expected_of(
     return unexpected(known, felt(readings, job), job.jaws)
 
 
-def ratio_read(read: ClampedRead, lobes: int) -> complex:
+def ratio_read(read: ClampingReading, lobes: int) -> complex:
     """Return by what the lobe was multiplied."""
     return cmath.rect(read.height, -lobes * math.radians(read.turn_deg))
 
@@ -175,7 +175,7 @@ def _replayed(job: Job, machine: MachineProfile, history: Sequence[LearnedCompen
     return found
 
 
-def _with_part(known: LobeFilter, part: PartRead, lobes: int) -> LobeFilter:
+def _with_part(known: LobeFilter, part: PartReading, lobes: int) -> LobeFilter:
     ratio = 1.0 + 0j
     if part.clamped is not None:
         ratio = ratio_read(part.clamped, lobes)

@@ -40,7 +40,7 @@ from profiles.compensations.causes import Cause, causes
 from profiles.compensations.certificate import Follows, is_promised, promised_orders
 from profiles.compensations.learned import MODEL, LearnedCompensation, again, history_of, model_again
 from profiles.compensations.learning import coefficient_of
-from profiles.compensations.next_version import CutWith, LearningStep, next_version
+from profiles.compensations.next_version import AppliedPath, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, target_path
 from profiles.files import printable
@@ -290,9 +290,9 @@ def _cut_with(
     version: LearnedCompensation | None,
     known: tuple[LearnedCompensation, ...],
     filed: Job,
-) -> CutWith:
+) -> AppliedPath:
     parent, history = _parent(version, known, filed), history_of(version, known)
-    return CutWith(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
+    return AppliedPath(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
 
 
 def _next(known: tuple[LearnedCompensation, ...]) -> int:
