@@ -79,8 +79,8 @@ _DEFAULTS = {
 class ClampingReading:
     """The fingerprint of a part's clamping: the change of its lobe, and the reading of the indicator.
 
-    The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe at rest that
-    corresponds to the deflection, with the standard deviation of each of its components.
+    The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe at rest
+    that corresponds to the deflection, with the standard deviation of each of its components.
     """
 
     height: float
