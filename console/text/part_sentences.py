@@ -31,7 +31,7 @@ TOOL_OFF = COLUMNS.index("tool_off")
 
 
 def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:
-    """Return the judgement as JSON and the record have it, with what the tool took; "" where none is known."""
+    """Return the recorded judgement with the tool error in roundness and diameter; "" without one."""
     judgement, tool = event.get("cut_verdict"), event.get("tool")
     if judgement not in [*CutJudgement]:
         return ""
@@ -45,7 +45,7 @@ def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:
 
 
 def tool_words(verdict: CutVerdict, text: Catalogue) -> str:
-    """Return what the tool took of the roundness and, at most, of the diameter; "" where the polls do not tell."""
+    """Return the tool error in roundness and, at most, in diameter; "" with too few polls."""
     tool = verdict.tool
     if tool is None:
         return ""
@@ -53,7 +53,7 @@ def tool_words(verdict: CutVerdict, text: Catalogue) -> str:
 
 
 def force_words(found: ForceNull, text: Catalogue) -> str:
-    """Return the verdict with its figures, and what it rests on; why there is none."""
+    """Return the verdict of the force with its figures and assumption, or why there is none."""
     if found.sign is Sign.UNKNOWN:
         return text("force.unknown", why=text(f"force.why.{found.why}"))
     said = text(
@@ -104,7 +104,7 @@ def certificate_lines(certificate: Sequence[Certified], text: Catalogue) -> list
 
 
 def certificate_row(each: Certified, text: Catalogue) -> tuple[str, ...]:
-    """Return one order; what is not learned has no gain and no factor, what no trace has shown no height."""
+    """Return the row of an order: gain and factor only if learned, heights only if a trace has shown them."""
     learned = each.standing is Standing.LEARNED
     factors = (f"{value:.2f}" if learned else "" for value in (each.gain, each.factor))
     heights = (

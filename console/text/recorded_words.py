@@ -1,4 +1,4 @@
-"""Words for what is recorded of a run: the same in the log, the command, the page Records and the report."""
+"""Words for a recorded run: the same in the log, the command, the page Records and the report."""
 
 from __future__ import annotations
 

@@ -136,7 +136,7 @@ def planned(
     from_turn: int = 0,
     trimmed: bool = False,
 ) -> CutPlan:
-    """Plan a cut in a stage, see `plan_cut`; `path` is what was learned or identified, None the model's."""
+    """Plan a cut in a stage, see `plan_cut`; `path` is the learned or identified one, None for the model's."""
     plan = plan_cut(
         job,
         machine,
@@ -199,8 +199,8 @@ def plan_run(
 class CutOutcome:
     """Trace of the released part, figures read during the cut, and collisions of the tool.
 
-    Without a gauge, or where no measurement was asked for, there is no trace. `force` is the check of sign and
-    angle, where it was asked for.
+    There is no trace without a gauge or a requested measurement. `force` is the check of sign and angle, if it was
+    requested.
     """
 
     trace: Trace | None
@@ -301,7 +301,7 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
 
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
-    """Stop, wait for rest, and return the error to raise, with what the operator must know of the machine."""
+    """Stop, wait for rest, and return the error to raise, with the state of the machine for the operator."""
     problems = error.problems
     if lathe.anothers:
         return SessionError(*problems)

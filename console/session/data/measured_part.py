@@ -116,8 +116,7 @@ _ALL_KEYS = (
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
     """Return how a part was cut, from `said` and the header lines of its `trace`.
 
-    What neither states is that of the last part in `made`, newest first; None there is a part of which the record
-    says only that it was cut.
+    Missing values are those of the last part in `made`, newest first; None there is a part recorded only as cut.
 
     Raises:
         SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
@@ -157,7 +156,7 @@ def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
 def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
     """Return the cuts of this job on this machine, newest first; refuses an unreadable record.
 
-    Where `asked` names a simulated lathe, those of other simulated lathes are none of them.
+    If `asked` names a simulated lathe, those of other simulated lathes are left out.
 
     Raises SessionError: `learned.lathe_not_recorded`, parts of other simulated lathes are recorded, none of this.
     """
@@ -181,7 +180,7 @@ def is_other_lathe(stated: str, recorded: str | None) -> bool:
 class CutPart:
     """A part that was cut: how, in which run, when its cut ended, and whether another was begun since.
 
-    `run_id` is None where its run is open.
+    `run_id` is None while its run is open.
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, `push_um` the push at its entry
     beyond what its path makes up for, 0 where the record does not have it.
     `lathe` is the simulated lathe that has cut it, "" where the record names none.
@@ -235,7 +234,7 @@ def tool_lobe_um(data: str) -> complex:
 
 
 def push_um(data: str) -> float:
-    """Return how far a cut has pushed the tool beyond what its path makes up for, 0 if not recorded."""
+    """Return the push on the tool in a cut that its path did not compensate, um; 0 if not recorded."""
     event = from_json(data)
     return number_or_none(event.get(PUSH)) or 0.0 if isinstance(event, dict) else 0.0
 

@@ -172,8 +172,8 @@ def read_gauge_file(
 ) -> EvaluatedPart:
     """Read the trace in a file for a part of `job`, cut with jaw 1 where the job has it.
 
-    `answers` are used where the file does not state a key of `QUESTIONS`; `simulated` is whether the part was cut
-    in a simulator, `lathe` on which simulated lathe, "" where that is not known.
+    `answers` replace the keys of `QUESTIONS` that the file does not state; `simulated`: the part was cut in a
+    simulator, `lathe` names the simulated lathe, "" if unknown.
 
     Raises ProfileError: the file cannot be read, or its points cannot be evaluated.
     """
@@ -258,7 +258,7 @@ def fold_turns(trace: Trace, header: TraceHeader) -> tuple[Trace, Turns | None]:
 
 
 def turn_to_spindle(turn: Trace, header: TraceHeader, spindle_deg: float) -> Trace:
-    """Return a turn at spindle angles, rising from 0; as it is where they are not known.
+    """Return a turn at spindle angles, rising from 0; unchanged if they are unknown.
 
     `spindle_deg` is the spindle angle of jaw 1 in the cut.
     """

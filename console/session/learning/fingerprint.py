@@ -1,7 +1,7 @@
 """The fingerprint of a clamping in a cut: its effect on the path and on the learning step.
 
-Versions are kept with jaw 1 where the file of the job has it, and so is what was felt. How a part was clamped is
-one line of text in the record and in the header of its trace.
+Versions and readings are kept with jaw 1 as in the file of the job. The clamping of a part is one line of text in
+the record and in the header of its trace.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class Fingerprint:
 
 
 def refuse_unusable(strategy: Strategy, stage: Stage, readings: ClampReadings | None, *, simulated: bool) -> None:
-    """Refuse a fingerprint where there is no path for it, or where it is of a lathe that is not cut on."""
+    """Refuse a fingerprint without a path for it, or of another lathe than the one that cuts."""
     if not strategy.traits.inverts or stage is Stage.AIR:
         value = strategy.value if stage is not Stage.AIR else stage.value
         raise SessionError(Problem(code="clamping.no_path", value=value, limit=" | ".join(INVERTING)))
@@ -81,8 +81,8 @@ def fingerprinted(
 ) -> Fingerprint:
     """Return a cut by the fingerprint of its clamping; `aligned` is the job with jaw 1 where it was found.
 
-    `path` is what was learned, with jaw 1 as found, None the model's; `history` the versions that led to it.
-    Raises `ProfileError`: what the readings or the part do not allow.
+    `path` is the learned one, with jaw 1 as found, None for the model's; `history` the versions that led to it.
+    Raises `ProfileError`: readings or part do not allow it.
     """
     turn_deg, lobes = aligned.lobe_phase_deg - filed.lobe_phase_deg, filed.jaws
     before = path or nominal_path(aligned, machine, strategy, inverted)
@@ -107,7 +107,7 @@ def fingerprinted(
 
 
 def read_clamping(said: str, lobes: int) -> tuple[ClampingReading, dict[int, complex]] | None:
-    """Parse the line of a clamping: what a version keeps of it, and what was added to the path, um by order.
+    """Parse the line of a clamping: its reading as versions keep it, and the additions to the path, um by order.
 
     None for an empty line.
 
@@ -153,21 +153,21 @@ def of_mean_clamping(
 def expected_of(
     readings: ClampReadings, job: Job, machine: MachineProfile, learned: LearnedCompensation | None = None
 ) -> tuple[Problem, ...]:
-    """Return a warning of readings that are far from what job, chuck and the newest part let expect.
+    """Return warnings of readings far from those expected by job, chuck and the newest part.
 
-    `job` has jaw 1 where it is. Raises `ProfileError`: what the readings do not show.
+    `job` has jaw 1 as found. Raises `ProfileError`: the readings do not suffice.
     """
     known = _replayed(job, machine, () if learned is None else (learned,)).clamped(REPEATS_SD_UM)
     return unexpected(known, felt(readings, job), job.jaws)
 
 
 def ratio_read(read: ClampingReading, lobes: int) -> complex:
-    """Return by what the lobe was multiplied."""
+    """Return the factor of the lobe."""
     return cmath.rect(read.height, -lobes * math.radians(read.turn_deg))
 
 
 def _replayed(job: Job, machine: MachineProfile, history: Sequence[LearnedCompensation]) -> LobeFilter:
-    """Return what the job and its parts so far tell of the lobe."""
+    """Return the estimate of the lobe by the job and its parts so far."""
     found = known_lobe(free_state_lobe(job).harmonics[0].coefficient, job, machine, PRIOR_FRACTION, PRIOR_DEG)
     for part in (each.part for each in history):
         if part is not None:

@@ -60,7 +60,7 @@ LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftHarmonic:
-    """Harmonic of the part, um p-p: what was left of it, and what the next should have; `learned` or noise."""
+    """Harmonic of the part, um p-p: its residual, and the expected one of the next; `learned` or noise."""
 
     order: int
     left_um_pp: float
@@ -93,7 +93,7 @@ def learn_from_trace(
     date: str,
     extra: tuple[int, ...] = (),
 ) -> LearningOutcome:
-    """Return the learning step from the trace of a part; `said` is what is known of its cut, see `made_with`.
+    """Return the learning step from the trace of a part; `said` states its cut, see `made_with`.
 
     `identified` is the file of the response that the cut has inverted, `extra` are further harmonics to learn.
 
@@ -193,7 +193,7 @@ def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> Learnin
 
 
 def _turned_deg(filed: Job, made: MadeWith) -> float:
-    """Return by how much what was seen in a cut has to be turned to where the file of its job has jaw 1."""
+    """Return the angle from jaw 1 as found for a cut to jaw 1 of the job's file."""
     return filed.lobe_phase_deg - as_cut(filed, made).lobe_phase_deg
 
 
@@ -203,7 +203,7 @@ def is_simulated(trace: Trace) -> bool:
 
 
 def lathe_of(trace: Trace) -> str:
-    """Return on which simulated lathe the part of a trace was cut, "" where that is not known."""
+    """Return the simulated lathe on which the part of a trace was cut, "" if unknown."""
     return trace.meta.get(LATHE, "") if is_simulated(trace) else ""
 
 
@@ -217,7 +217,7 @@ def _part(
 
 
 def as_cut(job: Job, made: MadeWith) -> Job:
-    """Return the job with jaw 1 where it was found for its cut; `learned.bad_stage` where that is no angle."""
+    """Return the job with jaw 1 as found for its cut; `learned.bad_stage` if that is no angle."""
     if made.cut_jaw_1_deg == AS_FILED:
         return job
     try:
@@ -232,7 +232,7 @@ def as_cut(job: Job, made: MadeWith) -> Job:
 
 
 def check_of(part: CutPart | None, job: Job) -> ForceCheck | None:
-    """Return what the force said of a part of the record, of its `job` as filed; raises as `as_cut`."""
+    """Return the force check of a recorded part, for its `job` as filed; raises as `as_cut`."""
     if part is None or part.force is None:
         return None
     return ForceCheck(job=as_cut(job, part.made), found=part.force)
@@ -352,7 +352,7 @@ def _inverted(
 ) -> ServoResponse | None:
     """Return the response that the cut has inverted, None the model's; `learned.identified` without its file.
 
-    Where no file is given it is the one that is kept under that name.
+    Without a file it is the one kept under that name.
     """
     if made.inverted == MADE_BY_MODEL:
         return None

@@ -78,7 +78,7 @@ class OpenedRun:
 
     @property
     def product(self) -> RecordedPart | None:
-        """The newest part that the run was for; None where it was not measured."""
+        """The newest part that the run was for; None if it was not measured."""
         return next((part for part in reversed(self.parts) if part.product), None)
 
     @property
@@ -164,7 +164,7 @@ def _evaluation(part: RecordedPart, story: RunStory, *at_once: str, on_spindle: 
 
 
 def _up_to(row: RunRow, points: Sequence[RecordedPart]) -> tuple[RecordedPart, ...]:
-    """Return whole parts of a run's strategy, up to those of the run; none where it has none, as never judged."""
+    """Return full parts of a run's strategy, up to those of the run; none if it has none."""
     whole = [each for each in points if each.is_full and each.strategy == row.strategy]
     last = max((place for place, point in enumerate(whole) if point.run_id == row.run_id), default=-1)
     return tuple(whole[: last + 1][-MOST_POINTS:])

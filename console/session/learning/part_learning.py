@@ -48,7 +48,7 @@ def learning_of(
     machine: LoadedMachine,
     data: Path,
 ) -> PartLearning:
-    """Return the learning step from a part that was cut by `job` as saved; None where `name` was edited.
+    """Return the learning step from a part that was cut by `job` as saved; None if `name` was edited.
 
     An objection to learning does not invalidate the measurement.
     """
@@ -118,7 +118,7 @@ def record_accepted(data: Path, run_id: str | None, kept: LearnedCompensation) -
 
 
 def record_kept(data: Path, run_id: str, kind: str, event: Mapping[str, object]) -> tuple[Problem, ...]:
-    """Add what was kept of a part to its run, with who kept it; return why it could not be added."""
+    """Add a kept step or lobe to the run of its part, with the operator; return why it could not be added."""
     try:
         add_to_run(data, run_id, kind, {**event, "by": operator_name()}, timeout_s=RECORD_TIMEOUT_S)
     except SessionError as refused:

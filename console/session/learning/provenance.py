@@ -22,7 +22,7 @@ DATE = "date"  # header line of a trace with the time at which it was measured, 
 def of_this_part(found: EvaluatedPart, data: Path, run_id: str | None) -> EvaluatedPart:
     """Return a trace with why it is not of the part of a run, or with a warning that it may not be.
 
-    `run_id` is None where the run is not known. A record that cannot be read is a warning: nothing speaks against
+    `run_id` is None if the run is unknown. A record that cannot be read is a warning: nothing speaks against
     the trace.
     """
     try:
@@ -74,7 +74,7 @@ def _ended_at(cuts: Sequence[tuple[str, str, str]]) -> datetime | None:
 
 
 def _measured_at(path: Path, meta: Mapping[str, str]) -> datetime | None:
-    """Return the earlier of the date in a file and that of its last change; None where neither is known."""
+    """Return the earlier of the date in a file and that of its last change; None if neither is known."""
     dates: list[datetime] = []
     with suppress(ValueError, OverflowError, OSError):  # what is no date states none
         dates += [datetime.fromisoformat(meta[DATE]).astimezone()] if DATE in meta else []

@@ -61,7 +61,7 @@ class LearnResult(RunResult):
 
     @property
     def own(self) -> tuple[Certified, ...]:
-        """Return the orders of the last part that are mostly of its own blank, or of what else varies."""
+        """The orders of the last part whose tool error is mostly of its own blank, or varies."""
         blank = blank_orders(self.plan.job.jaws)
         return tuple(
             each

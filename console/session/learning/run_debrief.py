@@ -67,10 +67,10 @@ class Incident:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDebrief:
-    """What a record states of a run. `causes` are those of a `part` that is not round enough, the largest first.
+    """The debrief of a run. `causes` are those of a `part` that is not round enough, largest first.
 
-    `off_um` is how far the diameter is off, None where it is within its tolerance or not judged. `unknown` is what
-    the record does not have.
+    `off_um` is the deviation of the diameter, None if within its tolerance or not judged; `unknown` are the gaps
+    of the record.
     """
 
     happened: tuple[Incident, ...]

@@ -139,7 +139,7 @@ _TURN_DEG = np.arange(360.0)
 class Comparison:
     """The last part beside another: the same without compensation, or `other` from the record.
 
-    `after` is None where the last part is the one without compensation, and stands alone. `supported` are the
+    `after` is None if the last part is the one without compensation, which stands alone. `supported` are the
     cut-offs that all traces allow.
     """
 
@@ -165,9 +165,9 @@ class Comparison:
 def compare_parts(
     state: StationState, looked: DisplayFilter = VERDICT, other: EvaluatedPart | None = None
 ) -> Comparison | None:
-    """Return the comparison of the last measured part, None when nothing is measured.
+    """Return the comparison of the last measured part, None before any measurement.
 
-    Raises `ProfileError`: a trace cannot be evaluated with the filter that is looked at.
+    Raises `ProfileError`: a trace cannot be evaluated with the displayed filter.
     """
     part = state.measured
     if part is None:
@@ -205,7 +205,7 @@ def strip_lobe(job: Job) -> Job:
 
 
 def _plain(state: StationState, part: MeasuredPart) -> MeasuredPart | None:
-    """Return the part before compensation, None where none was measured or it is the last one itself."""
+    """Return the part before compensation, None without one, or if it is the last one itself."""
     plain = state.uncompensated
     if plain is None or not part.strategy.traits.follows_lobe or strip_lobe(plain.job) != strip_lobe(part.job):
         return None

@@ -98,7 +98,7 @@ def result_lines(
 ) -> list[Line]:
     """Return the table of both parts and the verdict; in little room lesser figures go, not the defects.
 
-    The lobe is left out where it is shown elsewhere.
+    The lobe is omitted if it is shown elsewhere.
     """
     before, after = seen.before, seen.after.result if seen.after else None
     chosen = seen.looked.circle
@@ -184,7 +184,7 @@ def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -
 
 
 def phase_from_jaw_deg(side: Side, n: int) -> float | None:
-    """Return the phase of harmonic `n` from jaw 1, signed; None where it is not meaningful."""
+    """Return the phase of harmonic `n` from jaw 1, signed; None if it is not meaningful."""
     if side.result is None or side.jaw_1_deg is None:
         return None
     found = next((harmonic for harmonic in side.result.harmonics if harmonic.n == n), None)

@@ -43,7 +43,7 @@ def cut_words(
     *,
     brief: bool = False,
 ) -> str:
-    """Return how a part was cut: strategy, compensation and stage; what is None, not recorded, is left out.
+    """Return how a part was cut: strategy, compensation and stage; unrecorded ones (None) are omitted.
 
     A plain cut has no compensation. `brief`: without the usual stage.
     """
@@ -69,9 +69,9 @@ def learn_lines(
     failed: bool = False,
     brief: bool = False,
 ) -> list[Line]:
-    """Return what the part says in plain words, the learning step in figures or why there is none, and warnings.
+    """Return the part in plain words, its learning step in figures or why it has none, and warnings.
 
-    A part that has `failed` begins with the causes, of which only the largest is shown where it is to be `brief`.
+    A part that has `failed` begins with the causes; `brief` shows only the largest.
     """
     lines = head_lines(learning, work, text, width, failed=failed, brief=brief)
     taught = learning.taught
@@ -86,14 +86,14 @@ def learn_lines(
 def head_lines(
     learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool, brief: bool
 ) -> list[Line]:
-    """Return the plain words: why the part has failed, what is left and what to press, why nothing is learned."""
+    """Return the plain words: causes of a failed part, its residual, the key to press, reasons of a refusal."""
     lines = cause_lines(learning, text, width, brief=brief) if failed else []
     lines += wrapped(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
     return [*lines, *reason_lines(learning, text, width)]
 
 
 def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, width: int) -> list[Line]:
-    """Return what the cutting force said of a half-stage part, beside what was measured on it."""
+    """Return the verdict of the cutting force on a half-stage part."""
     if check is None or not part.is_half or not check.is_of(part.job):
         return []
     token = Token.WARNING if check.found.alarms else Token.TEXT
@@ -101,7 +101,7 @@ def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, w
 
 
 def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:
-    """Return why a part that failed is not round, largest first; the largest alone where it is to be `brief`."""
+    """Return why a part that failed is not round, largest first; only the largest if `brief`."""
     causes = () if learning.taught is None else learning.taught.causes
     words = [cause_words(cause, text) for cause in causes[: 1 if brief else None]]
     said = [" ".join((text("inspect_page.plain.missed"), *words[:1])), *words[1:]]
@@ -109,7 +109,7 @@ def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: b
 
 
 def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
-    """Return why nothing is learned from the part, and what helps."""
+    """Return why nothing is learned from the part, with the remedies."""
     reasons = [text.problem(problem) for problem in learning.reasons]
     return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 

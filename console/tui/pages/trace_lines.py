@@ -1,4 +1,4 @@
-"""Text of the trace chooser: the files that a gauge has left, and what the selected one says."""
+"""Text of the trace chooser: the files of the gauge, and the header of the selected one."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list
 
 
 def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
-    """Return what the selected trace is, what it would be taken for, and what has to be answered."""
+    """Return the selected trace, the part it would be taken for, and the open questions."""
     if not choice.listed:
         return []
     rows = _part_lines(choice, text, width)
@@ -149,7 +149,7 @@ def _row(label: str, value: str, width: int, token: Token = Token.TEXT) -> Line:
 
 
 def _stated_row(found: EvaluatedPart, key: str, text: Catalogue, width: int) -> Line:
-    """Return a header key with its value; one that the file does not state with the key that answers it."""
+    """Return a header key with its value; an unstated one with the key that answers it."""
     label = text(f"trace_import.{key}")
     value = _said(found, key, text)
     if key not in found.asked:

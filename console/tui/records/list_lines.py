@@ -23,7 +23,7 @@ _MORE = (("machine", 17), ("operator", 11), ("strategy", 10), ("version", 8), ("
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunList:
-    """The runs, the place of the selected one, and the id of the one that is marked for comparing."""
+    """The runs, the place of the selected one, and the id of the run marked for comparison."""
 
     listing: Listing
     selected: int
@@ -31,7 +31,7 @@ class RunList:
 
     @property
     def row(self) -> RunRow | None:
-        """The selected run, None where there are none."""
+        """The selected run, None without any."""
         rows = self.listing.rows
         return rows[self.selected] if 0 <= self.selected < len(rows) else None
 

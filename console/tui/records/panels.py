@@ -320,7 +320,7 @@ class RecordsPanels:
         return tuple(panel.size for panel in panels)
 
     def of(self, mode: Mode, found: Found) -> Widget:
-        """Return the panel in which something is shown; a message where there is nothing."""
+        """Return the panel for the content; the message panel without any."""
         if mode is Mode.LIST and isinstance(found, Listing) and found.rows:
             return self._rows
         if isinstance(found, JobChart):
@@ -361,7 +361,7 @@ class RecordsPanels:
             self._rows.show(_below_entry(lines, typing=typing), title, reading)
 
     def show(self, mode: Mode, found: Found, top: int) -> int:
-        """Show what is open, lines from `top` on; return where they begin."""
+        """Show the opened runs or chart, lines from `top` on; return the first shown line."""
         text = self._text
         if isinstance(found, JobChart):
             return self._show_chart(found, top)

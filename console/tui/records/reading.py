@@ -37,12 +37,12 @@ class Listing:
     more: bool = True
 
     def place_of(self, run_id: str | None) -> int | None:
-        """Return the place of a run, None where it is not listed."""
+        """Return the place of a run, None if it is not listed."""
         return next((place for place, row in enumerate(self.rows) if row.run_id == run_id), None)
 
 
 def list_runs(folder: Path, wanted: ListQuery, known: Listing | None) -> Listing:
-    """Return as many runs as are wanted, continuing what is `known` of the same ones.
+    """Return as many runs as are wanted, continuing the `known` list of the same query.
 
     Raises SessionError: as `console.session.data.run_reader.runs`.
     """
