@@ -133,7 +133,7 @@ def _alarms(run: OpenedRun, text: Catalogue) -> Markup:
     alarms = run.story.alarms
     if not alarms:
         return paragraph(text("report.no_alarms"))
-    head = [text("report.alarm_raised"), text("report.alarm_what"), text("report.alarm_after")]
+    head = [text("alarms_page.time"), text("report.alarm_what"), text("report.alarm_after")]
     rows = [
         [
             _time(run, alarm.raised),

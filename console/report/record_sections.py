@@ -78,7 +78,7 @@ def _rows(job: Job, keys: tuple[str, ...], text: Catalogue) -> list[tuple[str, s
         if value is None:
             continue
         shown = value if isinstance(value, str) else exact(value, _UNITS[key])
-        assumed = f" ({text('report.assumed')})" if key in job.assumed else ""
+        assumed = f" ({text('setup.assumed')})" if key in job.assumed else ""
         rows.append((text.either(f"report.field.{key}", f"setup.{key}"), shown + assumed))
     return rows
 

@@ -227,7 +227,7 @@ def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
     """Return versions, hashes, set-up and diameter, as far as they are recorded."""
     rows = fact_rows((*origin_facts(found), *setup_facts(found)), text, Layout.COMMAND)
     diameter = _diameter(found.row, text)
-    return [*rows, *([(text("records.diameter"), diameter)] if diameter else [])]
+    return [*rows, *([(text("roundness.mean_diameter"), diameter)] if diameter else [])]
 
 
 def _diameter(row: RunRow, text: Catalogue) -> str:

@@ -202,8 +202,8 @@ def _figure(result: RoundnessResult | None, circle: str, key: str, text: Catalog
 
 
 def _heading(seen: Comparison, text: Catalogue, width: int) -> Line:
-    before = text("inspect_page.before" if seen.other is None else "inspect_page.other")
-    after = text("inspect_page.after" if seen.other is None else "inspect_page.this")
+    before = text("part.before" if seen.other is None else "inspect_page.other")
+    after = text("part.after" if seen.other is None else "inspect_page.this")
     return _columns(text.units.unit("um"), before, after, width, Token.DIM)
 
 
@@ -217,7 +217,7 @@ def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
     if seen.after is None or seen.other is not None or seen.before.ront_um == 0.0:
         return []
     percent = 100.0 * (seen.before.ront_um - seen.after.ront_um) / seen.before.ront_um
-    label = text("inspect_page.improvement") if seen.before.result else text("inspect_page.improvement_stated")
+    label = text("run.improvement") if seen.before.result else text("inspect_page.improvement_stated")
     return [ranged(line(dim(label)), line(f" {percent:.1f} %"), width)]
 
 

@@ -162,7 +162,7 @@ def _stated_row(found: EvaluatedPart, key: str, text: Catalogue, width: int) -> 
 def _said(found: EvaluatedPart, key: str, text: Catalogue) -> str:
     header = found.header
     if key == "start_mark" and header.jaw_1_deg:
-        return text("trace_import.jaw_at", angle=f"{header.jaw_1_deg:g}")
+        return text("inspect_page.jaw", angle=f"{header.jaw_1_deg:g}")
     value = getattr(header, key)
     if value is None:
         return NOTHING
