@@ -1,4 +1,4 @@
-"""How the cut went: tool and spindle over the turns, how it ended, alarms, what the operator did."""
+"""Section on the cut: tool and spindle over the turns, its end, alarms, actions of the operator."""
 
 from __future__ import annotations
 
@@ -12,13 +12,20 @@ from console.report.course_figure import course_figure
 from console.report.drawing import figure
 from console.report.markup import Markup, element, paragraph, section, table
 from console.report.quantities import number, time_in, um
-from console.report.reported_run import ReportedRun
-from console.report.verdict import ending_words
-from console.session.data.run_reader import AlarmStory, RunEvent, Telemetry
 from console.session.data.run_rows import PROBLEMS, REASONS, recorded_problems
-from console.session.data.run_story import ACKNOWLEDGED, ENDED, POLLED, RAISED, TELEMETRY_END
+from console.session.data.run_story import (
+    ACKNOWLEDGED,
+    ENDED,
+    POLLED,
+    RAISED,
+    TELEMETRY_END,
+    AlarmStory,
+    RunEvent,
+    Telemetry,
+)
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import order_words, part_words, problem_words
+from console.text.recorded_words import Layout, ending_words, order_words, part_words, problem_words
 from profiles.arrays import Floats
 
 NOT_LISTED = frozenset({RAISED, ACKNOWLEDGED, ENDED, TELEMETRY_END})
@@ -38,14 +45,15 @@ class InPart:
     speed_rpm: Floats
 
 
-def course(run: ReportedRun, text: Catalogue) -> Markup:
-    """Return the section."""
+def write_course(run: OpenedRun, text: Catalogue) -> Markup:
+    """Write the section."""
     cuts = [found for each in run.story.telemetry if (found := _in_part(each, run)) is not None]
     last = cuts[-1] if cuts else None
+    ended = ending_words(run.story.row.ended, text, Layout.REPORT, run.story.alarms)
     return section(
         "course",
         text("report.course"),
-        paragraph(element("strong", text("report.ended")), " ", ending_words(run.story, text)),
+        paragraph(element("strong", text("report.ended")), " ", ended),
         _recorded_figures(run, text),
         paragraph(text("report.no_telemetry")) if last is None else _drawn(run, last, text),
         _gathered(run, text),
@@ -54,7 +62,7 @@ def course(run: ReportedRun, text: Catalogue) -> Markup:
     )
 
 
-def _in_part(telemetry: Telemetry, run: ReportedRun) -> InPart | None:
+def _in_part(telemetry: Telemetry, run: OpenedRun) -> InPart | None:
     """Return the samples while the tool was fed along the part: before and after it is far from its path."""
     if telemetry.kind != POLLED:
         return None
@@ -67,7 +75,7 @@ def _in_part(telemetry: Telemetry, run: ReportedRun) -> InPart | None:
     return InPart(part=telemetry.part, **{name: each[over] for name, each in value.items()})
 
 
-def _drawn(run: ReportedRun, cut: InPart, text: Catalogue) -> Markup:
+def _drawn(run: OpenedRun, cut: InPart, text: Catalogue) -> Markup:
     name, turns = part_words(cut.part or "part", text), text("report.turns")
     error, speed = cut.tool_error_um, cut.speed_rpm
     facts = {"part": name, "count": error.size}
@@ -105,8 +113,8 @@ def _drawn(run: ReportedRun, cut: InPart, text: Catalogue) -> Markup:
     return element("div", *(figure(each, words) for each, words in zip(drawings, captions, strict=True)))
 
 
-def _recorded_figures(run: ReportedRun, text: Catalogue) -> Markup | None:
-    """Return the errors of the tool as the console judged them at the end of the cut."""
+def _recorded_figures(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Return the tool errors as judged at the end of the cut."""
     found = [event.data for event in run.story.events if event.kind in ("result", "cut", "held")]
     if not found:
         return None
@@ -114,18 +122,18 @@ def _recorded_figures(run: ReportedRun, text: Catalogue) -> Markup | None:
     return paragraph(text("report.recorded_figures", figures="; ".join(said))) if said else None
 
 
-def _gathered(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _gathered(run: OpenedRun, text: Catalogue) -> Markup | None:
     windows = [each for each in run.story.telemetry if each.kind != POLLED]
     if not windows:
         return None
     return paragraph(text("report.gathered", count=sum(len(each.rows) for each in windows)))
 
 
-def _alarms(run: ReportedRun, text: Catalogue) -> Markup:
+def _alarms(run: OpenedRun, text: Catalogue) -> Markup:
     alarms = run.story.alarms
     if not alarms:
         return paragraph(text("report.no_alarms"))
-    head = [text("report.alarm_raised"), text("report.alarm_what"), text("report.alarm_after")]
+    head = [text("alarms_page.time"), text("report.alarm_what"), text("report.alarm_after")]
     rows = [
         [
             _time(run, alarm.raised),
@@ -141,8 +149,8 @@ def _priority(alarm: AlarmStory, text: Catalogue) -> str:
     return _known("report.priority", alarm.priority, text)
 
 
-def _after(run: ReportedRun, alarm: AlarmStory, text: Catalogue) -> str:
-    """Return when an alarm was acknowledged, and when its cause was gone."""
+def _after(run: OpenedRun, alarm: AlarmStory, text: Catalogue) -> str:
+    """Return when an alarm was acknowledged, and when it cleared."""
     said = []
     if alarm.acknowledged is not None:
         said.append(text("alarms_page.acknowledged", at=_time(run, alarm.acknowledged)))
@@ -151,11 +159,11 @@ def _after(run: ReportedRun, alarm: AlarmStory, text: Catalogue) -> str:
     return ", ".join(said) or text("report.alarm_open")
 
 
-def _time(run: ReportedRun, at: datetime) -> str:
+def _time(run: OpenedRun, at: datetime) -> str:
     return time_in(run.zone, at, run.story.row.started)
 
 
-def _events(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _events(run: OpenedRun, text: Catalogue) -> Markup | None:
     events = [event for event in run.story.events if event.kind not in NOT_LISTED]
     if not events:
         return None
@@ -165,7 +173,7 @@ def _events(run: ReportedRun, text: Catalogue) -> Markup | None:
 
 
 def _name(event: RunEvent, text: Catalogue) -> str:
-    """Return what happened; of a kind that this console does not know, its name in the record."""
+    """Return an event in words; an unknown kind by its name in the record."""
     data = event.data
     if event.kind == "step":
         part, step = part_words(str(data.get("part") or "part"), text), str(data.get("step", ""))
@@ -181,7 +189,7 @@ def _known(family: str, name: str, text: Catalogue) -> str:
 
 
 def _detail(event: RunEvent, text: Catalogue) -> str:
-    """Return the plain values of an event, without those that stand elsewhere in the report."""
+    """Return the plain values of an event, without those shown elsewhere in the report."""
     data = event.data
     if event.kind == "step":
         return str(data.get("detail", ""))

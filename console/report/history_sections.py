@@ -1,4 +1,4 @@
-"""What the part taught, and how it stands among the parts of its job before it."""
+"""Sections on the debrief, the learning step, and the run chart of the job."""
 
 from __future__ import annotations
 
@@ -6,11 +6,11 @@ from collections.abc import Iterator, Mapping
 
 from console.report.course_figure import chart_figure
 from console.report.drawing import figure
-from console.report.markup import Markup, element, listed, paragraph, section
+from console.report.markup import Markup, element, list_of, paragraph, section
 from console.report.quantities import number, time_in, um
-from console.report.reported_run import ReportedRun
 from console.session.data.run_rows import recorded_problems
-from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
+from console.session.learning.job_chart import Figure, JobChart, job_chart
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import problem_words
 from console.text.run_debrief import debrief_sections
@@ -19,28 +19,28 @@ from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, tren
 from profiles.strict_values import number_or_none
 
 
-def debriefed(run: ReportedRun, text: Catalogue) -> Markup | None:
-    """Return what the run cost, why, what to do next time, and what the record does not tell; None without it."""
+def write_debrief(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Write the debrief: cost, causes, advice, course, gaps of the record; None without a debrief."""
     if run.debrief is None:
         return None
     parts = [
         part
         for title, rows in debrief_sections(run.debrief, text)
-        for part in (element("h3", title), listed(rows))
+        for part in (element("h3", title), list_of(rows))
     ]
     return section("debrief", text("report.debrief"), *parts)
 
 
-def learned(run: ReportedRun, text: Catalogue) -> Markup:
-    """Return the proposed learning step and whether it was accepted."""
+def write_learning(run: OpenedRun, text: Catalogue) -> Markup:
+    """Write the proposed learning step and whether it was accepted."""
     lines = [*_proposed(run, text), *_accepted(run, text), *_series(run, text)]
-    body = listed(lines) if lines else paragraph(text("report.nothing_learned_here"))
+    body = list_of(lines) if lines else paragraph(text("report.nothing_learned_here"))
     return section("learned", text("report.learned"), body)
 
 
-def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _proposed(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     for part in run.parts:
-        step = part.recorded.data.get("learning")
+        step = part.data.get("learning")
         if not isinstance(step, Mapping):
             continue
         if "version" in step:
@@ -55,7 +55,7 @@ def _proposed(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.not_proposed", reasons="; ".join(problem_words(each, text) for each in reasons))
 
 
-def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _accepted(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     for event in run.story.accepted:
         version, name = str(event.data.get("version", "")), str(event.data.get("by", ""))
         yield text(
@@ -63,7 +63,7 @@ def _accepted(run: ReportedRun, text: Catalogue) -> Iterator[str]:
         )
 
 
-def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
+def _series(run: OpenedRun, text: Catalogue) -> Iterator[str]:
     """Yield how each of several parts in a row was corrected."""
     results = [event.data for event in run.story.events if event.kind == "result"]
     passes = results[-1].get("passes") if results else None
@@ -85,17 +85,17 @@ def _series(run: ReportedRun, text: Catalogue) -> Iterator[str]:
             yield text("report.pass_learned", part=place, orders=", ".join(map(str, waves)))
 
 
-def chart(run: ReportedRun, text: Catalogue) -> Markup | None:
-    """Return the run chart of the parts up to this one; None with one part alone, which is no row of parts."""
+def write_chart(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Write the run chart of the parts up to this one; None for a single part."""
     points, row = run.points or (), run.story.row
     if len(points) < 2:
         return None
-    found = job_chart(JobParts(job=row.job, strategy=row.strategy, points=points), Figure.RONT)
+    found = job_chart(points, Figure.RONT)
     own = [place for place, point in enumerate(points) if point.run_id == row.run_id]
     caption = text("report.chart_caption", count=len(points), limit=um(found.upper_um))
     names = (text("part.part"), "RONt, µm")
     drawing = chart_figure("run-chart", text("report.chart"), caption, names, found, own)
-    return section("chart", text("report.chart"), figure(drawing, caption), listed(_statistics(found, text)))
+    return section("chart", text("report.chart"), figure(drawing, caption), list_of(_statistics(found, text)))
 
 
 def _statistics(found: JobChart, text: Catalogue) -> Iterator[str]:

@@ -18,14 +18,14 @@ class Markup(str):
     __slots__ = ()
 
 
-def plain(text: str) -> Markup:
+def escape_markup(text: str) -> Markup:
     """Return a text as HTML; characters that HTML does not allow are shown by their code."""
     return text if isinstance(text, Markup) else Markup(escape(escaped(text)))
 
 
-def joined(parts: Iterable[str | None], separator: str = "") -> Markup:
+def join_markup(parts: Iterable[str | None]) -> Markup:
     """Return several texts or elements as one; None is left out."""
-    return Markup(separator.join(plain(part) for part in parts if part is not None))
+    return Markup("".join(escape_markup(part) for part in parts if part is not None))
 
 
 def element(name: str, /, *children: str | None, **attributes: Attribute) -> Markup:
@@ -34,13 +34,13 @@ def element(name: str, /, *children: str | None, **attributes: Attribute) -> Mar
     Names of attributes are written with underscores, those that are words of Python with one at the end.
     """
     written = "".join(
-        f' {key.rstrip("_").replace("_", "-")}="{plain(_value(value))}"'
+        f' {key.rstrip("_").replace("_", "-")}="{escape_markup(_value(value))}"'
         for key, value in attributes.items()
         if value is not None
     )
     if name in VOID:
         return Markup(f"<{name}{written}>")
-    return Markup(f"<{name}{written}>{joined(children)}</{name}>")
+    return Markup(f"<{name}{written}>{join_markup(children)}</{name}>")
 
 
 def _value(value: str | float) -> str:
@@ -89,7 +89,7 @@ def table(
     )
 
 
-def listed(lines: Iterable[str]) -> Markup:
+def list_of(lines: Iterable[str]) -> Markup:
     """Return a list of lines."""
     return element("ul", *(element("li", each) for each in lines))
 

@@ -1,4 +1,4 @@
-"""What was measured: the part before and after compensation, drawn on one scale, in figures and in harmonics."""
+"""Section on the measurement: the part before and after compensation as plots, figures and harmonics."""
 
 from __future__ import annotations
 
@@ -25,11 +25,12 @@ from console.report.drawing import (
     picture,
     step_125,
 )
-from console.report.markup import Markup, element, listed, paragraph, section, table
+from console.report.markup import Markup, element, list_of, paragraph, section, table
 from console.report.quantities import NOTHING, exact, mm, number, um
-from console.report.reported_run import ReportedPart, ReportedRun
 from console.report.verdict import SIGNS, Judgement
+from console.session.data.measured_part import RecordedPart
 from console.session.learning.evaluated_part import EvaluatedPart
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import is_plain, part_words
 from profiles.arrays import Floats
@@ -41,8 +42,8 @@ from profiles.roundness import RoundnessResult
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)
 
 
-def measured(run: ReportedRun, text: Catalogue) -> Markup:
-    """Return the section; without a measured part it says so."""
+def write_measurement(run: OpenedRun, text: Catalogue) -> Markup:
+    """Write the section; without a measured part it says so."""
     title = text("report.measured")
     if not run.parts:
         return section("measured", title, paragraph(text("report.nothing_measured")))
@@ -59,19 +60,20 @@ def measured(run: ReportedRun, text: Catalogue) -> Markup:
     )
 
 
-def _how(run: ReportedRun, text: Catalogue) -> Markup | None:
-    """Return what applies to each figure: circle, filter, state, number of points."""
+def _how(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Return the conditions of every figure: circle, filter, state, number of points."""
     shown = run.product or run.parts[-1]
-    if shown.found is None:
+    found = run.evaluated(shown)
+    if found is None:
         return None
-    result = shown.found.result
+    result = found.result
     state = text(f"state.{result.state}") if result.state in ("free", "clamped", "unknown") else result.state
     upr = NOTHING if result.filter_upr is None else exact(result.filter_upr)
     how = text("report.how_evaluated", upr=upr, state=state, points=result.points)
-    lines = [how, *(text.problem(each) for each in (*shown.found.warnings, *result.warnings))]
-    if shown.recorded.trace_name:
-        lines.append(text("report.imported", name=shown.recorded.trace_name))
-    return listed(lines)
+    lines = [how, *(text.problem(each) for each in (*found.warnings, *result.warnings))]
+    if shown.trace_name:
+        lines.append(text("report.imported", name=shown.trace_name))
+    return list_of(lines)
 
 
 SIZE, CENTRE = 340.0, 170.0
@@ -94,9 +96,9 @@ class Profile:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Marks:
-    """What is drawn beside the profiles: the zone of the tolerance, um from the circle, and the jaws.
+    """The tolerance zone, um from the circle, and the jaws, drawn with the profiles.
 
-    The zone is None where nothing is judged, `jaw_1_deg` None where the angles are not tied to the jaws.
+    The zone is None if nothing is judged, `jaw_1_deg` None if the angles are not tied to the jaws.
     """
 
     zone_um: tuple[float, float] | None = None
@@ -178,9 +180,9 @@ def _jaws(jaw_1_deg: float, jaws: int, word: str) -> list[Markup]:
     return drawn
 
 
-def _plots(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _plots(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return both parts on one scale, and the product alone on its own."""
-    product = run.product.found if run.product else None
+    product = run.evaluated(run.product)
     before, measured_before = _before(run)
     if product is None:
         if before is None or not measured_before:
@@ -211,11 +213,11 @@ def _plot(name: str, profiles: list[Profile], marks: Marks, text: Catalogue, wha
     return figure(drawing, caption, "round")
 
 
-def _before(run: ReportedRun) -> tuple[Profile | None, bool]:
+def _before(run: OpenedRun) -> tuple[Profile | None, bool]:
     """Return the part without compensation, turned to the jaws of the product, and whether it was measured."""
-    jaw_1_deg = run.product.jaw_1_deg if run.product else None
-    if run.before is not None and run.before.found is not None:
-        found = run.before.found
+    product, found = run.evaluated(run.product), run.evaluated(run.before)
+    jaw_1_deg = product.jaw_1_deg if product else None
+    if found is not None:
         by_deg = 0.0 if jaw_1_deg is None or found.jaw_1_deg is None else jaw_1_deg - found.jaw_1_deg
         return _drawn(found, by_deg, bold=False), True
     if run.before is not None or run.job is None or jaw_1_deg is None or not run.job.lobe_error_um_pp:
@@ -234,55 +236,54 @@ def _drawn(found: EvaluatedPart, by_deg: float = 0.0, *, bold: bool = True) -> P
 
 
 def _stated(job: Job, jaw_1_deg: float) -> Profile:
-    """Return the lobe that a job states, with jaw 1 where it is in the trace."""
+    """Return the lobe that a job states, turned to jaw 1 of the trace."""
     turned = _TURN_DEG - jaw_1_deg + job.jaw_1_deg
     return Profile(angle_deg=_TURN_DEG, deviation_um=free_state_lobe(job).at_um(turned), bold=False)
 
 
-def _marks(run: ReportedRun, part: ReportedPart | None, mine: Profile | None) -> Marks:
-    tolerance_um = part.recorded.tolerance_um if part is not None else None
+def _marks(run: OpenedRun, part: RecordedPart | None, mine: Profile | None) -> Marks:
+    tolerance_um, found = part.tolerance_um if part is not None else None, run.evaluated(part)
     jaws = 0 if run.job is None else run.job.jaws
     return Marks(
         zone_um=None if mine is None or tolerance_um is None else zone_of(mine, tolerance_um),
-        jaw_1_deg=None if part is None or not jaws else part.jaw_1_deg,
+        jaw_1_deg=None if found is None or not jaws else found.jaw_1_deg,
         jaws=jaws,
     )
 
 
-def _pair(run: ReportedRun) -> list[tuple[str, ReportedPart, EvaluatedPart]]:
+def _pair(run: OpenedRun) -> list[tuple[str, EvaluatedPart]]:
     """Return the parts of the columns, with the word of each."""
-    chosen = (("before", run.before), ("after", run.product))
-    return [(word, part, part.found) for word, part in chosen if part is not None and part.found is not None]
+    chosen = (("before", run.evaluated(run.before)), ("after", run.evaluated(run.product)))
+    return [(word, found) for word, found in chosen if found is not None]
 
 
-def _figures(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _figures(run: OpenedRun, text: Catalogue) -> Markup | None:
     pair = _pair(run)
     if not pair:
         return None
-    head = [text("report.figure_um"), *(text(f"part.{word}") for word, _, _ in pair)]
+    head = [text("report.figure_um"), *(text(f"part.{word}") for word, _ in pair)]
     rows = [
-        [f"RONt {kind}", *(number(found.result.circle(kind).ront_um, 3) for _, _, found in pair)]
-        for kind in CIRCLES
+        [f"RONt {kind}", *(number(found.result.circle(kind).ront_um, 3) for _, found in pair)] for kind in CIRCLES
     ]
     rows += [
-        [f"{name} LSC", *(number(getattr(found.result, name.lower() + "_um"), 3) for _, _, found in pair)]
+        [f"{name} LSC", *(number(getattr(found.result, name.lower() + "_um"), 3) for _, found in pair)]
         for name in ("RONp", "RONv", "RONq")
     ]
-    rows.append([text("report.eccentricity"), *(number(f.result.eccentricity_um, 3) for _, _, f in pair)])
+    rows.append([text("report.eccentricity"), *(number(f.result.eccentricity_um, 3) for _, f in pair)])
     return table(text("report.figures"), head, rows, numeric=range(1, len(head)))
 
 
-def _diameters(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _diameters(run: OpenedRun, text: Catalogue) -> Markup | None:
     """Return the mean diameter against its tolerance."""
     part = run.product
-    if part is None or part.recorded.diameter_mm is None:
+    if part is None or part.diameter_mm is None:
         return paragraph(text("report.no_diameter")) if part is not None else None
-    diameter, off_um = mm(part.recorded.diameter_mm), part.recorded.off_nominal_um
+    diameter, off_um = mm(part.diameter_mm), part.off_nominal_um
     if off_um is None:
         return paragraph(text("report.diameter", diameter=diameter))
-    facts = {"diameter": diameter, "nominal": mm(part.recorded.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
-    limit_um = part.recorded.diameter_tolerance_um
-    passes = None if part.recorded.passed is None else part.recorded.is_of_size
+    facts = {"diameter": diameter, "nominal": mm(part.nominal_diameter_mm), "off": f"{off_um:+z.1f} µm"}
+    limit_um = part.diameter_tolerance_um
+    passes = None if part.passed is None else part.is_of_size
     if limit_um is None or passes is None:
         return paragraph(text("report.diameter_free", **facts))
     sign = SIGNS[Judgement.GOOD if passes else Judgement.BAD]
@@ -333,26 +334,26 @@ def _bar(left: float, top: float, width: float, height: float, *, product: bool)
     )
 
 
-def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
+def _harmonics(run: OpenedRun, text: Catalogue) -> Markup | None:
     pair = _pair(run)
     if not pair:
         return None
-    orders = [harmonic.n for harmonic in pair[-1][2].result.harmonics]
-    parts = [(found.result, part.recorded.product) for _, part, found in pair]
+    orders = [harmonic.n for harmonic in pair[-1][1].result.harmonics]
+    parts = [(found.result, word == "after") for word, found in pair]
     jaws = 0 if run.job is None else run.job.jaws
     caption = text("report.harmonics_caption")
     names = (text("report.harmonics_axis"), text("report.pp_axis"))
     drawing = harmonics_figure("harmonics", text("report.harmonics"), caption, names, orders, parts)
-    last = pair[-1][2]
+    last = pair[-1][1]
     head = [
         text("report.order"),
-        *(text("report.pp_of", part=text(f"part.{word}")) for word, _, _ in pair),
+        *(text("report.pp_of", part=text(f"part.{word}")) for word, _ in pair),
         text("report.past_jaw" if last.jaw_1_deg is not None else "report.phase"),
     ]
     rows = [
         [
             f"{n} ◂" if jaws and n % jaws == 0 else str(n),
-            *(number(2.0 * found.result.amplitude_um(n), 3) for _, _, found in pair),
+            *(number(2.0 * found.result.amplitude_um(n), 3) for _, found in pair),
             _phase(last, n),
         ]
         for n in orders
@@ -363,17 +364,16 @@ def _harmonics(run: ReportedRun, text: Catalogue) -> Markup | None:
 
 def _phase(found: EvaluatedPart, n: int) -> str:
     harmonic = next(each for each in found.result.harmonics if each.n == n)
-    phase_deg = harmonic.phase_deg
-    if found.jaw_1_deg is not None:
-        phase_deg = harmonic.past_jaw_1_deg(found.jaw_1_deg, against_spindle=found.header.against_spindle)
+    past_deg = found.past_jaw_1_deg(harmonic)
+    phase_deg = harmonic.phase_deg if past_deg is None else past_deg
     # Rounded up to a whole undulation it would be no first maximum.
     return number(0.0 if round(phase_deg, 2) >= round(360.0 / n, 2) else phase_deg, 2)
 
 
-def _all_parts(run: ReportedRun, text: Catalogue) -> Markup | None:
-    """Return every measurement of the run, where there are more than the two that are compared."""
+def _all_parts(run: OpenedRun, text: Catalogue) -> Markup | None:
+    """Return all measurements of the run; None if they are the two that are compared."""
     again = [(part, text("report.measured_again")) for part in run.again]
-    parts = [(part.recorded, "") for part in run.parts]
+    parts = [(part, "") for part in run.parts]
     if not again and all(part in (run.before, run.product) for part in run.parts):
         return None
     head = [text("part.part"), text("report.ront_um"), text("report.lobe_um"), text("report.diameter_mm")]
@@ -397,21 +397,21 @@ def _passed(passed: bool | None, text: Catalogue) -> str:
     return f"{sign} {text('report.good' if passed else 'report.bad')}"
 
 
-def _checks(run: ReportedRun, text: Catalogue) -> Markup:
-    """Return whether each trace gives what was recorded."""
+def _checks(run: OpenedRun, text: Catalogue) -> Markup:
+    """Return whether each trace reproduces its recorded figures."""
     lines = []
     for part in run.parts:
-        name = part_words(part.recorded.part or "part", text)
-        if part.recorded.trace is None:
-            lines.append(text("report.check_no_trace", part=name, value=um(part.recorded.ront_um)))
-        elif part.found is None:
-            why = "; ".join(text.problem(each) for each in part.problems)
+        name, found = part_words(part.part or "part", text), run.evaluated(part)
+        if part.trace is None:
+            lines.append(text("report.check_no_trace", part=name, value=um(part.ront_um)))
+        elif found is None:
+            why = "; ".join(text.problem(each) for each in run.problems_of(part))
             lines.append(text("report.check_unusable", part=name, why=why))
-        elif differing := part.found.differing:
-            facts = {"recorded": um(part.recorded.ront_um), "found": um(part.found.result.ront_um)}
+        elif differing := found.differing:
+            facts = {"recorded": um(part.ront_um), "found": um(found.result.ront_um)}
             lines.append(text("report.check_differs", part=name, figures=", ".join(differing), **facts))
         else:
             lines.append(text("report.check_same", part=name))
-        if not part.same_trace:
+        if not part.has_its_trace:
             lines.append(text("report.check_hash", part=name))
-    return element("div", element("h3", text("report.checks")), listed(lines))
+    return element("div", element("h3", text("report.checks")), list_of(lines))

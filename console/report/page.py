@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-from console.report.course_section import course
-from console.report.history_sections import chart, debriefed, learned
-from console.report.markup import Markup, element, facts_table, listed, paragraph
-from console.report.measured_section import measured
+from console.report.course_section import write_course
+from console.report.history_sections import write_chart, write_debrief, write_learning
+from console.report.markup import Markup, element, facts_table, list_of, paragraph
+from console.report.measured_section import write_measurement
 from console.report.quantities import date_in, exact
-from console.report.record_sections import missing, missing_lines, program, provenance
-from console.report.reported_run import ReportedRun
-from console.report.request_sections import asked, sent, set_up
-from console.report.verdict import SIGNS, verdict
+from console.report.record_sections import (
+    list_gaps,
+    write_gaps,
+    write_program,
+    write_provenance,
+    write_request,
+    write_sent,
+    write_setup,
+)
+from console.report.verdict import SIGNS, judge_run
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 
 SHORT_ID = 8
@@ -79,8 +86,8 @@ pre { font: 11px/1.35 "DejaVu Sans Mono", Menlo, Consolas, "Noto Sans Mono CJK K
 """
 
 
-def report_page(run: ReportedRun, text: Catalogue) -> str:
-    """Return the text of the HTML file of a run."""
+def write_report(run: OpenedRun, text: Catalogue) -> str:
+    """Write a run as the text of an HTML file."""
     row = run.story.row
     title = text("report.title", job=row.job, run=row.run_id[:SHORT_ID])
     if row.simulated:
@@ -95,25 +102,25 @@ def report_page(run: ReportedRun, text: Catalogue) -> str:
     )
     sections = (
         _head(run, text),
-        asked(run, text),
-        set_up(run, text),
-        sent(run, text),
-        measured(run, text),
-        course(run, text),
-        debriefed(run, text),
-        learned(run, text),
-        chart(run, text),
-        provenance(run, text),
-        missing(run, text),
-        program(run, text),
+        write_request(run, text),
+        write_setup(run, text),
+        write_sent(run, text),
+        write_measurement(run, text),
+        write_course(run, text),
+        write_debrief(run, text),
+        write_learning(run, text),
+        write_chart(run, text),
+        write_provenance(run, text),
+        write_gaps(run, text),
+        write_program(run, text),
     )
     running = element("div", _running(run, text), class_="head")
     sheet = element("div", running, element("main", *sections, class_="body"), class_="sheet")
     return f"<!DOCTYPE html>\n{element('html', head, element('body', sheet), lang=text.language)}\n"
 
 
-def _running(run: ReportedRun, text: Catalogue) -> Markup:
-    """Return what stands at the top of each printed page: that it is simulated, the job and the run."""
+def _running(run: OpenedRun, text: Catalogue) -> Markup:
+    """Return the header of each printed page: SIMULATED, the job and the run."""
     row = run.story.row
     banner = None
     if row.simulated:
@@ -129,8 +136,8 @@ def _running(run: ReportedRun, text: Catalogue) -> Markup:
     return element("div", banner, *(element("span", each) for each in names), class_="running")
 
 
-def _head(run: ReportedRun, text: Catalogue) -> Markup:
-    """Return who, what and when, and the verdict."""
+def _head(run: OpenedRun, text: Catalogue) -> Markup:
+    """Return job, part, machine, operator, date and run, and the verdict."""
     row = run.story.row
     rows = [
         (text("fact.job"), row.job),
@@ -140,16 +147,16 @@ def _head(run: ReportedRun, text: Catalogue) -> Markup:
         (text("report.started"), date_in(run.zone, row.started)),
         (text("fact.run_id.report"), row.run_id),
     ]
-    found = verdict(run, text)
+    found = judge_run(run, text)
     sign = f"{SIGNS[found.judgement]} {text(f'report.verdict.{found.judgement}')}"
-    gaps = list(missing_lines(run, text))
+    gaps = list(list_gaps(run, text))
     return element(
         "header",
         element("h1", text("report.heading")),
         element(
             "div",
             paragraph(element("strong", sign)),
-            listed(found.reasons) if found.reasons else None,
+            list_of(found.reasons) if found.reasons else None,
             paragraph(text("report.simulated_long")) if row.simulated else None,
             class_=f"verdict {found.judgement}",
         ),
@@ -158,7 +165,7 @@ def _head(run: ReportedRun, text: Catalogue) -> Markup:
     )
 
 
-def _part(run: ReportedRun, text: Catalogue) -> str:
+def _part(run: OpenedRun, text: Catalogue) -> str:
     job = run.job
     if job is None:
         return text("report.not_recorded")

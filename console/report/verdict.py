@@ -8,17 +8,16 @@ from enum import StrEnum
 from typing import Any
 
 from console.report.quantities import against_limit, mm, um
-from console.report.reported_run import ReportedRun
 from console.session.cut.cut_verdict import CutJudgement
-from console.session.data.run_reader import How, RunStory
-from console.session.data.run_rows import FAILED_HOW
+from console.session.data.run_rows import FAILED_HOW, How
+from console.session.learning.opened_run import OpenedRun
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import reason_words
+from console.text.recorded_words import Layout, ending_words
 
 
 class Judgement(StrEnum):
-    """What a report says of a part."""
+    """Verdict of a report on a part."""
 
     GOOD = "good"
     BAD = "bad"
@@ -32,27 +31,27 @@ SIGNS = {Judgement.GOOD: "✓", Judgement.BAD: "✗", Judgement.DOUBTFUL: "?", J
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """A judgement, and the sentences that say why."""
+    """A judgement with its reasons as sentences."""
 
     judgement: Judgement
     reasons: tuple[str, ...]
 
 
-def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
+def judge_run(run: OpenedRun, text: Catalogue) -> Verdict:
     """Return the verdict of a run: a part is good only if it was cut as planned, and the record agrees."""
     row, product = run.story.row, run.product
     judged = tuple(_judged(run, text))
-    contradiction = run.contradicts_itself or (product is not None and product.doubtful)
+    contradiction = run.contradicts_itself or (product is not None and run.doubts(product))
     if row.damaged or run.story.damaged or contradiction:
         return Verdict(judgement=Judgement.DOUBTFUL, reasons=(text("report.why.doubtful"), *judged))
-    if row.ended.how in FAILED_HOW:
-        return Verdict(judgement=Judgement.BAD, reasons=(ending_words(run.story, text), *judged))
-    if row.ended.how in (How.OPEN, How.NOT_STARTED):
-        return Verdict(judgement=Judgement.OPEN, reasons=(ending_words(run.story, text), *judged))
+    if row.ended.how in FAILED_HOW | {How.OPEN, How.NOT_STARTED}:
+        ended = ending_words(row.ended, text, Layout.REPORT, run.story.alarms)
+        judgement = Judgement.BAD if row.ended.how in FAILED_HOW else Judgement.OPEN
+        return Verdict(judgement=judgement, reasons=(ended, *judged))
     if product is None:
         why = "report.why.air" if row.stage == Stage.AIR else "report.why.not_measured"
         return Verdict(judgement=Judgement.OPEN, reasons=(text(why),))
-    passed = product.recorded.passed
+    passed = product.passed
     if passed is None:
         unproven = run.story.cut_verdict.get("cut_verdict") == CutJudgement.NOT_PROVEN
         open_for = "report.why.not_proven" if unproven else "report.why.no_judgement"
@@ -61,12 +60,11 @@ def verdict(run: ReportedRun, text: Catalogue) -> Verdict:
     return Verdict(judgement=Judgement.GOOD if passed else Judgement.BAD, reasons=judged)
 
 
-def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
-    """Yield what was measured against what was allowed."""
-    product = run.product
-    if product is None or product.recorded.passed is None:
+def _judged(run: OpenedRun, text: Catalogue) -> Iterator[str]:
+    """Yield each measured value against its limit."""
+    recorded = run.product
+    if recorded is None or recorded.passed is None:
         return
-    recorded = product.recorded
     if recorded.tolerance_um is not None:
         value, limit = against_limit(recorded.ront_um, recorded.tolerance_um)
         key = "report.why.round" if recorded.is_round else "report.why.not_round"
@@ -80,25 +78,10 @@ def _judged(run: ReportedRun, text: Catalogue) -> Iterator[str]:
 
 
 def _tool(found: Mapping[str, Any], text: Catalogue) -> Iterator[str]:
-    """Yield how far the tool itself was off its plan, if that was more than it may use."""
+    """Yield each tool error that exceeds its fraction of the tolerance."""
     tool = found.get("tool")
     if found.get("cut_verdict") == CutJudgement.TOOL_ERROR and isinstance(tool, Mapping):
         for name in FIGURES:
             off_um, limit_um = tool.get(f"{name}_um"), tool.get(f"{name}_limit_um")
             if isinstance(off_um, float) and isinstance(limit_um, float) and off_um > limit_um:
                 yield text(f"report.why.tool_{name}", value=um(off_um), limit=um(limit_um))
-
-
-def ending_words(story: RunStory, text: Catalogue) -> str:
-    """Return how a run ended: after how many turns, for which reason, by whom."""
-    ending = story.row.ended
-    words = [text(f"report.ended.{ending.how}")]
-    if ending.turn is not None:
-        words.append(text("report.ended_after", turns=f"{ending.turn:.1f}"))
-    if ending.by:
-        words.append(text("report.ended_by", name=ending.by))
-    if ending.reason:
-        words.append(
-            text("report.ended_for", reason=reason_words(ending, text, [each.problem for each in story.alarms]))
-        )
-    return "; ".join(words) + "."

@@ -23,8 +23,8 @@ START_S, END_S = 5.0, 2.0
 ROUNDS_OF_THE_LAST = 8
 """Of the loop: who was accepted in the last moment is connected, dropped and closed within these."""
 
-Made = Callable[[], asyncio.Protocol]
-Listen = Callable[[Made, ExitStack], Awaitable[tuple[asyncio.Server, str]]]
+ProtocolFactory = Callable[[], asyncio.Protocol]
+Listen = Callable[[ProtocolFactory, ExitStack], Awaitable[tuple[asyncio.Server, str]]]
 """Listens with what is made for each client, and returns server and address; the stack ends all else of it.
 
 Raises OSError.

@@ -1,4 +1,4 @@
-"""Words for what is recorded of a run: the same in the log, the command, the page Records and the report."""
+"""Words for a recorded run: the same in the log, the command, the page Records and the report."""
 
 from __future__ import annotations
 
@@ -18,22 +18,23 @@ from profiles.problem import Problem
 if TYPE_CHECKING:
     from console.session.data.run_facts import RunFact
     from console.session.data.run_rows import Ending
-    from console.session.data.run_story import AlarmStory, RunEvent
+    from console.session.data.run_story import AlarmStory, RunEvent, RunStory
 
 COMMANDS = {each.__name__: each.logged for each in Command.__subclasses__()}
 """Every command by its name, and whether it is an order of the operator."""
 
 LONGEST = 1000
+DONE = "done"  # of `How`, which takes the reader of records with it
 OPEN = "…"  # in the place of a fact that was not recorded
 
 
 def command_words(name: str, text: Catalogue) -> str:
-    """Return a command in words; one of another version of the console by its name in the record."""
+    """Return a command in words; an unknown one by its name in the record."""
     return text(f"command.{name}") if name in COMMANDS else printable(name, 40)
 
 
 def order_words(name: str, text: Catalogue) -> str:
-    """Return a command with who gave it, where it stands among what else has happened."""
+    """Return a command of the operator as one, for a list of events."""
     words = command_words(name, text)
     return text("records.order", words=words) if COMMANDS.get(name, True) else words
 
@@ -50,7 +51,7 @@ def problem_words(problem: Problem, text: Catalogue, alarms: Iterable[Problem] =
 
 
 def alarm_words(code: str, text: Catalogue) -> str:
-    """Return what was the case in an alarm of which the code alone is known, without what to do."""
+    """Return the case of an alarm known by its code alone, without the remedy."""
     return problem_words(Problem(code=code), text).partition(";")[0]
 
 
@@ -68,13 +69,13 @@ def is_plain(strategy: str) -> bool:
 
 
 def plain_cut_words(strategy: str, stage: str, text: Catalogue, family: str = "stage") -> str:
-    """Return how a plain cut was made; empty of any other."""
+    """Return how a plain cut was made; "" for any other."""
     said = strategy_words(strategy, text), stage_words(strategy, stage, text, family)
     return ", ".join(filter(None, said)) if is_plain(strategy) else ""
 
 
 def strategy_words(strategy: str, text: Catalogue) -> str:
-    """Return the strategy of a cut, which a plain one does not have."""
+    """Return the strategy of a cut; a plain one has none."""
     return text("strategy.none.how") if is_plain(strategy) else printable(strategy, 30)
 
 
@@ -93,11 +94,34 @@ def part_words(name: str, text: Catalogue) -> str:
 
 
 class Layout(StrEnum):
-    """Where a fact of a run is shown."""
+    """Layout in which a fact of a run is shown."""
 
     PAGE = "page"
     COMMAND = "command"
     REPORT = "report"
+
+
+_ENDED = {
+    Layout.PAGE: "records_page.ending",
+    Layout.COMMAND: "records.how",
+    Layout.REPORT: "report.ended",
+}
+
+
+def ending_words(ended: Ending, text: Catalogue, layout: Layout, alarms: Iterable[AlarmStory] = ()) -> str:
+    """Return how a run ended: after which turn, why, and by whom; `alarms` are those of the run."""
+    how, by = text(f"{_ENDED[layout]}.{ended.how}"), ended.by
+    turn = "" if ended.turn is None else f"{ended.turn:.1f}"
+    why = reason_words(ended, text, [each.problem for each in alarms]) if ended.reason else ""
+    if layout is Layout.REPORT:
+        facts = {"after": {"turns": turn}, "by": {"name": by}, "for": {"reason": why}}
+        known = [text(f"report.ended_{key}", **each) for key, each in facts.items() if any(each.values())]
+        return "; ".join((how, *known)) + "."
+    turn = turn and text("records.turn", turn=turn)
+    if layout is Layout.PAGE:
+        return " · ".join(filter(None, (how, turn, why, printable(by, 40))))
+    how = f"{how} ({turn})" if turn and ended.how != DONE else how
+    return ": ".join(filter(None, (how, ", ".join(filter(None, (why, by))))))
 
 
 _DIGITS = {"N": (1, 0, 1), "deg": (2, 2, 2), "mm": (3, 3, 4)}
@@ -107,19 +131,19 @@ SHORT_HASH = 16
 
 
 def fact_rows(facts: Iterable[RunFact], text: Catalogue, layout: Layout) -> list[tuple[str, str]]:
-    """Return name and value of each fact; one that is not recorded is told in the report, and else left out."""
+    """Return name and value of each fact; the report lists those not recorded, others omit them."""
     rows = [(fact_name(each, text, layout), fact_words(each, text, layout)) for each in facts]
     unknown = text("report.not_recorded") if layout is Layout.REPORT else ""
     return [(name, value or unknown) for name, value in rows if value or unknown]
 
 
 def fact_name(fact: RunFact, text: Catalogue, layout: Layout) -> str:
-    """Return what a layout calls a fact."""
+    """Return the name of a fact in a layout."""
     return text.either(f"fact.{fact.key}.{layout}", f"fact.{fact.key}")
 
 
 def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:
-    """Return the value of a fact with its unit, when it was taken, and what is noted of it; "" for none."""
+    """Return the value of a fact with unit, time and notes; "" for none."""
     value = fact.value
     if isinstance(value, str):
         shown = value[:SHORT_HASH] if fact.kind == "hash" and layout is Layout.COMMAND else printable(value, 100)
@@ -136,6 +160,14 @@ def fact_words(fact: RunFact, text: Catalogue, layout: Layout) -> str:
         at = printable(fact.at, 20)
         shown = text("report.taken_at", value=shown, at=at) if layout is Layout.REPORT else f"{shown} ({at})"
     return " · ".join(filter(None, (shown, *(text(each) for each in fact.notes))))
+
+
+def timed_words(story: RunStory, text: Catalogue) -> dict[str, list[tuple[str, str]]]:
+    """Return alarms and commands of a run, each with its time."""
+    return {
+        "alarms": [(clock(each.raised), story_alarm_words(each, text)) for each in story.alarms],
+        "commands": [(clock(each.at), story_command_words(each, text)) for each in story.commands],
+    }
 
 
 def story_command_words(event: RunEvent, text: Catalogue) -> str:

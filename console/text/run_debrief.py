@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING, Any
 from console.session.data.run_rows import ENDS
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
-from console.text.causes import cause_words
+from console.text.part_sentences import cause_words
 from console.text.recorded_words import order_words, part_words
 from profiles.files import printable
 
 if TYPE_CHECKING:
     from console.session.data.run_story import RunEvent
-    from console.session.learning.run_debrief import RunDebrief, Told
+    from console.session.learning.run_debrief import Incident, RunDebrief
 
 Section = tuple[str, list[str]]
 """A title with its sentences."""
@@ -23,20 +23,20 @@ LONGEST = 300
 
 
 def debrief_sections(debrief: RunDebrief, text: Catalogue) -> list[Section]:
-    """Return what it cost, what to do next time, what happened when, and what the record does not have."""
+    """Return the sections cost, next time, course, and gaps of the record."""
     ends = [told.event for told in debrief.happened if told.event is not None and told.event.kind in ENDS]
     ended = _event_words(ends[-1], text) if ends else text("records_page.ending.stopped")
     found = [
         ("cost", cost_words(debrief, text)),
         ("next", [text(f"debrief.run.next.{each}", words=printable(ended, LONGEST)) for each in debrief.advice]),
-        ("happened", [told_words(each, text) for each in debrief.happened]),
+        ("happened", [incident_words(each, text) for each in debrief.happened]),
         ("unknown", [text.problem(each) for each in debrief.unknown]),
     ]
     return [(text(f"debrief.run.{name}"), rows) for name, rows in found if rows]
 
 
 def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
-    """Return what it cost on the part: roundness with its causes, the largest first, and diameter."""
+    """Return the cost on the part: roundness with its causes, largest first, and diameter."""
     part = debrief.part
     if part is None:
         return []
@@ -58,8 +58,8 @@ def cost_words(debrief: RunDebrief, text: Catalogue) -> list[str]:
     return rows
 
 
-def told_words(told: Told, text: Catalogue) -> str:
-    """Return one thing that happened, with its time from the start."""
+def incident_words(told: Incident, text: Catalogue) -> str:
+    """Return an incident with its time from the start."""
     if told.raised is not None:
         words = text("debrief.what.alarm", words=_case(text.problem(told.raised)))
     elif told.seen is not None:
@@ -101,7 +101,7 @@ def _event_words(event: RunEvent, text: Catalogue) -> str:
 
 
 def _of_part(data: Mapping[str, Any], text: Catalogue, words: str) -> str:
-    """Return words with the part before them, where a run has several."""
+    """Return the words, with the part before them if the run has several."""
     name = str(data.get("part") or "")
     if not name:
         return words
@@ -116,5 +116,5 @@ def _met(kind: str, text: Catalogue) -> str:
 
 
 def _case(sentence: str) -> str:
-    """Return what is the case, without what to do: that was for then."""
+    """Return the case without the remedy, which was for then."""
     return sentence.partition(";")[0]

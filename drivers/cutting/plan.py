@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from drivers.cutting.made import Made
+from drivers.cutting.planned_program import PlannedProgram
 from drivers.cutting.strategy import Strategy
 from drivers.pmac.check import CheckedProgram
 from drivers.pmac.program_text import ProgramText
@@ -14,7 +14,7 @@ from profiles.findings import Finding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CutPlan(Made):
+class CutPlan(PlannedProgram):
     """A planned cut, known before anything moves: `command` is what it commands the tool to cut `target`.
 
     `checked` is the whole motion of the program, move by move, with what a compensation table adds to it and with

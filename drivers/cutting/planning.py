@@ -7,8 +7,8 @@ from dataclasses import fields, replace
 
 from drivers.cutting.corrected import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
-from drivers.cutting.made import Made, Planning
 from drivers.cutting.plan import CutPlan
+from drivers.cutting.planned_program import PlannedProgram, Planning
 from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
@@ -105,7 +105,7 @@ def _refuse_other_axes(machine: MachineProfile) -> None:
 def _judged(
     planning: Planning,
     strategy: Strategy,
-    made: Made,
+    made: PlannedProgram,
     program: ProgramText,
     checked: CheckedProgram,
     *,
@@ -131,7 +131,7 @@ def _judged(
         checked=checked,
         trimmed=planning.trimmed,
         in_air=in_air,
-        **{each.name: getattr(made, each.name) for each in fields(Made)},
+        **{each.name: getattr(made, each.name) for each in fields(PlannedProgram)},
     )
 
 
@@ -180,7 +180,7 @@ def _read(text: str, dialect: Dialect) -> ProgramText:
         raise DriverError(Problem(code="program.refused", value=str(error))) from error
 
 
-def _checked(made: Made, program: ProgramText, planning: Planning) -> CheckedProgram:
+def _checked(made: PlannedProgram, program: ProgramText, planning: Planning) -> CheckedProgram:
     machine, setup, dialect = planning.machine, planning.setup, planning.dialect
     start = {
         machine.tool.motor: made.tool_start,

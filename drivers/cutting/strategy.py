@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 from drivers.cutting.traits import AngleZero, Traits
 
 if TYPE_CHECKING:
-    from drivers.cutting.made import Made, Planning
+    from drivers.cutting.planned_program import PlannedProgram, Planning
     from profiles.compensations.path import LobedPath
     from profiles.job import Job
     from profiles.machine import MachineProfile
@@ -28,12 +28,12 @@ def _hold_from(planning: Planning) -> float:
     return setup.carriage_start + way_mm * machine.carriage.counts_per_mm
 
 
-def _by_pvt(planning: Planning, command: LobedPath) -> Made:
+def _by_pvt(planning: Planning, command: LobedPath) -> PlannedProgram:
     """Make segments of PVT, with the spindle turned by the program."""
-    from drivers.cutting.made import Made
+    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs.pvt import pvt_program
 
-    return Made(
+    return PlannedProgram(
         text=pvt_program(planning.job, planning.setup, command),
         tool_start=planning.setup.retracted,
         axis_definitions=planning.machine.controller.axis_definitions,
@@ -41,16 +41,16 @@ def _by_pvt(planning: Planning, command: LobedPath) -> Made:
     )
 
 
-def _cam(planning: Planning) -> Made:
+def _cam(planning: Planning) -> PlannedProgram:
     """Make a compensation table by the angle of the spindle."""
-    from drivers.cutting.made import Made
+    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs.cam import cam_program, correction_register
     from drivers.pmac.programs.cam_table import make_cam
     from drivers.pmac.programs.setup import SERVO
 
     job, machine, setup = planning.job, planning.machine, planning.setup
     cam = make_cam(machine, setup, planning.command)
-    return Made(
+    return PlannedProgram(
         text=cam_program(job, machine, setup, cam, planning.dialect, trimmed=planning.trimmed),
         tool_start=setup.retracted,
         axis_definitions=machine.controller.axis_definitions,
@@ -62,14 +62,14 @@ def _cam(planning: Planning) -> Made:
     )
 
 
-def _timebase(planning: Planning) -> Made:
+def _timebase(planning: Planning) -> PlannedProgram:
     """Make the segments of `pvt`; in each servo cycle time advances by the spindle's turn in the cycle before."""
-    from drivers.cutting.made import Made
+    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs import timebase
 
     job, machine, setup, dialect = planning.job, planning.machine, planning.setup, planning.dialect
     definitions, _ = timebase.released_definitions(machine)
-    return Made(
+    return PlannedProgram(
         text=timebase.timebase_program(job, machine, setup, planning.command, dialect),
         tool_start=setup.retracted,
         axis_definitions=definitions,
@@ -79,16 +79,18 @@ def _timebase(planning: Planning) -> Made:
     )
 
 
-def _paper(planning: Planning) -> Made:
+def _paper(planning: Planning) -> PlannedProgram:
     """Make Prog. 1 of Lee and Lee (2001), as printed."""
-    from drivers.cutting.made import Made
+    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program
     from drivers.pmac.programs.setup import refuse_endless
 
     job, machine, setup = planning.job, planning.machine, planning.setup
     refuse_endless(2 * job.jaws * setup.turns)
     text = paper_program(job, machine, setup, DEFAULT_TS_MS if planning.ts_ms is None else planning.ts_ms)
-    return Made(text=text, tool_start=setup.surface, axis_definitions=machine.controller.axis_definitions)
+    return PlannedProgram(
+        text=text, tool_start=setup.surface, axis_definitions=machine.controller.axis_definitions
+    )
 
 
 def _paper_begins_at(job: Job, machine: MachineProfile) -> float:

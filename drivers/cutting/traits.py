@@ -11,7 +11,7 @@ from enum import Enum, auto
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from drivers.cutting.made import Made, Planning
+    from drivers.cutting.planned_program import PlannedProgram, Planning
     from profiles.job import Job
     from profiles.machine import MachineProfile
 
@@ -40,7 +40,7 @@ class Traits:
     `begins_at` is where the spindle begins, in counts from its index; None means at the index.
     """
 
-    make: Callable[[Planning], Made]
+    make: Callable[[Planning], PlannedProgram]
     follows_lobe: bool = True
     inverts: bool = False
     late_cycles: Callable[[MachineProfile], int] = lambda _: 0

@@ -24,7 +24,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, fit_harmonics
-from profiles.compensations.next_version import CutWith
+from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import PathHarmonic
 from profiles.job import Job
@@ -85,7 +85,7 @@ class Cause:
 
 
 def causes(
-    part: PartHarmonics, cut: CutWith, job: Job, *, tool_um: complex = 0j, placed: bool = True
+    part: PartHarmonics, cut: AppliedPath, job: Job, *, tool_um: complex = 0j, placed: bool = True
 ) -> tuple[Cause, ...]:
     """Return why a part of this job, cut in this way, is not round, the largest first; at least one.
 
@@ -107,7 +107,7 @@ def causes(
     return tuple(sorted(standing, key=lambda each: each.um_pp, reverse=True))
 
 
-def _of_lobe(part: PartHarmonics, cut: CutWith, job: Job, tool_um: complex) -> Cause | None:
+def _of_lobe(part: PartHarmonics, cut: AppliedPath, job: Job, tool_um: complex) -> Cause | None:
     """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise.
 
     It explains no more than what is left: the tool may have hidden a part of it.

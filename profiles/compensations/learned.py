@@ -76,11 +76,11 @@ _DEFAULTS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClampedRead:
-    """The fingerprint of a part's clamping: by what its lobe was multiplied, and what the indicator has shown.
+class ClampingReading:
+    """The fingerprint of a part's clamping: the change of its lobe, and the reading of the indicator.
 
-    The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe that the
-    deflection stands for, at rest, with the standard deviation of each of its components.
+    The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe at rest
+    that corresponds to the deflection, with the standard deviation of each of its components.
     """
 
     height: float
@@ -90,14 +90,14 @@ class ClampedRead:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PartRead:
-    """The part that a version was learned from: how it was cut, and what was left on it.
+class PartReading:
+    """The part that a version was learned from: its cut, and its remaining lobe.
 
     It was cut with `fraction` of `version` (0: of the model, nothing learned); `target` is the lobe
     of that path, tool into the work, `lobe` that of the released part, outwards, with the standard error of its
     amplitude. `plain` are the other harmonics of the part as it would have been without a path. Of a part that was
-    `clamped` by its fingerprint, all of it is as it would have been in the mean clamping. `tool` is what the tool
-    was off its path in that cut, at the order of the lobe, infeed positive; None where it is not known.
+    `clamped` by its fingerprint, all of it is as it would have been in the mean clamping. `tool` is the
+    tool error of that cut at the order of the lobe, infeed positive; None if unknown.
     """
 
     version: int
@@ -107,7 +107,7 @@ class PartRead:
     lobe_sd_um: float
     ront_um: float
     plain: tuple[PathHarmonic, ...] = ()
-    clamped: ClampedRead | None = None
+    clamped: ClampingReading | None = None
     tool: PathHarmonic | None = None
 
 
@@ -125,7 +125,7 @@ class LearnedCompensation:
     parent: int
     gain: float
     path: CutPath
-    part: PartRead | None
+    part: PartReading | None
     date: str
     reverts: int | None = None
     expected_ront_um: float | None = None
@@ -139,9 +139,9 @@ class LearnedCompensation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """The result that a measured part predicts for one cut with what was learned from it.
+    """The predicted part: cut with the compensation learned from a measured one.
 
-    `ront_um` is its roundness, None where not recorded; `lobe` that of the released part, outwards.
+    `ront_um` is its roundness, None if not recorded; `lobe` that of the released part, outwards.
     """
 
     ront_um: float | None
@@ -178,6 +178,18 @@ def model_again(holds_for: HoldsFor, path: CutPath, number: int, date: str) -> L
     return LearnedCompensation(
         holds_for=holds_for, version=number, parent=MODEL, gain=1.0, path=path, part=None, date=date, reverts=MODEL
     )
+
+
+def history_of(
+    version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...]
+) -> tuple[LearnedCompensation, ...]:
+    """Return the versions that led to one, oldest first; it is the last."""
+    by_number = {each.version: each for each in known}
+    found: list[LearnedCompensation] = []
+    while version is not None:
+        found.insert(0, version)
+        version = by_number.get(version.parent) if version.parent < version.version else None
+    return tuple(found)
 
 
 def differences(learned: LearnedCompensation, asked: HoldsFor) -> tuple[Problem, ...]:

@@ -21,7 +21,7 @@ from enum import StrEnum
 from itertools import pairwise
 
 from profiles.compensations.certificate import Certified, Follows
-from profiles.compensations.learned import MODEL, ClampedRead, HoldsFor, LearnedCompensation, PartRead
+from profiles.compensations.learned import MODEL, ClampingReading, HoldsFor, LearnedCompensation, PartReading
 from profiles.compensations.learning import (
     REPEATS_SD_UM,
     SIGNIFICANT,
@@ -74,13 +74,13 @@ class Contraction:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class CutWith:
-    """What the part was cut with: the whole path, the fraction of it, and the version, None the model.
+class AppliedPath:
+    """The path with which the part was cut: the whole path, its cut fraction, and the version, None for the model.
 
     `parent` is the path of the previous part, from which the version was learned: without it only the
     convergence of the lobe can be judged. `history` are the versions that led to this one, which is the last.
     `clamped` is the fingerprint of its clamping: path and part are then those of the mean clamping. `tool_um` is
-    what the tool was off the path at the order of the lobe, infeed positive; 0 where it is not known.
+    the tool error at the order of the lobe, infeed positive; 0 if unknown.
     """
 
     path: CutPath
@@ -88,7 +88,7 @@ class CutWith:
     version: LearnedCompensation | None
     parent: CutPath | None = None
     history: tuple[LearnedCompensation, ...] = ()
-    clamped: ClampedRead | None = None
+    clamped: ClampingReading | None = None
     tool_um: complex = 0j
 
     @property
@@ -147,7 +147,7 @@ class LearningStep:
 
 
 def next_version(
-    cut: CutWith,
+    cut: AppliedPath,
     part: PartHarmonics,
     holds_for: HoldsFor,
     job: Job,
@@ -194,7 +194,7 @@ def next_version(
 
 
 def _rules(
-    cut: CutWith,
+    cut: AppliedPath,
     job: Job,
     orders: Sequence[int],
     asked: Sequence[int],
@@ -216,7 +216,7 @@ def _rules(
 def _step(
     following: LearnedCompensation,
     part: PartHarmonics,
-    cut: CutWith,
+    cut: AppliedPath,
     changes: Mapping[int, complex],
     steps: OrderSteps,
     contractions: Mapping[int, Contraction],
@@ -240,7 +240,7 @@ def _step(
     )
 
 
-def _seen(n: int, cut: CutWith, part: PartHarmonics, job: Job) -> OrderSeen:
+def _seen(n: int, cut: AppliedPath, part: PartHarmonics, job: Job) -> OrderSeen:
     """Return an order as this part and those before it show it."""
     path_um, spared_um = coefficient_of(cut.path.target, n), cut.spared_um.get(n, 0j)
     error_um = part.coefficients_um[n] - spared_um
@@ -263,9 +263,9 @@ def _judged(gain: float | None) -> float | None:
     return gain
 
 
-def _read(cut: CutWith, part: PartHarmonics, lobes: int, parts: Sequence[OrderSeen]) -> PartRead:
+def _read(cut: AppliedPath, part: PartHarmonics, lobes: int, parts: Sequence[OrderSeen]) -> PartReading:
     target = fraction_of(cut.path, cut.fraction).target.harmonics[0]
-    return PartRead(
+    return PartReading(
         version=cut.number,
         fraction=cut.fraction,
         target=target,
@@ -278,7 +278,9 @@ def _read(cut: CutWith, part: PartHarmonics, lobes: int, parts: Sequence[OrderSe
     )
 
 
-def _of_lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: float) -> dict[int, Contraction]:
+def _of_lobe(
+    cut: AppliedPath, now: PartReading, job: Job, gain: float, scatter_um: float
+) -> dict[int, Contraction]:
     """Return the contraction of the lobe, if there is a previous part, and both had not the same path."""
     before = None if cut.version is None else cut.version.part
     if before is not None:
@@ -294,14 +296,14 @@ def _of_lobe(cut: CutWith, now: PartRead, job: Job, gain: float, scatter_um: flo
     return {job.jaws: _contraction(lobe - now.lobe.coefficient, changed, sd_um, gain)}
 
 
-def _back(cut: CutWith, grown: Iterable[int]) -> dict[int, complex]:
+def _back(cut: AppliedPath, grown: Iterable[int]) -> dict[int, complex]:
     """Return the changes that set harmonics back to the path of the previous part."""
     if cut.parent is None:
         return {}
     return {n: coefficient_of(cut.parent.target, n) - coefficient_of(cut.path.target, n) for n in grown}
 
 
-def _of_others(cut: CutWith, part: PartHarmonics, gains: Mapping[int, float]) -> dict[int, Contraction]:
+def _of_others(cut: AppliedPath, part: PartHarmonics, gains: Mapping[int, float]) -> dict[int, Contraction]:
     """Return the contractions of the harmonics beside the lobe, if the version has them."""
     version, found = cut.version, {}
     if version is None or version.part is None or cut.parent is None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from console.session.cut.recording import PartName, part_record
+from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.record_file import FILE_NAME
 from console.session.data.record_schema import TELEMETRY_COLUMNS
@@ -79,8 +79,8 @@ def recorded(
     run = RunRecord(folder, {**row, **changes})
     run.add("step", {"part": "after", "step": "cut", "detail": "13.5 s"})
     for name, trace in parts.items():
-        part = PartName(name=name, product=name != "before", proven=proven)
-        kept = part_record(job, roundness_of(trace), trace, stage, name=part)
+        of: dict[str, Any] = {"part": name, "product": name != "before", "proven": proven}
+        kept = part_record(job, roundness_of(trace), trace, stage, **of)
         run.add("part", {"part": name, "ront_um": kept.ront_um}, kept)
     add_telemetry(folder, run)
     if end is not None:

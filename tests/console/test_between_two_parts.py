@@ -46,7 +46,7 @@ def test_a_stop_after_the_reference_part_begins_no_second_one(
         return SimpleNamespace(lathe=SimpleNamespace(stop=stop), simulated=True)
 
     def cut_part(*_: Any, name: Any, **__: Any) -> Any:
-        cut.append(name.name)
+        cut.append(name)
         if stopped:
             stop.stop("ctrl-c")
         return CutOutcome(trace=None, figures=cast(Any, None), collisions=())

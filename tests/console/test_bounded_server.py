@@ -10,7 +10,7 @@ import warnings
 from contextlib import ExitStack
 from pathlib import Path
 
-from console.session.bounded_server import BoundedServer, Made
+from console.session.bounded_server import BoundedServer, ProtocolFactory
 
 TIMES = 5
 
@@ -23,7 +23,7 @@ async def talk(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
 
 
 def served(path: Path) -> BoundedServer:
-    async def listen(made: Made, _: ExitStack) -> tuple[asyncio.Server, str]:
+    async def listen(made: ProtocolFactory, _: ExitStack) -> tuple[asyncio.Server, str]:
         return await asyncio.get_running_loop().create_unix_server(made, path), str(path)
 
     return BoundedServer("test", listen, talk, most_clients=4, longest_line=100, unread_bytes=0)

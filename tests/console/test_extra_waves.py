@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import Taught, taught
+from console.session.learning.learning_steps import LearningOutcome, learn_from_trace
 from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
@@ -24,7 +24,7 @@ ANGLE = np.arange(360.0)
 OFF_UM = 2.0 * np.cos(5 * np.radians(ANGLE - 11.0)) + 1.5 * np.cos(2 * np.radians(ANGLE - 40.0))
 
 
-def lesson(data: Path, strategy: str, extra: tuple[int, ...]) -> Taught:
+def lesson(data: Path, strategy: str, extra: tuple[int, ...]) -> LearningOutcome:
     noise = np.random.default_rng(7).normal(0.0, 0.02, 360)
     meta = {
         "state": "free",
@@ -37,7 +37,7 @@ def lesson(data: Path, strategy: str, extra: tuple[int, ...]) -> Taught:
     }
     trace = Trace(angle_deg=ANGLE, deviation_um=OFF_UM + noise, meta=meta)
     date = "2001-11-30T14:05:00Z"
-    return taught(trace, JOB, LATHE, data, {}, gain=None, robust=False, date=date, extra=extra)
+    return learn_from_trace(trace, JOB, LATHE, data, {}, gain=None, robust=False, date=date, extra=extra)
 
 
 def refused(data: Path, strategy: str, extra: tuple[int, ...]) -> list[Problem]:

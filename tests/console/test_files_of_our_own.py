@@ -27,7 +27,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.machine import SimulatedLathe
 from profiles.calibration.wrench import fit_wrench
-from profiles.compensations.learned import LearnedCompensation, PartRead
+from profiles.compensations.learned import LearnedCompensation, PartReading
 from profiles.compensations.path import CutPath, PathHarmonic, target_path
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
@@ -72,7 +72,7 @@ DEEP = ("[" * 100_000, '{"schema":' * 50_000, f'{{"schema": {"[" * 900}{"]" * 90
 def learned(data: Path) -> Path:
     path = target_path(JOB.job)
     harmonic = PathHarmonic.of(3, 1.0 + 1.0j)
-    part = PartRead(version=0, fraction=1.0, target=harmonic, lobe=harmonic, lobe_sd_um=0.1, ront_um=2.0)
+    part = PartReading(version=0, fraction=1.0, target=harmonic, lobe=harmonic, lobe_sd_um=0.1, ront_um=2.0)
     version = LearnedCompensation(
         holds_for=asked_for(JOB, MACHINE, "cam", simulated=True),
         version=1,

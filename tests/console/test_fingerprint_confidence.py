@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from console.text.fingerprint import limit_um_pp
+from console.text.part_sentences import limit_um_pp
 from profiles.chucking.holding import FORCE_SD_PERCENT
 from profiles.compensations.path import CutPath, target_path
 from profiles.fingerprint.readings import ClampReadings

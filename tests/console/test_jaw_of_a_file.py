@@ -13,11 +13,10 @@ import numpy as np
 import pytest
 
 from console.__main__ import main
-from console.session.data.run_reader import RecordedPart
-from console.session.learning.evaluated_part import evaluated_part
-from console.session.learning.imported import examined
+from console.session.data.measured_part import RecordedPart
+from console.session.learning.evaluated_part import evaluate_part, read_gauge_file
 from console.session.station.state import MeasuredPart, StationState
-from console.tui.inspecting.comparison import compared
+from console.tui.inspecting.comparison import compare_parts
 from console.tui.pages.inspect_lines import phase_from_jaw_deg
 from drivers.cutting.strategy import Strategy
 from profiles.store import load_job
@@ -52,15 +51,15 @@ def test_table_and_plot_count_from_jaw_1(
     jaw_1_deg: float, direction: str, upr: float | None, tmp_path: Path
 ) -> None:
     job = replace(load_job("lee-2001-experiment-1").job, lobe_phase_deg=jaw_1_deg, lobe_past_jaw_deg=0.0)
-    found = examined(file(tmp_path, direction), job, {}, simulated=False)
-    assert found.result is not None
+    found = read_gauge_file(file(tmp_path, direction), job, {}, simulated=False)
+    assert found.judged is not None
     part = MeasuredPart(
         job=job, strategy=Strategy.NONE, trace=found.turn, result=found.result, jaw_1_deg=job.jaw_1_deg
     )
-    shown = compared(StationState(measured=part))
+    shown = compare_parts(StationState(measured=part))
     assert shown is not None
     if upr is not None:  # looked at with another filter it is evaluated anew
-        shown = compared(StationState(measured=part), replace(shown.looked, filter_upr=upr))
+        shown = compare_parts(StationState(measured=part), replace(shown.looked, filter_upr=upr))
         assert shown is not None
     past_deg = phase_from_jaw_deg(shown.last, 3)
     assert past_deg == pytest.approx(PAST_DEG, abs=0.01)
@@ -84,11 +83,11 @@ def recorded(content: bytes, jaw_1_deg: float) -> RecordedPart:
 @pytest.mark.parametrize("direction", ["cw", "ccw"])
 def test_report_and_records_count_from_jaw_1(direction: str, tmp_path: Path) -> None:
     part = recorded(file(tmp_path, direction).read_bytes(), 261.65)
-    printed = evaluated_part(part, {})
+    printed = evaluate_part(part, {})
     assert printed is not None and printed.jaw_1_deg is not None
     way = -1.0 if direction == "ccw" else 1.0
     near(way * (float(printed.turn.angle_deg[int(np.argmax(printed.profile_um))]) - printed.jaw_1_deg))
-    trace = evaluated_part(part, {}, on_spindle=True)
+    trace = evaluate_part(part, {}, on_spindle=True)
     assert trace is not None
     assert trace.jaw_1_deg == 261.65
     near(float(trace.turn.angle_deg[int(np.argmax(trace.profile_um))]) - trace.jaw_1_deg)
@@ -108,7 +107,7 @@ def test_the_command_counts_from_jaw_1(
 def test_the_report_counts_from_jaw_1_of_the_part_as_records_does(tmp_path: Path) -> None:
     """Jaw 1 is where it was for the cut of the part, whatever the set-up of its run has."""
     part, setup = recorded(file(tmp_path, "cw").read_bytes(), 261.65), {"jaw_1_deg": 12.63}
-    printed, shown = evaluated_part(part, setup), evaluated_part(part, setup, on_spindle=True)
+    printed, shown = evaluate_part(part, setup), evaluate_part(part, setup, on_spindle=True)
     assert printed is not None and shown is not None and shown.jaw_1_deg == 261.65
     found = [each.past_jaw_1_deg(printed.jaw_1_deg or 0.0) for each in printed.result.harmonics if each.n == 3]
     on_spindle = [each.past_jaw_1_deg(261.65) for each in shown.result.harmonics if each.n == 3]

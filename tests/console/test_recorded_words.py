@@ -11,21 +11,19 @@ from typing import Any
 
 import pytest
 
-from console.report.page import report_page
-from console.report.reported_run import reported_run
+from console.report.page import write_report
 from console.session.data import run_facts
 from console.session.data.records import RunRecord
-from console.session.data.run_reader import RunStory
 from console.session.data.run_rows import problem_events
-from console.session.learning.learning_record import learning_event
-from console.session.learning.part_learning import PartLearning
+from console.session.data.run_story import RunStory
+from console.session.learning.opened_run import open_for_report, open_run
+from console.session.learning.part_learning import PartLearning, learning_event
 from console.session.learning.run_debrief import run_debrief
 from console.session.station.commands import Command
 from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.text.catalogue import LANGUAGES, Catalogue, load
 from console.text.run_debrief import debrief_sections
 from console.tui.further.log_lines import entry_words
-from console.tui.records.opened_run import opened_run
 from console.tui.records.run_lines import story_lines
 from profiles.problem import Problem
 from tests.architecture.test_catalogues import catalogue
@@ -40,12 +38,12 @@ CHANGED = Problem(code="learned.changed_in_cut", value="override 97 %")
 
 
 def page_words(data: Path, found: RunStory, text: Catalogue) -> str:
-    run = opened_run(data, found.row.run_id, lathe())
+    run = open_run(data, found.row.run_id, lathe())
     return " ".join("".join(piece for piece, _ in row).strip() for row in story_lines(run, text, 100))
 
 
 def report_words(data: Path, found: RunStory, text: Catalogue) -> str:
-    return report_page(reported_run(found, (), debrief=run_debrief(found, data)), text)
+    return write_report(open_for_report(found, (), debrief=run_debrief(found, data)), text)
 
 
 def ended_early(event: dict[str, object], *alarms: Problem) -> Callable[[RunRecord], None]:

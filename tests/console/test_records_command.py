@@ -18,7 +18,8 @@ from console.session.cut.run import roundness_of
 from console.session.data import records
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
-from console.session.data.run_reader import How, runs, story
+from console.session.data.run_reader import runs, story
+from console.session.data.run_rows import How
 from console.session.errors import SessionError
 from console.text.columns import cell_width
 from profiles.problem import Problem

@@ -17,11 +17,11 @@ from xml.etree import ElementTree
 import pytest
 
 from console.__main__ import main
-from console.report.page import report_page
+from console.report.page import write_report
 from console.report.quantities import against_limit, exact
-from console.report.reported_run import ReportedRun, reported_run
 from console.session.data.record_file import FILE_NAME
 from console.session.data.run_reader import measured_parts, story
+from console.session.learning.opened_run import OpenedRun, open_for_report
 from console.session.stages import Stage
 from console.text.catalogue import LANGUAGES, load
 from profiles.trace_files.header import header_of
@@ -79,14 +79,14 @@ class Page(HTMLParser):
         return "\n".join(text for tag, text in self.texts if not elements or tag in elements)
 
 
-def run_of(folder: Path, run_id: str, zone: Any = UTC) -> ReportedRun:
+def run_of(folder: Path, run_id: str, zone: Any = UTC) -> OpenedRun:
     found = story(folder, run_id)
     points = measured_parts(folder, found.row.job, found.row.machine, found.row.simulated)
-    return reported_run(found, points, zone)
+    return open_for_report(found, points, zone)
 
 
 def page_of(folder: Path, run_id: str, language: str = "en", zone: Any = UTC) -> str:
-    return report_page(run_of(folder, run_id, zone), load(language))
+    return write_report(run_of(folder, run_id, zone), load(language))
 
 
 def words(page: str) -> str:
@@ -132,7 +132,7 @@ def test_every_kind_of_run_gives_a_sound_page_in_both_languages(tmp_path: Path) 
     for run in runs:
         reported = run_of(folder, run)
         for language in LANGUAGES:
-            check(report_page(reported, load(language)), language)
+            check(write_report(reported, load(language)), language)
 
 
 def test_names_from_outside_are_text_and_nothing_else(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -14,11 +15,15 @@ def part(ront_um: float) -> LearnedPart:
     return SimpleNamespace(roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={}, clamped=None)  # type: ignore[return-value]
 
 
+def row(parts: tuple[LearnedPart, ...]) -> LearnResult:
+    none: Any = None
+    of: dict[str, Any] = {"simulated": True, "after": None, "collisions": (), "parts": parts}
+    return LearnResult(plan=none, before=none, floor=none, figures=none, **of)
+
+
 def said(*ront_um: float) -> list[tuple[str, str, str, str]]:
-    whole: object = None
     parts = tuple(map(part, ront_um))
-    result = LearnResult(plan=whole, before=whole, floor=whole, parts=parts)  # type: ignore[arg-type]
-    return [(each.code, each.key, each.value, each.limit) for each in result.warnings]
+    return [(each.code, each.key, each.value, each.limit) for each in row(parts).warnings]
 
 
 @pytest.mark.parametrize(
@@ -40,7 +45,6 @@ def test_a_last_part_that_is_not_rounder_is_no_gain(
 @pytest.mark.parametrize(("language", "words"), [("en", "gained nothing"), ("ko", "나아진 것이 없습니다")])
 def test_it_is_said_with_both_figures(language: str, words: str) -> None:
     parts = tuple(map(part, (2.1, 2.3)))
-    whole: object = None
-    (problem,) = LearnResult(plan=whole, before=whole, floor=whole, parts=parts).warnings  # type: ignore[arg-type]
+    (problem,) = row(parts).warnings
     sentence = load(language).problem(problem)
     assert words in sentence and "2.1 um" in sentence and "2.3 um" in sentence

@@ -24,11 +24,11 @@ from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_log import RunLog
-from console.session.data.run_reader import How, RunFilters, RunRow, measured_parts, run_of_trace, runs, story
+from console.session.data.run_reader import RunFilters, measured_parts, run_of_trace, runs, story
+from console.session.data.run_rows import How, RunRow
 from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
-from console.session.learning.learning_record import record_accepted
-from console.session.learning.part_learning import accept
+from console.session.learning.part_learning import accept, record_accepted
 from console.session.station.alarms import Priority, acknowledged
 from console.session.station.commands import Acknowledge, DisableDrives, EndCut, Measure, Start
 from profiles.problem import Problem

@@ -15,7 +15,7 @@ import pytest
 from console.session.cut.recording import part_record
 from console.session.data.measured_part import MadeWith
 from console.session.data.records import RunRecord
-from console.session.learning.imported import ImportedTrace, examined
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part, taken_before
 from console.session.stages import Stage
 from console.text.catalogue import load
@@ -38,7 +38,7 @@ def gauge_file(
     return path
 
 
-def cut(folder: Path, compensation: int | None = None, of: ImportedTrace | None = None) -> str:
+def cut(folder: Path, compensation: int | None = None, of: EvaluatedPart | None = None) -> str:
     """Record a part that was cut, and measured by a file."""
     written = RunRecord(folder, described(JOB))
     written.add("cut", {"strategy": "cam", "stage": "full", "inverted": "model", "compensation": compensation})
@@ -50,8 +50,8 @@ def cut(folder: Path, compensation: int | None = None, of: ImportedTrace | None 
     return written.run_id
 
 
-def seen(path: Path) -> ImportedTrace:
-    return examined(path, JOB, {}, simulated=False)
+def seen(path: Path) -> EvaluatedPart:
+    return read_gauge_file(path, JOB, {}, simulated=False)
 
 
 def test_a_file_that_was_taken_for_a_part_is_not_that_of_the_next(tmp_path: Path) -> None:

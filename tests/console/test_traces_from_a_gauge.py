@@ -15,7 +15,7 @@ import pytest
 
 from console.session.data.history import last_results
 from console.session.data.trace_folder import export_trace, offered, trace_folder
-from console.session.learning.imported import ImportedTrace, examined
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from console.session.learning.part_learning import accept
 from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Start, TakeTrace
 from console.session.station.state import MeasuredPart, StationState
@@ -236,7 +236,7 @@ def test_a_trace_of_a_part_of_another_simulated_lathe_is_not_that_of_this_part(
 ) -> None:
     stated = {**STATED, "simulated": "yes", "lathe": "steady, seed 11"}
     path = written(tmp_path, outside_job, **stated).path
-    found = examined(path, outside_job.job, {}, simulated=True, lathe=cut_on)
+    found = read_gauge_file(path, outside_job.job, {}, simulated=True, lathe=cut_on)
     assert [problem.code for problem in found.problems] == codes
     assert found.ready is (not codes)
 
@@ -280,13 +280,13 @@ def outside_job() -> LoadedJob:
     return load_job("lee-2001-experiment-1")
 
 
-def written(folder: Path, job: LoadedJob, **stated: str) -> ImportedTrace:
+def written(folder: Path, job: LoadedJob, **stated: str) -> EvaluatedPart:
     """A made-up part with its lobe 20 deg past jaw 1, in a file that states this."""
     angle_deg = np.arange(720) / 2.0
     path = folder / "made.csv"
     deviation_um = 5.0 * np.cos(3.0 * np.radians(angle_deg - 20.0))
     write_trace(path, Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=stated), overwrite=True)
-    return examined(path, job.job, {}, simulated=False)
+    return read_gauge_file(path, job.job, {}, simulated=False)
 
 
 @pytest.mark.parametrize("direction", ["cw", "ccw", "spindle"])
@@ -304,7 +304,7 @@ def test_an_angle_of_the_gauge_is_an_angle_of_the_spindle(
         0.0 if mark.get("start_mark") == "spindle index" else 77.0 + way * float(mark.get("jaw_1_deg", 0)) * -1.0
     )
     phase_deg = (at_zero_deg + way * 20.0) % 120.0
-    assert found.result is not None
+    assert found.judged is not None
     seen = np.radians(found.turn.angle_deg)
     phase = np.angle(np.sum(found.turn.deviation_um * np.exp(-3j * seen)))
     assert (-np.degrees(phase) / 3.0 - phase_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=1e-6)

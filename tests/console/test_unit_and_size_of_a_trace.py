@@ -13,10 +13,10 @@ import pytest
 
 from console.session.guide.refusals import refused
 from console.session.guide.situation import Situation
-from console.session.learning.imported import examined
+from console.session.learning.evaluated_part import read_gauge_file
 from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compared
+from console.tui.inspecting.comparison import compare_parts
 from console.tui.lines import plain
 from console.tui.pages.inspect_lines import result_lines
 from drivers.cutting.strategy import Strategy
@@ -58,9 +58,9 @@ def test_a_part_in_another_unit_than_its_header_is_not_judged(
         for word in (seen, meant, right, "unit", "units_checked"):
             assert word in said.err
     assert "단위" in console("roundness", str(path), "--job", JOB, "--lang", "ko").err
-    found = examined(path, load_job(JOB).job, {}, simulated=False)
+    found = read_gauge_file(path, load_job(JOB).job, {}, simulated=False)
     assert [each.limit for each in found.problems] == [meant]
-    assert not found.ready and found.result is None
+    assert not found.ready and found.judged is None
     (reason,) = find_lobe(read_trace(path), load_job(JOB).job).reasons
     assert reason.code.startswith("trace.unit_doubtful")
     kept = console("calibrate", "lobe", str(path), "--job", JOB, "--keep")
@@ -70,12 +70,12 @@ def test_a_part_in_another_unit_than_its_header_is_not_judged(
 def test_a_unit_that_may_be_right_is_taken(console: Console, tmp_path: Path) -> None:
     job = load_job(JOB).job
     for lobe_um in (0.6, 2.0, LOBE_UM, 800.0):
-        assert examined(file(tmp_path, "deviation_um", lobe_um=lobe_um), job, {}, simulated=False).ready
-    assert examined(file(tmp_path, "deviation_mm", in_mm=True), job, {}, simulated=False).ready
+        assert read_gauge_file(file(tmp_path, "deviation_um", lobe_um=lobe_um), job, {}, simulated=False).ready
+    assert read_gauge_file(file(tmp_path, "deviation_mm", in_mm=True), job, {}, simulated=False).ready
     ideal = file(tmp_path, "deviation_um", "# simulated: yes", lobe_um=0.08)
-    assert examined(ideal, job, {}, simulated=True).ready, "an ideal lathe of the simulator"
+    assert read_gauge_file(ideal, job, {}, simulated=True).ready, "an ideal lathe of the simulator"
     checked = file(tmp_path, "deviation_um", "# units_checked: yes", lobe_um=0.08)
-    assert examined(checked, job, {}, simulated=False).ready
+    assert read_gauge_file(checked, job, {}, simulated=False).ready
     # A glass sphere is nobody's part: without a job it is measured as it is.
     assert console("roundness", str(file(tmp_path, "deviation_um", lobe_um=0.08))).code == 0
 
@@ -97,8 +97,8 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
     assert console("roundness", str(path), "--job", str(job_path), "--json").json["tool_offset_um"] is None
 
     job = replace(load_job(str(job_path)).job, diameter_tolerance_um=20.0)
-    found = examined(path, job, {}, simulated=False)
-    assert found.result is not None
+    found = read_gauge_file(path, job, {}, simulated=False)
+    assert found.judged is not None
     part = MeasuredPart(
         job=job,
         strategy=Strategy.NONE,
@@ -110,7 +110,7 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
     state = StationState(measured=part)
     now = Situation(state=state, work=None, machine=load_machine("lee-2001-lathe").machine)
     assert [each.code for each in refused("inspect.offset", now)] == [code]
-    shown = compared(state)
+    shown = compare_parts(state)
     assert shown is not None
     for language in ("en", "ko"):
         words = plain(result_lines(shown, False, load(language), 60, 40))

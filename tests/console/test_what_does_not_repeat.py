@@ -119,7 +119,8 @@ def test_the_report_says_what_of_an_order_no_learning_removes(language: str) -> 
     plan: Any = SimpleNamespace(job=RING)
     part: Any = SimpleNamespace(certificate=certificate, trim_short={2: 7.1})
     none: Any = None
-    result = LearnResult(plan=plan, before=none, floor=none, parts=(part,))
+    of: dict[str, Any] = {"simulated": True, "figures": none, "collisions": (), "parts": (part,)}
+    result = LearnResult(plan=plan, before=none, after=none, floor=none, **of)
     oval, fifth = run_cut._own(result, load(language))
     assert all(figure in oval for figure in ("10.96", "11.66", "0.74", " 16 um p-p"))
     assert all(figure in fifth for figure in ("2.68", "2.92")) and " 16 um" not in fifth

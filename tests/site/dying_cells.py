@@ -6,14 +6,14 @@ import os
 import pickle
 
 from console.site.study.cells import MADE, Cell
-from console.site.study.making import Made, failed, software
+from console.site.study.making import CellResult, failed, software
 
 DIES = 3
 
 
-def make_or_die(content: bytes) -> Made:
+def make_or_die(content: bytes) -> CellResult:
     """Make nothing of a cell; with the seed `DIES`, the process ends as by lack of memory."""
     cell: Cell = pickle.loads(content)
     if cell.names["seed"] == DIES:
         os._exit(9)
-    return Made(cell.number, (failed(cell, MADE),), software())
+    return CellResult(cell.number, (failed(cell, MADE),), software())

@@ -24,7 +24,7 @@ from console.session.data import records
 from console.session.data.kept_files import jobs_folder
 from console.session.data.measured_part import MadeWith
 from console.session.data.record_file import FILE_NAME
-from console.session.learning.learning_steps import taught_by
+from console.session.learning.learning_steps import learn_from_part
 from console.session.learning.part_learning import PartLearning
 from console.session.station.alarms import FAULT, Alarms, Priority, cleared, raised
 from console.session.station.alarms import seen as seen_alarms
@@ -39,7 +39,7 @@ from console.tui.controller import errand
 from console.tui.keymap import ACTIONS, DIGITS, PageName
 from console.tui.pages import job_shelf as shelf
 from console.tui.pages import jobs
-from console.tui.records import beside
+from console.tui.records import background_reader
 from console.tui.theme import COLOUR, Palette
 from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.cutting.place import ProgramPlace
@@ -255,7 +255,7 @@ def taught(part: MeasuredPart) -> MeasuredPart:
         cut_jaw_1_deg=str(part.jaw_1_deg),
     )
     trace, work = replace(part.trace, meta=meta), signed()
-    found = taught_by(
+    found = learn_from_part(
         trace, work.loaded, work.machine, Path("/nowhere"), made, gain=None, robust=False, date=CLOCK.isoformat()
     )
     return replace(part, learning=PartLearning(made=made, taught=found))
@@ -328,7 +328,7 @@ def fixed_world() -> Iterator[None]:
         for module in (shelf, jobs):
             patch.setattr(module, "load_job", signed_job)
         patch.setattr(errand, "SHORT_S", 60.0)
-        patch.setattr(beside, "SHORT_S", 60.0)  # no thread decides what is seen
+        patch.setattr(background_reader, "SHORT_S", 60.0)  # no thread decides what is seen
         patch.setenv("TZ", "UTC")
         time.tzset()
         yield

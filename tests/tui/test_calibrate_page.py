@@ -18,7 +18,7 @@ from console.tui.calibrating.draft import Draft
 from console.tui.calibrating.kept_list import Standing, kept_list
 from console.tui.further.calibrate import CalibratePage
 from console.tui.gate import FieldKind
-from console.tui.records import beside
+from console.tui.records import background_reader
 from console.units import METRIC, Units
 from profiles.calibration.table import CalibrationKind
 from profiles.store import load_machine
@@ -34,7 +34,7 @@ POINTS = [line.split(";") for line in WRENCH.splitlines()[1:]]
 @pytest.fixture(autouse=True)
 def in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is computed is there when it is asked for, however busy this computer is."""
-    monkeypatch.setattr(beside, "SHORT_S", 60.0)
+    monkeypatch.setattr(background_reader, "SHORT_S", 60.0)
 
 
 class CalibrateScene(PageScene):

@@ -10,7 +10,7 @@ from typing import Any, cast
 import pytest
 
 from console.text.catalogue import LiveCatalogue, load
-from console.text.certificate import certificate_lines
+from console.text.part_sentences import certificate_lines
 from console.tui.lines import width_of
 from console.tui.pages.learn_lines import certified_lines
 from profiles.compensations.certificate import Certified, Standing

@@ -12,7 +12,7 @@ from console.session.force_record import ForceCheck
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.text.catalogue import load
-from console.text.force import force_words
+from console.text.part_sentences import force_words
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.run import RunPage
 from profiles.compensations.force_null import ForceNull, Sign, Why, unknown

@@ -14,12 +14,17 @@ from console.session.guide.refusals import LOOKS
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import with_strategy
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compared
-from console.tui.inspecting.evaluation import Looked, supported_upr, tolerance_rings_um, with_next_filter
+from console.tui.inspecting.comparison import (
+    DisplayFilter,
+    compare_parts,
+    list_supported_upr,
+    next_filter,
+    tolerance_rings_um,
+)
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
-from console.tui.inspecting.plain_words import plain_words
 from console.tui.keymap import ACTIONS
 from console.tui.pages.inspect import InspectPage
+from console.tui.pages.learn_lines import plain_words
 from console.tui.plot.frame import stepped_125
 from console.tui.plot.polar_view import PolarView, shows_rings
 from console.tui.theme import Token
@@ -109,10 +114,10 @@ def test_a_trace_of_few_points_has_only_the_filters_that_it_supports() -> None:
     """Seven points for each undulation: 360 carry 50 UPR (350) and not 150 (1050); a step of 2 deg is as 180."""
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3 * angle_deg)))
-    assert supported_upr([trace]) == (15.0, 50.0)
-    assert supported_upr([PART.trace, trace]) == (15.0, 50.0)
-    assert supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == (15.0,)
-    assert with_next_filter(Looked(), None, ()) == Looked()
+    assert list_supported_upr([trace]) == (15.0, 50.0)
+    assert list_supported_upr([PART.trace, trace]) == (15.0, 50.0)
+    assert list_supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == (15.0,)
+    assert next_filter(DisplayFilter(), None, ()) == DisplayFilter()
 
 
 def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path) -> None:
@@ -131,12 +136,12 @@ def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path)
 @pytest.mark.parametrize("kind", CIRCLES)
 @pytest.mark.parametrize("factor", [0.99, 1.01])
 def test_the_trace_is_between_the_tolerance_rings_exactly_where_ront_is_within(kind: str, factor: float) -> None:
-    seen = compared(MEASURED, Looked(circle=kind))
+    seen = compare_parts(MEASURED, DisplayFilter(circle=kind))
     assert seen is not None
-    tolerance_um = factor * seen.shown.ront_um
-    inner, outer = tolerance_rings_um(seen.shown, tolerance_um)
+    tolerance_um = factor * seen.last.ront_um
+    inner, outer = tolerance_rings_um(seen.last, tolerance_um)
     assert outer - inner == pytest.approx(tolerance_um)
-    profile = seen.shown.profile_um
+    profile = seen.last.profile_um
     assert bool(inner <= profile.min() + 1e-9 and profile.max() <= outer + 1e-9) is (factor > 1.0)
     if kind == "MIC":
         assert inner == 0.0
@@ -295,18 +300,18 @@ def test_a_single_part_is_not_counted_as_several(tmp_path: Path) -> None:
 
 def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
     from console.session.data.run_reader import measured_parts
-    from console.tui.inspecting.other_part import other_part
+    from console.tui.inspecting.part_chooser import read_other_part
 
     recorded(tmp_path)
     work = signed()
     point = measured_parts(tmp_path, work.job.name, work.machine.machine.name, True)[-1]
-    other = other_part(tmp_path, point)
-    assert other.found.result.ront_um == pytest.approx(point.ront_um)
-    seen = compared(MEASURED, Looked(), other)
+    other = read_other_part(tmp_path, point)
+    assert other.result.ront_um == pytest.approx(point.ront_um)
+    seen = compare_parts(MEASURED, DisplayFilter(), other)
     assert seen is not None and seen.before.ront_um == pytest.approx(point.ront_um)
     # With a filter that it does not support both keep that of the verdict.
-    wide = compared(MEASURED, Looked(filter_upr=500.0), other)
-    assert wide is not None and wide.looked == Looked() and wide.supported == (15.0, 50.0)
+    wide = compare_parts(MEASURED, DisplayFilter(filter_upr=500.0), other)
+    assert wide is not None and wide.looked == DisplayFilter() and wide.supported == (15.0, 50.0)
 
 
 def test_a_record_without_other_parts_and_a_damaged_one_are_told(tmp_path: Path) -> None:

@@ -10,8 +10,8 @@ from datetime import UTC, datetime
 import numpy as np
 import pytest
 
-from console.session.data.run_reader import PartPoint
-from console.session.learning.job_chart import Figure, JobChart, JobParts, NoClaim, job_chart
+from console.session.data.measured_part import RecordedPart
+from console.session.learning.job_chart import Figure, JobChart, NoClaim, job_chart
 from console.text.catalogue import load
 from console.tui.lines import plain, width_of
 from console.tui.plot.run_chart_view import chart_cells
@@ -19,7 +19,7 @@ from console.tui.records.panels import chart_lines, chart_picture
 from console.units import METRIC
 from tests.tui.stage import LANGUAGES
 
-POINT = PartPoint(
+POINT = RecordedPart(
     run_id="0",
     at=datetime(2026, 1, 2, tzinfo=UTC),
     part="",
@@ -37,9 +37,8 @@ ZIGZAG = (2.0, 3.0) * 20
 """Moving ranges of 1 um each: limits are 2.5 +- 3 / 1.128 um (NIST/SEMATECH 6.3.2.2)."""
 
 
-def parts(ronts_um: Sequence[float], **changes: object) -> JobParts:
-    points = tuple(replace(POINT, ront_um=um, **changes) for um in ronts_um)  # type: ignore[arg-type]
-    return JobParts(job="ring", strategy="pvt", points=points)
+def parts(ronts_um: Sequence[float], **changes: object) -> tuple[RecordedPart, ...]:
+    return tuple(replace(POINT, ront_um=um, **changes) for um in ronts_um)  # type: ignore[arg-type]
 
 
 def said(chart: JobChart, language: str = "en") -> str:
@@ -74,7 +73,7 @@ def test_capability_has_its_number_of_parts_and_its_interval() -> None:
 
 def test_a_diameter_is_judged_between_both_limits_of_its_tolerance() -> None:
     points = [replace(POINT, diameter_mm=51.8 + (0.001 if n % 2 else -0.001)) for n in range(40)]
-    chart = job_chart(replace(parts(()), points=tuple(points)), Figure.DIAMETER)
+    chart = job_chart(tuple(points), Figure.DIAMETER)
     assert (chart.lower_um, chart.upper_um) == (-10.0, 10.0)
     assert chart.capability is not None and chart.capability.cp is not None
     assert chart.capability.cp == pytest.approx(10.0 / (3.0 * np.sqrt(40.0 / 39.0)), rel=1e-6)
@@ -92,7 +91,7 @@ def test_a_diameter_is_judged_between_both_limits_of_its_tolerance() -> None:
         (parts([*ZIGZAG, 9.0, 2.5, 9.0]), NoClaim.UNSTABLE),
     ],
 )
-def test_what_is_not_claimed_says_why(made: JobParts, why: NoClaim) -> None:
+def test_what_is_not_claimed_says_why(made: tuple[RecordedPart, ...], why: NoClaim) -> None:
     chart = job_chart(made, Figure.RONT)
     assert (chart.capability, chart.no_claim) == (None, why)
     for language in LANGUAGES:
@@ -103,9 +102,9 @@ def test_what_is_not_claimed_says_why(made: JobParts, why: NoClaim) -> None:
 
 def test_parts_with_another_compensation_before_are_shown_and_not_counted() -> None:
     """What was made otherwise says nothing of what is made now."""
-    older = parts([8.0] * 12).points
-    newer = parts(ZIGZAG, compensation="2").points
-    chart = job_chart(replace(parts(()), points=(*older, *newer)), Figure.RONT)
+    older = parts([8.0] * 12)
+    newer = parts(ZIGZAG, compensation="2")
+    chart = job_chart((*older, *newer), Figure.RONT)
     assert chart.begins == 12 and chart.alike == 40
     assert chart.limits is not None and chart.limits.mean == pytest.approx(2.5)
     assert chart.capability is not None and chart.capability.parts == 40
@@ -120,7 +119,7 @@ def test_a_growing_lobe_is_told_and_noise_is_not_a_trend() -> None:
         (0.0, "No trend"),
     ):
         points = [replace(POINT, lobe_um_pp=2.0 + slope * n + float(noise[n])) for n in range(40)]
-        chart = job_chart(replace(parts(()), points=tuple(points)), Figure.RONT)
+        chart = job_chart(tuple(points), Figure.RONT)
         assert words in said(chart)
 
 
@@ -143,5 +142,5 @@ def test_any_number_of_parts_is_drawn_in_any_room(count: int, size: tuple[int, i
 def test_parts_that_inverted_another_response_are_not_made_alike() -> None:
     """One alone has no scatter: its limits wait for the parts like it."""
     by_model, found = parts(ZIGZAG), parts([1.0, 1.2], inverted="pvt-20260103T093000000Z.json")
-    both = replace(by_model, points=(*by_model.points, *found.points))
+    both = (*by_model, *found)
     assert job_chart(both, Figure.RONT).begins == len(ZIGZAG)

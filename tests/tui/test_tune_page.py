@@ -22,7 +22,7 @@ from console.session.tuning.standing import StandingTrial, stands_problem
 from console.tui.further.loop_facts import loop_facts
 from console.tui.further.tune import TunePage
 from console.tui.lines import plain
-from console.tui.records import beside
+from console.tui.records import background_reader
 from drivers.cutting.strategy import Strategy
 from drivers.identification.tool_loop import ToolLoop
 from drivers.lathe.snapshot import AxisState, Snapshot
@@ -49,7 +49,7 @@ STATE = StationState(
 @pytest.fixture(autouse=True)
 def in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is computed is there when it is asked for, however busy this computer is."""
-    monkeypatch.setattr(beside, "SHORT_S", 60.0)
+    monkeypatch.setattr(background_reader, "SHORT_S", 60.0)
 
 
 class TuneScene(PageScene):

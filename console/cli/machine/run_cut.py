@@ -20,12 +20,12 @@ from console.cli.output import agreed, fields_of, harmonics_of, show
 from console.cli.output import tell as tell_problems
 from console.session.cut.engine import CutContext, NotAsPlannedError, Step
 from console.session.cut.in_process import simulated_context
-from console.session.cut.recording import LogRecorder, PartName, Recorder, part_record
+from console.session.cut.recording import CutRecorder, LogRecorder, part_record
 from console.session.cut.run import RunResult, TellPart, roundness_of, run, run_once
 from console.session.cut.simulated_parts import LatheParts, lathe_setup
 from console.session.data.kept_files import RunDates
 from console.session.data.learned_store import NONE
-from console.session.data.measured_part import AS_FILED, CUT_JAW, FINGERPRINT, INVERTED, MODEL, tool_event
+from console.session.data.measured_part import FINGERPRINT, MODEL, MadeWith, tool_event
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
@@ -44,11 +44,15 @@ from console.session.station.alarms import collision_problems
 from console.session.station.reaching import Reached, commissioning, guard, leave, machine_context, reach
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.text.catalogue import Catalogue
-from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
-from console.text.cut_verdict import verdict_words
-from console.text.fingerprint import clamped_fields, fingerprint_line
-from console.text.force import force_words
+from console.text.part_sentences import (
+    certificate_fields,
+    certificate_lines,
+    clamped_fields,
+    fingerprint_line,
+    force_words,
+    verdict_words,
+)
 from console.text.recorded_words import plain_cut_words
 from drivers.clock import boot_s
 from drivers.lathe.snapshot import Snapshot
@@ -77,19 +81,14 @@ def agreed_to(options: Namespace, request: RunRequest, text: Catalogue) -> bool:
     return agreed(options, machine.name, request.simulated, text)
 
 
-def result_fields(result: RunResult | LearnResult, warnings: list[str]) -> dict[str, object]:
-    """Return a run, with the warnings that were printed; a series is its last part, with all parts beside it."""
-    if isinstance(result, RunResult):
-        return _run_fields(result, warnings)
-    return {
-        **_run_fields(result.last, warnings),
-        "passes": [_part_fields(part) for part in result.parts],
-        "floor": roundness_fields(result.floor),
-    }
-
-
-def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
-    plan, figures = result.plan, result.figures
+def result_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
+    """Return a run, with the warnings that were printed; of several parts the last one, with all of them after."""
+    plan, figures, several = result.plan, result.figures, dict[str, object]()
+    if isinstance(result, LearnResult):
+        several = {
+            "passes": [_part_fields(part) for part in result.parts],
+            "floor": roundness_fields(result.floor),
+        }
     return {
         "job": plan.job.name,
         "machine": plan.machine.name,
@@ -117,6 +116,7 @@ def _run_fields(result: RunResult, warnings: list[str]) -> dict[str, object]:
         "cut_duration_s": plan.cut.duration_s,
         "warnings": warnings,
         "collisions": list(result.collisions),
+        **several,
     }
 
 
@@ -151,14 +151,14 @@ def _harmonic_fields(harmonics: Iterable[PathHarmonic]) -> list[dict[str, object
     return [{"n": h.lobes, "amplitude_um": h.amplitude_um, "crest_deg": h.phase_deg} for h in harmonics]
 
 
-def result_lines(result: RunResult | LearnResult, text: Catalogue) -> list[str]:
+def result_lines(result: RunResult, text: Catalogue) -> list[str]:
     """Return the result in words."""
-    if isinstance(result, RunResult):
+    if not isinstance(result, LearnResult):
         closing = "run.cut_air" if result.plan.stage is Stage.AIR else "run.measure_it"
         return [*_run_lines(result, text), text("run.simulated" if result.simulated else closing)]
     last = result.parts[-1]
     certificate = [*certificate_lines(last.certificate, text), *_left_lobe(result, text), *_own(result, text)]
-    return [*_run_lines(result.last, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
+    return [*_run_lines(result, text), "", *_series(result, text), "", *certificate, text("run.simulated")]
 
 
 def _left_lobe(result: LearnResult, text: Catalogue) -> list[str]:
@@ -266,10 +266,7 @@ def _figures(roundness: RoundnessResult, lobes: int) -> tuple[str, str]:
 def cut_requested(
     options: Namespace, request: RunRequest, interruption: Interruption, warnings: list[str], text: Catalogue
 ) -> RunResult:
-    """Cut with a record and, if requested, a trace, whose early end is added to the warnings; print the result.
-
-    Return the run, of a series that of its last part.
-    """
+    """Cut with a record and, if requested, a trace, whose early end is added to the warnings; print the result."""
     tracing = Tracing(None if options.trace is None else Path(options.trace), f"run {request.job.job.name}")
     data = data_of(options)
     record = begin_record(
@@ -296,20 +293,18 @@ def cut_requested(
         feed.close()
         missing = () if record.log.problem is None else (record.log.problem,)
         warnings += tell_problems((*tracing.problems, *missing, *feed.problems), text)
-    last = result.last if isinstance(result, LearnResult) else result
     learned = result.warnings if isinstance(result, LearnResult) else ()
-    warnings += tell_problems((*last.figures.verdict.problems, *learned), text)
+    warnings += tell_problems((*result.figures.verdict.problems, *learned), text)
     show(
         options,
         lambda: _fields(request, result, warnings),
         lambda: [*result_lines(result, text), *learn_hint(options, request, text)],
     )
-    if isinstance(result, RunResult):
-        _save_part(request, result)
-    return last
+    _save_part(request, result)
+    return result
 
 
-def _fields(request: RunRequest, result: RunResult | LearnResult, warnings: list[str]) -> dict[str, object]:
+def _fields(request: RunRequest, result: RunResult, warnings: list[str]) -> dict[str, object]:
     """Return a run, and of a simulated one which lathe it was, and which of its parts."""
     lathe = {} if request.lathe_parts is None else {LATHE: request.lathe_parts.fields()}
     return {**result_fields(result, warnings), **lathe}
@@ -387,15 +382,16 @@ def _save_part(request: RunRequest, result: RunResult) -> None:
 
 
 def _made(request: RunRequest) -> dict[str, str]:
+    """Return how the part was cut, as header lines of its trace."""
     plan = request.plan
-    return {
-        "compensation": NONE if plan.compensation is None else str(plan.compensation),
-        "strategy": plan.cut.strategy.value,
-        "stage": plan.stage.value,
-        INVERTED: plan.inverted or MODEL,
-        CUT_JAW: AS_FILED,
-        **({FINGERPRINT: plan.fingerprint} if plan.fingerprint else {}),
-    }
+    made = MadeWith(
+        compensation=NONE if plan.compensation is None else str(plan.compensation),
+        strategy=plan.cut.strategy.value,
+        stage=plan.stage.value,
+        inverted=plan.inverted or MODEL,
+        fingerprint=plan.fingerprint,
+    )
+    return made.header()
 
 
 def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
@@ -423,11 +419,14 @@ def _facts(request: RunRequest, warnings: list[str]) -> RunFacts:
     )
 
 
-def _keep_part(record: RunRecord, request: RunRequest, job: Job, trace: Trace, name: PartName) -> None:
+def _keep_part(
+    record: RunRecord, request: RunRequest, job: Job, trace: Trace, *, part: str, product: bool, proven: bool
+) -> None:
     """Add a measured part to the record; SessionError `record.lost`."""
     result = roundness_of(trace)
-    part = part_record(job, result, trace, request.plan.stage, name=name, made=_made(request))
-    record.add("part", {"part": name.name, "ront_um": result.ront_um}, part)
+    stage, made = request.plan.stage, _made(request)
+    kept = part_record(job, result, trace, stage, part=part, product=product, proven=proven, made=made)
+    record.add("part", {"part": part, "ront_um": result.ront_um}, kept)
 
 
 def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list[str]:
@@ -445,8 +444,8 @@ def learn_hint(options: Namespace, request: RunRequest, text: Catalogue) -> list
 
 
 def _recorded(
-    record: RunRecord, warnings: list[str], request: RunRequest, work: Callable[[], RunResult | LearnResult]
-) -> RunResult | LearnResult:
+    record: RunRecord, warnings: list[str], request: RunRequest, work: Callable[[], RunResult]
+) -> RunResult:
     """Run, and record the course however it ends.
 
     With the plan it records the dates of the calibrations with which the job was judged.
@@ -491,7 +490,7 @@ def _cut(
     dates: RunDates,
     tell: TellPart,
     text: Catalogue,
-) -> RunResult | LearnResult:
+) -> RunResult:
     """Cut the requested job, or its series of parts, each corrected by the ones before, at the requested place.
 
     On a machine behind a link, print on stderr how to stop it; leave its drives off.
@@ -525,7 +524,9 @@ def _cut(
         reached.close()
 
 
-def _cut_there(request: RunRequest, reached: Reached, data: Path, recorder: Recorder, tell: TellPart) -> RunResult:
+def _cut_there(
+    request: RunRequest, reached: Reached, data: Path, recorder: CutRecorder, tell: TellPart
+) -> RunResult:
     try:
         commissioned = commissioning(reached, request.machine, data)
         context = replace(machine_context(reached, commissioned), recorder=recorder)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from console.cli.arguments import DEFAULT_PLANT, INDICATOR
 from console.cli.library import data_of, job_of, known_lathe, lathe_parts_of, machine_of, true_parameters_of
-from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
+from console.cli.measured.fingerprint_source import requested_fingerprint
 from console.session.cut.run import RunPlan, plan_run
 from console.session.cut.simulated_parts import LatheParts
 from console.session.data.calibrated_chuck import CalibratedMachine, calibrated
@@ -25,7 +25,6 @@ from console.session.data.learned_store import (
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
-from console.session.learning.history import history_of
 from console.session.learning.learning import COMPARED, refuse_unlearnable
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage, nominal_path
@@ -36,7 +35,7 @@ from drivers.link.address import LinkAddress, SimulatedAddress
 from drivers.simulator.plant.true_parameters import TrueParameters
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import OTHER_SETTINGS, HoldsFor, LearnedCompensation, differences
+from profiles.compensations.learned import OTHER_SETTINGS, HoldsFor, LearnedCompensation, differences, history_of
 from profiles.compensations.path import CutPath
 from profiles.files import printable
 from profiles.job import Job
@@ -237,17 +236,19 @@ def _fingerprint(
     """Return the fingerprint that a single cut was asked for with, None where it was not."""
     if options.fingerprint is None or options.learn is not None:
         return None
-    cut = AskedCut(
-        job=job,
-        machine=machine,
-        strategy=Strategy(options.strategy),
+    return requested_fingerprint(
+        options.fingerprint,
+        job,
+        machine,
+        Strategy(options.strategy),
+        in_process=bool(options.sim),
+        simulated=simulated,
         stage=Stage(options.stage),
+        true=true,
         path=path,
         inverted=inverted,
         history=history,
-        true=true,
     )
-    return asked_fingerprint(options.fingerprint, cut, in_process=bool(options.sim), simulated=simulated)
 
 
 def _part_file(options: Namespace, *, simulated: bool) -> Path | None:

@@ -50,7 +50,7 @@ def main(options: Namespace, text: Catalogue) -> int:
 def _take(options: Namespace, text: Catalogue) -> None:
     """Write what the indicator of the simulated lathe shows of the clamping that the same options cut on."""
     from console.cli.library import SIM_OPTION, job_of, lathe_parts_of, machine_of, true_parameters_of
-    from console.cli.measured.asked_fingerprint import indicated
+    from console.cli.measured.fingerprint_source import indicated
     from console.cli.output import show
     from profiles.files import printable, write_atomically
     from profiles.fingerprint.readings import readings_text
@@ -78,15 +78,15 @@ def _take(options: Namespace, text: Catalogue) -> None:
 
 def _judge(options: Namespace, text: Catalogue) -> None:
     from console.cli.library import SIM_OPTION, data_of, job_of, machine_of
-    from console.cli.measured.asked_fingerprint import AskedCut, asked_fingerprint
+    from console.cli.measured.fingerprint_source import requested_fingerprint
     from console.cli.output import show, tell
     from console.session.data.calibrated_chuck import calibrated
-    from console.text.fingerprint import deflection_lines, fingerprint_fields, fingerprint_line
+    from console.text.part_sentences import deflection_lines, fingerprint_fields, fingerprint_line
     from drivers.cutting.strategy import Strategy
 
     job, machine = job_of(options).job, calibrated(machine_of(options, SIM_OPTION), data_of(options)).machine
-    cut = AskedCut(job=job, machine=machine, strategy=Strategy(options.strategy))
-    found = asked_fingerprint(options.file, cut, in_process=False, simulated=True)
+    strategy = Strategy(options.strategy)
+    found = requested_fingerprint(options.file, job, machine, strategy, in_process=False, simulated=True)
     warnings = tell(found.clamped.warnings, text)
     show(
         options,

@@ -19,14 +19,13 @@ from console.session.data.learned_store import asked_for, elsewhere_problems, st
 from console.session.data.measured_part import KEYS
 from console.session.data.run_reader import run_of_trace
 from console.session.errors import SessionError
-from console.session.learning.learning_record import record_accepted
-from console.session.learning.learning_steps import SIMULATED, Taught, reverted, taught
+from console.session.learning.learning_steps import SIMULATED, LearningOutcome, learn_from_trace, reverted
+from console.session.learning.part_learning import record_accepted
 from console.session.learning.provenance import taken_before
 from console.session.stages import Stage
 from console.text.catalogue import Catalogue
-from console.text.causes import cause_words
-from console.text.certificate import certificate_fields, certificate_lines
 from console.text.columns import table
+from console.text.part_sentences import cause_words, certificate_fields, certificate_lines
 from drivers.simulator.plant.which_lathe import options_of
 from profiles.compensations.learned import HoldsFor, LearnedCompensation, as_table, changed_settings, differences
 from profiles.compensations.next_version import Contraction, LearningStep
@@ -48,7 +47,7 @@ def learn_from(options: Namespace, job: LoadedJob, machine: CalibratedMachine, t
         raise SessionError(Problem(code="learned.not_simulated", where=where, limit=": ".join(SIMULATED)))
     made = {key: getattr(options, key) for key in KEYS if getattr(options, key) is not None}
     with naming(where):
-        found = taught(
+        found = learn_from_trace(
             trace,
             job,
             machine,
@@ -90,7 +89,7 @@ def _recorded(data: Path, content: bytes, kept: LearnedCompensation) -> tuple[Pr
     return record_accepted(data, run_id, kept)
 
 
-def _fails(found: Taught, job: LoadedJob) -> bool:
+def _fails(found: LearningOutcome, job: LoadedJob) -> bool:
     """Whether a part is out of its tolerance; one with half its compensation is not judged."""
     part = found.step.next.part
     return found.stage is Stage.FULL and part is not None and part.ront_um > job.job.roundness_tolerance_um
@@ -136,7 +135,7 @@ def _refuse_unused(options: Namespace) -> None:
         raise SessionError(Problem(code="learned.unused", key=key, value=value))
 
 
-def _step_fields(found: Taught) -> dict[str, object]:
+def _step_fields(found: LearningOutcome) -> dict[str, object]:
     """Return a learning step; what cannot be determined from two parts, or not without angles, is null."""
     step = found.step
     lobes, part = step.next.path.target.lobes, step.next.part
@@ -185,7 +184,7 @@ def _still_holds(version: LearnedCompensation, asked: HoldsFor) -> bool:
     return not differences(version, replace(asked, strategy=version.holds_for.strategy))
 
 
-def _step_lines(found: Taught, text: Catalogue, *, fails: bool) -> list[str]:
+def _step_lines(found: LearningOutcome, text: Catalogue, *, fails: bool) -> list[str]:
     """Return a learning step; for a part that `fails` also why it is not round."""
     step, made = found.step, found.made
     holds, part = step.next.holds_for, step.next.part

@@ -15,7 +15,9 @@ from console.cli.measured.records_report import filters_of, row_fields, story_fi
 from console.cli.output import SCHEMA, show, tell
 from console.escaping import csv_table
 from console.session.data.kept_files import make_folder, there
-from console.session.data.run_reader import RunFilters, RunRow, RunStory, Telemetry, runs, story
+from console.session.data.run_reader import RunFilters, runs, story
+from console.session.data.run_rows import RunRow
+from console.session.data.run_story import RunStory, Telemetry
 from console.session.errors import SessionError
 from console.text.catalogue import Catalogue
 from profiles.files import printable, write_atomically

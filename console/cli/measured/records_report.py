@@ -9,34 +9,23 @@ from datetime import datetime
 
 from console.cli.library import data_of
 from console.cli.output import fields_of, show
+from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import origin_facts, setup_facts
-from console.session.data.run_reader import (
-    MODEL,
-    How,
-    RecordedPart,
-    RunEvent,
-    RunFilters,
-    RunRow,
-    RunStory,
-    Telemetry,
-    runs,
-    story,
-)
-from console.session.data.run_story import POLLED
+from console.session.data.run_reader import RunFilters, runs, story
+from console.session.data.run_rows import MODEL, RunRow
+from console.session.data.run_story import POLLED, RunEvent, RunStory, Telemetry
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
-from console.text.cut_verdict import verdict_words
+from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
     Layout,
-    clock,
+    ending_words,
     fact_rows,
     local,
     part_words,
-    reason_words,
     stage_words,
-    story_alarm_words,
-    story_command_words,
     strategy_words,
+    timed_words,
 )
 from profiles.axis.response import Source
 from profiles.files import printable
@@ -48,7 +37,7 @@ FIGURES = ("ront_um", "tolerance_um", "passed", "diameter_mm", "nominal_diameter
 
 
 def filters_of(options: Namespace) -> RunFilters:
-    """Return what the arguments select."""
+    """Return the filters given by the arguments."""
     return RunFilters(
         job=options.job,
         machine=options.of_machine,
@@ -82,13 +71,14 @@ def _list_lines(shown: tuple[RunRow, ...], more: bool, lathes: Mapping[str, str]
 
 
 def row_lines(row: RunRow, text: Catalogue, lathe: str = "") -> list[str]:
-    """Return a run on a line with its id, and what became of it on those below; nothing is cut off.
+    """Return a run: a line with its id, and its result and cut below; nothing is cut off.
 
-    `lathe` is named where the runs are of several.
+    `lathe` is named if the runs are of several.
     """
     sim = [text("sim")] if row.simulated else []
     head = "  ".join([row.run_id[:ID_DIGITS], local(row.started), *sim, row.job])
-    facts = [_result(row, text), _ended(row, text), row.machine, strategy_words(row.strategy, text)]
+    ended = ending_words(row.ended, text, Layout.COMMAND)
+    facts = [_result(row, text), ended, row.machine, strategy_words(row.strategy, text)]
     stage = stage_words(row.strategy, row.stage, text)
     facts += [each for each in (stage, _compensation(row, text), row.operator or "") if each]
     if lathe:
@@ -108,15 +98,6 @@ def _result(row: RunRow, text: Catalogue) -> str:
     unjudged = "records.not_judged" if row.proven else "records.not_proven"
     verdict = {True: "records.passed", False: "records.failed", None: unjudged}[row.passed]
     return text(verdict, result=result, limit=f"{row.tolerance_um:g}")
-
-
-def _ended(row: RunRow, text: Catalogue) -> str:
-    ended = row.ended
-    said = text(f"records.how.{ended.how}")
-    if ended.turn is not None and ended.how is not How.DONE:
-        said = f"{said} ({text('records.turn', turn=f'{ended.turn:.1f}')})"
-    why = reason_words(ended, text) if ended.reason else ""
-    return ": ".join(filter(None, (said, ", ".join(filter(None, (why, ended.by))))))
 
 
 def _compensation(row: RunRow, text: Catalogue) -> str:
@@ -149,7 +130,7 @@ def show_run(options: Namespace, text: Catalogue) -> None:
 def debrief_run(options: Namespace, text: Catalogue) -> None:
     """Print what a run cost, why, and what to do next time; as JSON with codes beside the sentences."""
     from console.session.learning.run_debrief import run_debrief
-    from console.text.run_debrief import debrief_sections, told_words
+    from console.text.run_debrief import debrief_sections, incident_words
 
     data = data_of(options)
     found = story(data, options.run)
@@ -164,7 +145,7 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
             "setup": found.setup,
             "causes": [asdict(cause) for cause in debrief.causes],
             "next": [each.value for each in debrief.advice],
-            "happened": [{"at_s": each.at_s, "text": told_words(each, text)} for each in debrief.happened],
+            "happened": [{"at_s": each.at_s, "text": incident_words(each, text)} for each in debrief.happened],
             "unknown": [each.code for each in debrief.unknown],
             "text": dict(sections),
         },
@@ -173,7 +154,7 @@ def debrief_run(options: Namespace, text: Catalogue) -> None:
 
 
 def story_fields(found: RunStory) -> dict[str, object]:
-    """Return a run in full for JSON; of traces and telemetry what there is of them."""
+    """Return a run in full for JSON; of traces and telemetry only their sizes."""
     return {
         **row_fields(found.row),
         **fields_of(found, "software", "python", "controller", "family", "job_sha256", "machine_sha256", "setup"),
@@ -218,14 +199,14 @@ def _iso(date: datetime | None) -> str | None:
 
 def _story_lines(found: RunStory, text: Catalogue, lathe: str) -> list[str]:
     row = found.row
-    judged = verdict_words(found.cut_verdict, text)
+    judged, timed = verdict_words(found.cut_verdict, text), timed_words(found, text)
     planned = _indented([f"{text('run.cut_verdict')}: {judged}"] if judged else [])
     lines = [*row_lines(row, text, lathe), *planned, "", *table(_facts(found, text))]
     for name, told in (
         ("parts", [_part_line(part, text) for part in found.parts]),
         ("telemetry", _telemetry(found, text)),
-        ("commands", [f"{clock(each.at)}  {story_command_words(each, text)}" for each in found.commands]),
-        ("alarms", [f"{clock(each.raised)}  {story_alarm_words(each, text)}" for each in found.alarms]),
+        ("commands", map("  ".join, timed["commands"])),
+        ("alarms", map("  ".join, timed["alarms"])),
         ("learned", [_learned_line(each, text) for each in found.accepted]),
     ):
         lines += ["", text(f"records.{name}"), *(_indented(told) or [_nothing(text)])]
@@ -243,10 +224,10 @@ def _indented(lines: Iterable[str]) -> list[str]:
 
 
 def _facts(found: RunStory, text: Catalogue) -> list[tuple[str, str]]:
-    """Return what the run rests on, as far as it is recorded."""
+    """Return versions, hashes, set-up and diameter, as far as they are recorded."""
     rows = fact_rows((*origin_facts(found), *setup_facts(found)), text, Layout.COMMAND)
     diameter = _diameter(found.row, text)
-    return [*rows, *([(text("records.diameter"), diameter)] if diameter else [])]
+    return [*rows, *([(text("roundness.mean_diameter"), diameter)] if diameter else [])]
 
 
 def _diameter(row: RunRow, text: Catalogue) -> str:

@@ -14,7 +14,8 @@ from console.text.catalogue import Catalogue
 from profiles.problem import Problem, ProfileError
 
 if TYPE_CHECKING:
-    from console.session.data.run_reader import PartPoint, RunRow
+    from console.session.data.measured_part import RecordedPart
+    from console.session.data.run_rows import RunRow
 
 MOST_POINTS = 5_000
 """Parts of a job among which those before the run are looked for."""
@@ -33,21 +34,21 @@ def main(options: Namespace, text: Catalogue) -> int:
     """Write the report of a run and print where it is."""
     from console.cli.library import data_of
     from console.cli.output import show
-    from console.report.page import report_page
+    from console.report.page import write_report
     from console.report.quantities import date_in
-    from console.report.reported_run import reported_run
-    from console.report.verdict import verdict
+    from console.report.verdict import judge_run
     from console.session.data.run_reader import story
+    from console.session.learning.opened_run import open_for_report
     from console.session.learning.run_debrief import run_debrief
 
     data = data_of(options)
     found = story(data, options.run or _newest(data))
     row = found.row
-    run = reported_run(found, _points(data, row), debrief=run_debrief(found, data))
+    run = open_for_report(found, _points(data, row), debrief=run_debrief(found, data))
     path = Path(options.output or f"{_stem(row.job)}-{row.started.astimezone():%Y-%m-%d-%H%M%S}.html")
-    _write(path, report_page(run, text), overwrite=options.overwrite)
+    _write(path, write_report(run, text), overwrite=options.overwrite)
     facts = {"run": row.run_id, "job": row.job, "date": date_in(None, row.started), "file": str(path)}
-    judged = verdict(run, text)
+    judged = judge_run(run, text)
     show(
         options,
         lambda: {
@@ -62,7 +63,7 @@ def main(options: Namespace, text: Catalogue) -> int:
     return 0
 
 
-def _points(data: Path, row: RunRow) -> tuple[PartPoint, ...] | None:
+def _points(data: Path, row: RunRow) -> tuple[RecordedPart, ...] | None:
     """Return the measured parts of the job of a run, None unreadable: the run itself may be sound."""
     from console.session.data.run_reader import measured_parts
 

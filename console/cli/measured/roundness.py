@@ -37,21 +37,20 @@ def add(parser: Parser, text: Catalogue) -> None:
 def main(options: Namespace, text: Catalogue) -> int:
     """Evaluate a trace and print its roundness; warnings go to stderr."""
     from console.cli.library import job_of, naming
-    from console.cli.measured.measured_trace import measured_trace
-    from console.cli.measured.roundness_report import roundness_lines, trace_fields
-    from console.cli.measured.v_block import read_v_block, v_block_fields, v_block_lines
+    from console.cli.measured.roundness_report import roundness_lines, trace_fields, v_block_fields, v_block_lines
+    from console.cli.measured.trace_evaluation import evaluate_trace_file
     from console.cli.output import show, tell
     from profiles.files import printable
 
     if options.fail_out_of_tolerance and options.job is None:
         print(f"console roundness: {text('usage.tolerance_without_job')}", file=sys.stderr)
         return WRONG_USAGE
-    measured = measured_trace(options)
+    measured = evaluate_trace_file(options)
     warnings = tell(measured.result.warnings, text)
     if options.vblock is not None:
         with naming(printable(options.file)):
-            lobe = read_v_block(measured.result, options.vblock, options.lobes)
-        fields, lines = v_block_fields(lobe, measured.header), v_block_lines(lobe, text)
+            fields = v_block_fields(measured.result, options.vblock, options.lobes, measured.header)
+        lines = v_block_lines(fields, measured.result, text)
     else:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}

@@ -1,15 +1,21 @@
-"""Roundness of a trace for people and for JSON; lengths in um, angles in degrees from the spindle index."""
+"""Roundness of a trace, and the lobe over a V-block, for people and for JSON; angles from the spindle index."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict
+from typing import Any
 
-from console.cli.measured.measured_trace import MeasuredTrace
 from console.cli.output import fields_of
+from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.circles import ReferenceCircle
+from profiles.metrology.filters import gaussian_transmission
+from profiles.metrology.v_block import usable_factor
+from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
+from profiles.trace_files.header import TraceHeader
 
 PARAMETERS = ("RONt", "RONp", "RONv", "RONq")
 SHOWN_HARMONICS = (2, 3, 4, 5, 6, 7, 8, 9, 12, 15)
@@ -20,7 +26,7 @@ CENTRE = ("centre_x_mm", "centre_y_mm")
 """Of a trace of points in the plane: where its least squares circle is."""
 
 
-def trace_fields(measured: MeasuredTrace) -> dict[str, object]:
+def trace_fields(measured: EvaluatedPart) -> dict[str, object]:
     """Return all results of a trace."""
     result, header, turns = measured.result, measured.header, measured.turns
     return {
@@ -66,7 +72,7 @@ def _circle(circle: ReferenceCircle) -> dict[str, object]:
     }
 
 
-def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def roundness_lines(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     """Return head, figures, the four circles, size, turns and harmonics."""
     result = measured.result
     rows = [(name, f"{um:z.3f}", "um") for name, um in zip(PARAMETERS, _parameters(result).values(), strict=True)]
@@ -94,7 +100,7 @@ def roundness_lines(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     ]
 
 
-def _head(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def _head(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     result, header = measured.result, measured.header
     filtered = filter_line(result, text)
     lines = [
@@ -118,9 +124,10 @@ def _head(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     return lines
 
 
-def _features(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def _features(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     """Return the features, and the verdict with and without them."""
-    result, limit_um = measured.result, measured.tolerance_um
+    result, job = measured.result, measured.job
+    limit_um = None if job is None else job.roundness_tolerance_um
     if result.without_features is None:
         return []
     lines = []
@@ -148,7 +155,7 @@ def state_line(result: RoundnessResult, text: Catalogue) -> str:
     return text(f"state.{result.state}") if result.state in _STATES else result.state
 
 
-def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
+def _harmonics(measured: EvaluatedPart, text: Catalogue) -> list[str]:
     rows = [(text("roundness.n"), text("roundness.pp"), text("roundness.phase"))]
     shown = [h for h in measured.result.harmonics if h.n in SHOWN_HARMONICS]
     rows += [(str(h.n), f"{2.0 * h.amplitude_um:z.3f} um", f"{h.phase_deg:z.2f} deg") for h in shown]
@@ -159,10 +166,70 @@ def _harmonics(measured: MeasuredTrace, text: Catalogue) -> list[str]:
     return table([(*row, cell) for row, cell in zip(rows, column, strict=True)], numeric=(0, 1, 2, 3))
 
 
-def _from_index(measured: MeasuredTrace, text: Catalogue) -> str:
+def _from_index(measured: EvaluatedPart, text: Catalogue) -> str:
     """Return which header lines the file needs for angles from jaw 1."""
     if measured.header.phase_known:
         return text("roundness.from_index")
     stated = {"direction": measured.header.direction, "jaw_1_deg": measured.jaw_1_deg}
     missing = ", ".join(key for key, value in stated.items() if value is None)
     return text("roundness.phase_unknown", missing=missing)
+
+
+def v_block_fields(
+    result: RoundnessResult, included_deg: float, lobes: int, header: TraceHeader
+) -> dict[str, Any]:
+    """Return the lobe from readings that were evaluated like a trace; lengths in um, angles in degrees.
+
+    It is the undulation of the filtered readings over the factor of the V-block and over the fraction of it that
+    the filter let pass.
+
+    Raises:
+        ProfileError: as `usable_factor`; `value.out_of_range`, the points cannot resolve so many lobes, or the
+            filter takes them for roughness or form.
+    """
+    factor = usable_factor(lobes, included_deg)
+    read = next((h for h in result.harmonics if h.n == lobes), None)
+    if read is None:
+        limit = f"2 - {max((h.n for h in result.harmonics), default=0)}"
+        raise ProfileError(Problem(code="value.out_of_range", key="--lobes", value=str(lobes), limit=limit))
+    passed = _passed(result, lobes)
+    # With a factor below 0 the indicator reads a valley as a maximum.
+    turned_deg = 180.0 / lobes if factor < 0.0 else 0.0
+    return {
+        "method": "v_block",
+        "state": header.state,
+        "vblock_deg": included_deg,
+        "lobes": lobes,
+        "factor": factor,
+        "filter_passed": passed,
+        "reading_pp_um": result.ront_um,
+        "filter_upr": result.filter_upr,
+        "above_upr": result.above_upr,
+        "lobe_pp_um": 2.0 * (read.amplitude_um / (abs(factor) * passed)),
+        "phase_deg": (read.phase_deg + turned_deg) % (360.0 / lobes),
+        "phase_known": header.phase_known,
+    }
+
+
+def _passed(result: RoundnessResult, lobes: int) -> float:
+    if result.filter_upr is None:
+        return 1.0
+    above_upr = result.above_upr or 0.0
+    if not above_upr <= lobes <= result.filter_upr:
+        limit = f"{above_upr:g} - {result.filter_upr:g} UPR"
+        raise ProfileError(Problem(code="value.out_of_range", key="--lobes", value=str(lobes), limit=limit))
+    below = float(gaussian_transmission(lobes, above_upr)) if above_upr else 0.0
+    return float(gaussian_transmission(lobes, result.filter_upr)) - below
+
+
+def v_block_lines(fields: Mapping[str, Any], result: RoundnessResult, text: Catalogue) -> list[str]:
+    """Return the output of `v_block_fields` in words."""
+    rows = [
+        (text("v_block.reading"), f"{result.ront_um:z.3f}", "um p-p"),
+        (text("v_block.factor"), f"{fields['factor']:z.3f}", ""),
+        (text("v_block.passed"), f"{100.0 * fields['filter_passed']:z.2f}", "%"),
+        (text("v_block.lobe", n=fields["lobes"]), f"{fields['lobe_pp_um']:z.3f}", "um p-p"),
+        (text("roundness.phase"), f"{fields['phase_deg']:z.2f}", "deg"),
+    ]
+    head = text("v_block.head", angle=f"{fields['vblock_deg']:g}", filter=filter_line(result, text))
+    return [head, text("roundness.state", state=state_line(result, text)), "", *table(rows, numeric=(1,))]

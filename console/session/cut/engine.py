@@ -15,7 +15,7 @@ from typing import Protocol
 
 from console.session.cut.cut_verdict import CutJudgement, ToolPolls
 from console.session.cut.interlocks import SPEED_BAND, START_BAND_COUNTS, at_speed, of_machine
-from console.session.cut.recording import Recorder, Unrecorded
+from console.session.cut.recording import CutRecorder
 from console.session.cut.telemetry import CutFigures, Telemetry
 from console.session.errors import SessionError, refuse
 from drivers.cutting.bounds import UNTRIMMED
@@ -101,7 +101,7 @@ class CutContext:
     commissioned: Callable[[Snapshot], tuple[Problem, ...]] = lambda _: ()
     admit: Callable[[], None] = lambda: None
     sets_spindle: bool = False
-    recorder: Recorder = field(default_factory=Unrecorded)
+    recorder: CutRecorder = field(default_factory=CutRecorder)
 
     @property
     def simulated(self) -> bool:

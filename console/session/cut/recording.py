@@ -1,11 +1,10 @@
-"""What the record keeps of a cut: telemetry from its status polls, and its measured part."""
+"""Recording of a cut: telemetry from its status polls, and its measured part."""
 
 from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import Protocol
+from dataclasses import replace
 
 import numpy as np
 
@@ -31,26 +30,11 @@ PHASE_POLLS = 3 * PHASE_SAMPLES
 SPEED_S = 1.0  # averaging time of the speed: the time of a single poll is known to some ms only
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartName:
-    """Name of a part among those of its run; `product` is False of one that is cut for comparison.
+class CutRecorder:
+    """Receives the events of the cuts of one machine and keeps nothing: for cuts outside a recorded run."""
 
-    One whose cut is not `proven` to be the planned one is not judged.
-    """
-
-    name: str = ""
-    product: bool = True
-    proven: bool = True
-
-
-ONLY_PART = PartName()
-
-
-class Recorder(Protocol):
-    """Take what is to be recorded of the cuts of one machine; only `measured` may wait, and raise."""
-
-    def part(self, name: PartName) -> None:
-        """Name the cuts that follow."""
+    def part(self, name: str, *, product: bool) -> None:
+        """Name the cuts that follow; one for comparison is no `product`."""
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin a cut, whose program is about to start."""
@@ -68,51 +52,26 @@ class Recorder(Protocol):
         """Take a window that the controller has sampled."""
 
     def measured(self, job: Job, trace: Trace) -> None:
-        """Take the measured part of the last cut; SessionError `record.lost`."""
+        """Take the measured part of the last cut; this alone may wait, and raise SessionError `record.lost`."""
 
 
-class Unrecorded:
-    """A cut that is part of no recorded run."""
+class LogRecorder(CutRecorder):
+    """Pass the polls of each cut to the log of its run, and its part to `keep`, named as for `part_record`."""
 
-    def part(self, name: PartName) -> None:
-        """Ignore it."""
-
-    def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
-        """Ignore it."""
-
-    def see(self, snapshot: Snapshot) -> None:
-        """Ignore it."""
-
-    def end(self) -> None:
-        """Ignore it."""
-
-    def judged(self, verdict: CutVerdict) -> None:
-        """Ignore it."""
-
-    def gathered(self, batch: Batch) -> None:
-        """Ignore it."""
-
-    def measured(self, job: Job, trace: Trace) -> None:
-        """Ignore it."""
-
-
-class LogRecorder:
-    """Pass the polls of each cut to the log of its run, and its part to `keep`."""
-
-    def __init__(self, log: RunLog, keep: Callable[[Job, Trace, PartName], None] = lambda *_: None) -> None:
+    def __init__(self, log: RunLog, keep: Callable[..., None] = lambda *_, **__: None) -> None:
         self._log, self._keep = log, keep
-        self._part = ONLY_PART
+        self._name, self._product, self._proven = "", True, True
 
-    def part(self, name: PartName) -> None:
+    def part(self, name: str, *, product: bool) -> None:
         """Name the cuts that follow."""
-        self._part = name
+        self._name, self._product, self._proven = name, product, True
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin the telemetry of a cut."""
-        self._log.begin_cut(self._part.name, TelemetryRows(plan, job, machine))
+        self._log.begin_cut(self._name, TelemetryRows(plan, job, machine))
 
     def see(self, snapshot: Snapshot) -> None:
-        """Add a poll: what it needs of the machine, as numbers. All else is computed by the log's thread."""
+        """Add a poll as numbers; the log's thread computes the rest."""
         tool, spindle = snapshot.tool, snapshot.spindle
         polled = (snapshot.at_s, tool.position, spindle.position, snapshot.carriage.position, tool.following_error)
         self._log.poll(polled)
@@ -122,17 +81,17 @@ class LogRecorder:
         self._log.end_cut()
 
     def judged(self, verdict: CutVerdict) -> None:
-        """Keep whether the part of this cut can be judged."""
-        self._part = replace(self._part, proven=verdict.proven)
+        """Note whether the part of this cut can be judged."""
+        self._proven = verdict.proven
 
     def gathered(self, batch: Batch) -> None:
         """Add a gathered window."""
         past_mm = np.full_like(batch.infeed_um, batch.past_middle_mm)
-        self._log.gathered(self._part.name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
+        self._log.gathered(self._name, np.column_stack([batch.angle_deg / 360.0, past_mm, batch.infeed_um]))
 
     def measured(self, job: Job, trace: Trace) -> None:
         """Keep the part of the last cut."""
-        self._keep(job, trace, self._part)
+        self._keep(job, trace, part=self._name, product=self._product, proven=self._proven)
 
 
 class TelemetryRows:
@@ -187,7 +146,7 @@ class TelemetryRows:
         return 60.0 * turns / (now[0] - before[0]) if now[0] > before[0] else np.nan
 
     def _phase_deg(self) -> float:
-        """Return the phase lag of the tool in spindle degrees, NaN where too few polls in the part tell it."""
+        """Return the phase lag of the tool in spindle degrees, NaN with too few polls in the part."""
         if not self._follows:
             return np.nan
         polls = np.array(self._polls, dtype=np.float64)[-PHASE_POLLS:]
@@ -205,22 +164,24 @@ def part_record(
     trace: Trace,
     stage: Stage,
     *,
-    name: PartName = ONLY_PART,
+    part: str = "",
+    product: bool = True,
+    proven: bool = True,
     made: Mapping[str, str] | None = None,
     file: tuple[str, bytes] | None = None,
     more: Mapping[str, object] | None = None,
 ) -> RecordedPart:
-    """Return what the record keeps of a measured part.
+    """Return a measured part for the record; if its cut is not `proven`, it is not judged.
 
     `file` is the name and the bytes of an imported trace; without one the trace is kept as `console run --part`
     would write it, with `made`, how the part was cut, in its header. `more` is added to the figures.
     """
     diameter_mm = mean_diameter_of(trace, result)
-    judged = name.product and name.proven and stage is Stage.FULL
+    judged = product and proven and stage is Stage.FULL
     with_made = replace(trace, meta={**trace.meta, **(made or {})})
-    part = RecordedPart(
-        part=name.name,
-        product=name.product,
+    kept = RecordedPart(
+        part=part,
+        product=product,
         ront_um=result.ront_um,
         tolerance_um=job.roundness_tolerance_um,
         diameter_mm=diameter_mm,
@@ -231,11 +192,11 @@ def part_record(
         trace=trace_content(with_made) if file is None else file[1],
         trace_name=None if file is None else file[0],
     )
-    return replace(part, passed=part.is_good if judged else None)
+    return replace(kept, passed=kept.is_good if judged else None)
 
 
 def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:
-    """Return the mean diameter, None where the trace does not state the radius at which its deviation is 0."""
+    """Return the mean diameter; None if the trace does not state the radius of zero deviation."""
     header, _ = header_of(trace.meta)
     if header.radius_mm is None or header.size == "relative":
         return None

@@ -13,7 +13,6 @@ from typing import Protocol
 from console.session.cut.engine import CutContext, CutEnd, Step, Tell, cut, load, nothing_seen, tool_clear
 from console.session.cut.force_watch import ForceWatch
 from console.session.cut.interlocks import of_job, of_lobe, of_zero
-from console.session.cut.recording import ONLY_PART, PartName
 from console.session.cut.telemetry import CutFigures
 from console.session.cut.trip_cause import with_cause
 from console.session.errors import SessionError, fault_problem, refuse
@@ -137,7 +136,7 @@ def planned(
     from_turn: int = 0,
     trimmed: bool = False,
 ) -> CutPlan:
-    """Plan a cut in a stage, see `plan_cut`; `path` is what was learned or identified, None the model's."""
+    """Plan a cut in a stage, see `plan_cut`; `path` is the learned or identified one, None for the model's."""
     plan = plan_cut(
         job,
         machine,
@@ -200,8 +199,8 @@ def plan_run(
 class CutOutcome:
     """Trace of the released part, figures read during the cut, and collisions of the tool.
 
-    Without a gauge, or where no measurement was asked for, there is no trace. `force` is the check of sign and
-    angle, where it was asked for.
+    There is no trace without a gauge or a requested measurement. `force` is the check of sign and angle, if it was
+    requested.
     """
 
     trace: Trace | None
@@ -220,16 +219,6 @@ class Beside(Protocol):
         """Take a status poll during the cut."""
 
 
-class _Nothing:
-    """No work beside a cut."""
-
-    def begin(self, plan: CutPlan) -> None:
-        """Do nothing."""
-
-    def see(self, snapshot: Snapshot) -> None:
-        """Do nothing."""
-
-
 def cut_part(
     context: CutContext,
     job: Job,
@@ -242,11 +231,12 @@ def cut_part(
     clamped: bool = False,
     measured: bool = True,
     force: ForceWatch | None = None,
-    name: PartName = ONLY_PART,
+    name: str = "",
+    product: bool = True,
 ) -> CutOutcome:
     """Make one part, with the work `beside` it; a machine that is `homed` is not homed again.
 
-    The record has it under its `name`.
+    The record has it under its `name`; one for comparison is no `product`.
 
     Without a `blank` it is an air cut, clear of what is clamped; a blank that is `clamped` already is cut so.
     A part not to be `measured` stays clamped. With `force`, and no work `beside`, its force is checked.
@@ -256,13 +246,17 @@ def cut_part(
             could not be proven. What is refused before any motion leaves the machine alone.
     """
     lathe = context.lathe
-    context.recorder.part(name)
-    watch: Beside = beside or force or _Nothing()
+    context.recorder.part(name, product=product)
+    watch: Beside | None = beside or force
 
     def begin(step: Step, detail: str) -> None:
         tell(step, detail)
-        if step is Step.CUT:
+        if step is Step.CUT and watch is not None:
             watch.begin(plan)
+
+    def see(snapshot: Snapshot) -> None:
+        if watch is not None:
+            watch.see(snapshot)
 
     version, kind = lathe.connect()
     try:
@@ -271,7 +265,7 @@ def cut_part(
         load(context, plan, tell, aligned=False)
         tell(Step.ALIGN, "")
         _switch_on(context, job, homed=homed, blank=blank and not clamped)
-        end = cut(context, job, plan, begin, watch.see, settle_tool=not homed)
+        end = cut(context, job, plan, begin, see, settle_tool=not homed)
         checked = None if force is None else force.result()
         return replace(_outcome(context, job, end, tell, measured=measured and blank), force=checked)
     except ProblemError as error:
@@ -307,7 +301,7 @@ def _outcome(context: CutContext, job: Job, end: CutEnd, tell: Tell, *, measured
 
 
 def _left_at_rest(lathe: Lathe, plan: CutPlan, error: ProblemError) -> SessionError:
-    """Stop, wait for rest, and return the error to raise, with what the operator must know of the machine."""
+    """Stop, wait for rest, and return the error to raise, with the state of the machine for the operator."""
     problems = error.problems
     if lathe.anothers:
         return SessionError(*problems)
@@ -341,9 +335,13 @@ def run(plan: RunPlan, open_machine: Callable[[], CutContext], tell: TellPart) -
     context = open_machine()
     if plan.reference is None:
         return run_once(plan, context, tell)
-    name = PartName(name="before", product=plan.cut is plan.reference)
     before = cut_part(
-        context, plan.job, plan.reference, lambda step, detail: tell("before", step, detail), name=name
+        context,
+        plan.job,
+        plan.reference,
+        lambda step, detail: tell("before", step, detail),
+        name="before",
+        product=plan.cut is plan.reference,
     )
     if plan.cut is plan.reference:
         return _result(plan, context, before, before)
@@ -364,7 +362,7 @@ def run_once(plan: RunPlan, context: CutContext, tell: TellPart, before: CutOutc
         lambda step, detail: tell(_PARTS[plan.stage], step, detail),
         measured=plan.stage is not Stage.AIR,
         force=ForceWatch(context.lathe, plan.job) if plan.stage is Stage.PARTIAL else None,
-        name=PartName(name=_PARTS[plan.stage]),
+        name=_PARTS[plan.stage],
     )
     return _result(plan, context, before, after)
 

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from console.session.cut.cut_verdict import NO_VERDICT, CutVerdict
 from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import Snapshot
-from profiles.compensations.learned import PartRead
+from profiles.compensations.learned import PartReading
 from profiles.compensations.path import LobedPath, target_path
 from profiles.compensations.push import left_push
 from profiles.job import Job
@@ -259,7 +259,7 @@ def unexpected_deg(lag_deg: float, expected: Lag) -> float:
     return lag_deg - min(max(lag_deg, expected[0]), expected[1])
 
 
-def expected_lag(target: LobedPath, job: Job, part: PartRead | None, fraction: float = 1.0) -> Lag:
+def expected_lag(target: LobedPath, job: Job, part: PartReading | None, fraction: float = 1.0) -> Lag:
     """Return the lag behind `target` that learning counts on; `part` has taught the path, None: nothing learned.
 
     A part does not tell whether the tool was off its path or the lobe elsewhere. The path learned from it makes

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
+from hashlib import sha256
 from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from profiles.roundness import RoundnessResult
 
 LOCK_TIMEOUT_S = 1.0
-AIR = "air"  # of `Stage`, which takes the planner of cuts with it
+AIR, FULL = "air", "full"  # of `Stage`, which takes the planner of cuts with it
 MOST_NAMED = 3  # simulated lathes in a message
 
 _QUERY = """
@@ -98,7 +99,7 @@ class MadeWith:
         return {**self.header(), "compensation": version, CUT_JAW: jaw_1_deg}
 
     def header(self) -> dict[str, str]:
-        """Return the keys and values that the header of a trace has of it."""
+        """Return it as header lines of a trace."""
         return {key: value for key, value in asdict(self).items() if key not in (CHANGED, FINGERPRINT) or value}
 
 
@@ -115,8 +116,7 @@ _ALL_KEYS = (
 def made_with(said: Mapping[str, str], trace: Mapping[str, str], made: Sequence[MadeWith | None]) -> MadeWith:
     """Return how a part was cut, from `said` and the header lines of its `trace`.
 
-    What neither states is that of the last part in `made`, newest first; None there is a part of which the record
-    says only that it was cut.
+    Missing values are those of the last part in `made`, newest first; None there is a part recorded only as cut.
 
     Raises:
         SessionError: `learned.other_version`, they contradict each other, or no such part was cut;
@@ -144,7 +144,7 @@ def _other(key: str, value: str, limit: str) -> SessionError:
 
 
 def parts_made(cuts: Sequence[Cut]) -> list[MadeWith | None]:
-    """Return how the parts of these cuts were made, None where the record does not say."""
+    """Return how the parts of these cuts were made, None if it is not recorded."""
     return [made for kind, data, _ in cuts for made in _made(kind, data)]
 
 
@@ -156,7 +156,7 @@ def date_problems(cuts: Sequence[Cut], job: str) -> tuple[Problem, ...]:
 def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
     """Return the cuts of this job on this machine, newest first; refuses an unreadable record.
 
-    Where `asked` names a simulated lathe, those of other simulated lathes are none of them.
+    If `asked` names a simulated lathe, those of other simulated lathes are left out.
 
     Raises SessionError: `learned.lathe_not_recorded`, parts of other simulated lathes are recorded, none of this.
     """
@@ -172,7 +172,7 @@ def cuts_of(folder: Path, asked: HoldsFor) -> list[Cut]:
 
 
 def is_other_lathe(stated: str, recorded: str | None) -> bool:
-    """Whether two texts of simulated lathes are those of two lathes; one that is not known is none."""
+    """Whether two simulated lathes differ; an unknown one differs from none."""
     return bool(stated and recorded) and stated != recorded
 
 
@@ -180,7 +180,7 @@ def is_other_lathe(stated: str, recorded: str | None) -> bool:
 class CutPart:
     """A part that was cut: how, in which run, when its cut ended, and whether another was begun since.
 
-    `run_id` is None where its run is open.
+    `run_id` is None while its run is open.
     `tool_lobe_um` is the tool error of the cut at the order of the lobe, `push_um` the push at its entry
     beyond what its path makes up for, 0 where the record does not have it.
     `lathe` is the simulated lathe that has cut it, "" where the record names none.
@@ -234,7 +234,7 @@ def tool_lobe_um(data: str) -> complex:
 
 
 def push_um(data: str) -> float:
-    """Return how far a cut has pushed the tool beyond what its path makes up for, 0 if not recorded."""
+    """Return the push on the tool in a cut that its path did not compensate, um; 0 if not recorded."""
     event = from_json(data)
     return number_or_none(event.get(PUSH)) or 0.0 if isinstance(event, dict) else 0.0
 
@@ -300,7 +300,8 @@ class RecordedPart:
     comparison. `data` has the parameters, the harmonics ("harmonics": n, amplitude_um, phase_deg) and the proposed
     learning step ("learning"). `trace` are the bytes of the trace's file, as `profiles.traces.parse_trace` takes
     them; None where it was not kept or cannot be read. `trace_name` is that of an imported file. `number`, `at`
-    and `trace_sha256` are given by the record.
+    and `trace_sha256` are given by the record, as is how its run was cut; None is not recorded. `compensation` and
+    `inverted` are those of `RunRow`.
     """
 
     ront_um: float
@@ -318,15 +319,31 @@ class RecordedPart:
     number: int = 0
     at: datetime = UNDATED
     trace_sha256: str | None = None
+    run_id: str = ""
+    strategy: str = ""
+    stage: str | None = None
+    compensation: str | None = None
+    inverted: str | None = None
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it was cut with all of its compensation, as far as that is recorded."""
+        return self.stage in (None, FULL)
+
+    @property
+    def has_its_trace(self) -> bool:
+        """Whether its trace, if it was kept, has the recorded hash."""
+        same = (None, None if self.trace is None else sha256(self.trace).hexdigest())
+        return self.trace is None or self.trace_sha256 in same
 
     @property
     def is_round(self) -> bool | None:
-        """Whether RONt is within its tolerance; the verdict where no tolerance is recorded."""
+        """Whether RONt is within its tolerance; the recorded verdict without one."""
         return self.passed if self.tolerance_um is None else self.ront_um <= self.tolerance_um
 
     @property
     def off_nominal_um(self) -> float | None:
-        """How much the mean diameter is larger than the nominal one, um; None where either is not known."""
+        """Oversize of the mean diameter, um; None if it or the nominal one is unknown."""
         if self.diameter_mm is None or self.nominal_diameter_mm is None:
             return None
         return 1000.0 * (self.diameter_mm - self.nominal_diameter_mm)
@@ -349,20 +366,6 @@ class RecordedPart:
         trace, answers = parse_trace(self.trace, where=self.trace_name or ""), self.data.get("answers")
         given = {k: v for k, v in answers.items() if isinstance(v, str)} if isinstance(answers, Mapping) else {}
         return replace(trace, meta=MappingProxyType({**trace.meta, **given}))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PartPoint(RecordedPart):
-    """A measured product of a job: a point of a run chart; without its trace and its data.
-
-    `lobe_um_pp` is its harmonic at the number of jaws; `compensation` and `inverted` are those of `RunRow`.
-    """
-
-    run_id: str
-    strategy: str
-    stage: str | None
-    compensation: str | None
-    inverted: str | None = None
 
 
 def column_values(columns: Iterable[Any]) -> dict[str, Any]:

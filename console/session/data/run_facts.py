@@ -19,7 +19,7 @@ COMMIT_DIGITS = 12
 
 
 class Kind(StrEnum):
-    """What the value of a fact is; by it each layout chooses sign and digits."""
+    """Kind of a value, from which each layout takes unit and digits."""
 
     TEXT = "text"
     HASH = "hash"
@@ -38,9 +38,9 @@ SETUP = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunFact:
-    """A fact of a run; its value is None where it is not recorded.
+    """A fact of a run; its value is None if it is not recorded.
 
-    `at` is when it was taken, "" where that is not recorded; `notes` are keys of sentences about it.
+    `at` is the time it was taken, "" if not recorded; `notes` are keys of sentences about it.
     """
 
     key: str
@@ -60,7 +60,7 @@ def setup_facts(story: RunStory) -> tuple[RunFact, ...]:
 
 
 def origin_facts(story: RunStory) -> tuple[RunFact, ...]:
-    """Return by what a run can be found and made again: versions and hashes."""
+    """Return the versions and hashes by which a run can be found and repeated."""
     python = f"Python {story.python}" if story.python else None
     values = (
         ("run_id", Kind.TEXT, story.row.run_id),
@@ -76,7 +76,7 @@ def origin_facts(story: RunStory) -> tuple[RunFact, ...]:
 
 
 def _commit(event: Mapping[str, Any]) -> RunFact:
-    """Return the commit that the texts of a cut are from, and which of them differ from it."""
+    """Return the commit of job and machine, with notes on those that differ from it."""
     commit = _text(event.get("commit"))
     notes = [] if commit else ["records.no_commit"]
     notes += [f"records.{name}_differs" for name in ("job", "machine") if event.get(f"{name}_differs")]

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from console.session.data.home import account_name
-from console.session.data.measured_part import PART_COLUMNS, PartPoint, RecordedPart, column_values
+from console.session.data.measured_part import PART_COLUMNS, RecordedPart, column_values
 from console.session.data.record_file import (
     FILE_NAME,
     damage_as_error,
@@ -28,39 +28,15 @@ from console.session.data.run_rows import (
     COMPLETE,
     FAILED,
     MODEL,
-    Ending,
-    How,
     RunRow,
     date_of,
     inverted_of,
     rows_where,
 )
-from console.session.data.run_story import AlarmStory, RunEvent, RunStory, Telemetry, story_of
+from console.session.data.run_story import RunStory, story_of
 from console.session.errors import SessionError
 from profiles.files import printable
 from profiles.problem import Problem
-
-__all__ = [
-    "MODEL",
-    "AlarmStory",
-    "Ending",
-    "How",
-    "PartPoint",
-    "RecordedPart",
-    "RunEvent",
-    "RunFilters",
-    "RunRow",
-    "RunStory",
-    "Telemetry",
-    "cuts_of_run",
-    "ended_early",
-    "measured_parts",
-    "other_run_of_trace",
-    "recorded_date",
-    "run_of_trace",
-    "runs",
-    "story",
-]
 
 READ_TIMEOUT_S = 0.5
 """How long to wait for a console that is just closing the file."""
@@ -155,7 +131,7 @@ ORDER BY runs.rowid DESC, number DESC LIMIT ?
 
 def measured_parts(
     folder: Path, job: str, machine: str, simulated: bool, limit: int = 500
-) -> tuple[PartPoint, ...]:
+) -> tuple[RecordedPart, ...]:
     """Return the last measured products of a job on a machine, oldest first; the last measurement of each.
 
     Raises SessionError: as `runs`.
@@ -167,12 +143,12 @@ def measured_parts(
     return tuple(_point(each) for each in reversed(found))
 
 
-def _point(found: Sequence[Any]) -> PartPoint:
+def _point(found: Sequence[Any]) -> RecordedPart:
     run_id, at_utc, strategy, stage, version, setup, of_run, *columns = found
     values = column_values(columns)
     if values["tolerance_um"] is None:
         values["tolerance_um"] = of_run
-    return PartPoint(
+    return RecordedPart(
         run_id=run_id,
         at=date_of(at_utc)[0],
         strategy=strategy,

@@ -10,7 +10,7 @@ from statistics import linear_regression
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.engine import Step
-from console.session.cut.recording import PartName, Recorder
+from console.session.cut.recording import CutRecorder
 from console.session.feed.observed import RUN, Observed, ShownCut
 from console.session.feed.run_alarms import RunAlarms
 from console.session.station.alarms import AT_REST, IN_PROGRAM
@@ -48,13 +48,13 @@ class Run:
     air: bool = False
 
 
-class FollowedRun:
+class FollowedRun(CutRecorder):
     """A recorder that passes everything on to another one; `stop` is that of a machine behind a link.
 
     Everything that the cutting thread calls returns at once.
     """
 
-    def __init__(self, run: Run, recorder: Recorder, alarms: RunAlarms | None = None) -> None:
+    def __init__(self, run: Run, recorder: CutRecorder, alarms: RunAlarms | None = None) -> None:
         self.stop: StopPath | None = None
         self.alarms = alarms or RunAlarms()
         self._run, self._recorder = run, recorder
@@ -75,9 +75,9 @@ class FollowedRun:
             self._polls.append(snapshot)
             self.alarms.see(snapshot, AT_REST if self._cut is None else IN_PROGRAM)
 
-    def part(self, name: PartName) -> None:
+    def part(self, name: str, *, product: bool) -> None:
         """Pass on the name of the cuts that follow."""
-        self._recorder.part(name)
+        self._recorder.part(name, product=product)
 
     def begin(self, plan: CutPlan, job: Job, machine: MachineProfile) -> None:
         """Begin a cut."""

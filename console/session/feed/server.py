@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import asdict
 from pathlib import Path
 
-from console.session.bounded_server import BoundedServer, Made, abandon, send
+from console.session.bounded_server import BoundedServer, ProtocolFactory, abandon, send
 from console.session.data.kept_files import utc_now
 from console.session.errors import fault_problem
 from console.session.feed.feed_state import FeedState
@@ -66,7 +66,7 @@ class FeedServer:
         value = error.strerror or str(error)
         return (Problem(code="feed.not_served", where=printable(str(self._data)), value=value),)
 
-    async def _listen(self, made: Made, opened: ExitStack) -> tuple[asyncio.Server, str]:
+    async def _listen(self, made: ProtocolFactory, opened: ExitStack) -> tuple[asyncio.Server, str]:
         listening = claimed(self._data, opened)
         # Not `create_unix_server`: from Python 3.13 on that looks its name up, to remove it, and the short one of
         # a long path is gone by then. `opened` removes it.

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from console.session.learning.calibrating import PartLobe
-from console.session.learning.learning_steps import Taught
+from console.session.learning.learning_steps import LearningOutcome
 from console.session.learning.part_learning import PartLearning
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
@@ -21,12 +21,12 @@ def fails(part: MeasuredPart) -> bool:
     return not part.is_half and part.result.ront_um > part.job.roundness_tolerance_um
 
 
-def is_elsewhere(taught: Taught) -> bool:
+def is_elsewhere(taught: LearningOutcome) -> bool:
     """Whether the lobe is not where it is expected: the set-up is to be checked before anything is kept."""
     return any(warning.code == ELSEWHERE for warning in taught.warnings)
 
 
-def jaw_explains(taught: Taught) -> bool:
+def jaw_explains(taught: LearningOutcome) -> bool:
     """Whether jaw 1, taken at another angle, explains the most: found again, it must not be corrected as well."""
     return bool(taught.causes) and taught.causes[0].kind is CauseKind.ANGLE
 
@@ -39,7 +39,7 @@ def is_kept(learning: PartLearning | None, work: Work | None) -> bool:
     return used == replace(learning.taught.step.next, version=used.version)
 
 
-def in_scatter(taught: Taught) -> bool:
+def in_scatter(taught: LearningOutcome) -> bool:
     """Whether the remaining lobe is within the scatter of clamping and gauge."""
     lobe = taught.step.next.path.target.lobes
     wrong = [abs(each.left_um_pp - each.expected_um_pp) for each in taught.harmonics if each.order == lobe]

@@ -11,7 +11,7 @@ from console.session.cut.alignment import ENDED_EARLY, Alignment, AlignStep, ste
 from console.session.cut.interlocks import Interlock
 from console.session.guide.measured_part import in_scatter
 from console.session.guide.start_checks import checks
-from console.session.learning.learning_steps import Taught
+from console.session.learning.learning_steps import LearningOutcome
 from console.session.stages import without_half
 from console.session.station.jogging import clears_tables, over_part, tool_in_part
 from console.session.station.progress import CutStage
@@ -207,7 +207,7 @@ class Situation:
         return self.work is None or not without_half(Strategy(self.work.strategy))
 
     @property
-    def taught(self) -> Taught | None:
+    def taught(self) -> LearningOutcome | None:
         """What the measured part teaches; None where there are reasons against it."""
         part = self.state.measured
         learning = None if part is None else part.learning

@@ -1,7 +1,7 @@
-"""The fingerprint of a clamping in a cut: what becomes of its path, and what a learning step has to know of it.
+"""The fingerprint of a clamping in a cut: its effect on the path and on the learning step.
 
-Versions are kept with jaw 1 where the file of the job has it, and so is what was felt. How a part was clamped is
-one line of text in the record and in the header of its trace.
+Versions and readings are kept with jaw 1 as in the file of the job. The clamping of a part is one line of text in
+the record and in the header of its trace.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from __future__ import annotations
 import cmath
 import math
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from console.session.errors import SessionError
@@ -17,9 +17,9 @@ from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import INVERTING, Strategy
 from drivers.identification.following import follows_by_order
 from profiles.axis.response import ServoResponse
-from profiles.compensations.learned import ClampedRead, LearnedCompensation, PartRead
+from profiles.compensations.learned import ClampingReading, LearnedCompensation, PartReading
 from profiles.compensations.learning import REPEATS_SD_UM
-from profiles.compensations.next_version import CutWith
+from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.optimal_gain import PRIOR_DEG, PRIOR_FRACTION
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, PathHarmonic, free_state_lobe
@@ -59,20 +59,8 @@ class Fingerprint:
     made: str
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MadeClamped:
-    """How a part was clamped: `read` is what a version keeps, `added_um` what was added to its path, by order."""
-
-    read: ClampedRead
-    added_um: Mapping[int, complex]
-
-    def ratio(self, lobes: int) -> complex:
-        """Return by what the lobe was multiplied."""
-        return ratio_read(self.read, lobes)
-
-
 def refuse_unusable(strategy: Strategy, stage: Stage, readings: ClampReadings | None, *, simulated: bool) -> None:
-    """Refuse a fingerprint where there is no path for it, or where it is of a lathe that is not cut on."""
+    """Refuse a fingerprint without a path for it, or of another lathe than the one that cuts."""
     if not strategy.traits.inverts or stage is Stage.AIR:
         value = strategy.value if stage is not Stage.AIR else stage.value
         raise SessionError(Problem(code="clamping.no_path", value=value, limit=" | ".join(INVERTING)))
@@ -87,14 +75,14 @@ def fingerprinted(
     machine: MachineProfile,
     strategy: Strategy,
     *,
-    path: CutPath | None,
+    path: CutPath | None = None,
     history: Sequence[LearnedCompensation] = (),
     inverted: ServoResponse | None = None,
 ) -> Fingerprint:
     """Return a cut by the fingerprint of its clamping; `aligned` is the job with jaw 1 where it was found.
 
-    `path` is what was learned, with jaw 1 as found, None the model's; `history` the versions that led to it.
-    Raises `ProfileError`: what the readings or the part do not allow.
+    `path` is the learned one, with jaw 1 as found, None for the model's; `history` the versions that led to it.
+    Raises `ProfileError`: readings or part do not allow it.
     """
     turn_deg, lobes = aligned.lobe_phase_deg - filed.lobe_phase_deg, filed.jaws
     before = path or nominal_path(aligned, machine, strategy, inverted)
@@ -118,8 +106,10 @@ def fingerprinted(
     )
 
 
-def made_clamped(said: str, lobes: int) -> MadeClamped | None:
-    """Return how a part was clamped from the line that says so, None for an empty one.
+def read_clamping(said: str, lobes: int) -> tuple[ClampingReading, dict[int, complex]] | None:
+    """Parse the line of a clamping: its reading as versions keep it, and the additions to the path, um by order.
+
+    None for an empty line.
 
     Raises SessionError: `clamping.made`, the line cannot be read.
     """
@@ -129,7 +119,7 @@ def made_clamped(said: str, lobes: int) -> MadeClamped | None:
     if found is None or not (float(found[1]) > 0.0 and float(found[5]) > 0.0):
         raise SessionError(Problem(code="clamping.made", value=said[:60]))
     height, turn_deg, felt_um, felt_deg, sd_um = (float(found[place]) for place in range(1, 6))
-    read = ClampedRead(
+    read = ClampingReading(
         height=height,
         turn_deg=turn_deg,
         felt=PathHarmonic(lobes=lobes, amplitude_um=felt_um, phase_deg=felt_deg),
@@ -143,40 +133,41 @@ def made_clamped(said: str, lobes: int) -> MadeClamped | None:
         added[int(order)] = PathHarmonic(
             lobes=int(order), amplitude_um=float(amplitude), phase_deg=float(phase)
         ).coefficient
-    return MadeClamped(read=read, added_um=added)
+    return read, added
 
 
 def of_mean_clamping(
-    cut: CutWith, part: PartHarmonics, said: str, lobes: int, response: Callable[[int], complex]
-) -> tuple[CutWith, PartHarmonics]:
+    cut: AppliedPath, part: PartHarmonics, said: str, lobes: int, response: Callable[[int], complex]
+) -> tuple[AppliedPath, PartHarmonics]:
     """Return cut and part as they would have been in the mean clamping; `said` is how the part was clamped."""
-    made = made_clamped(said, lobes)
-    if made is None:
+    clamping = read_clamping(said, lobes)
+    if clamping is None:
         return cut, part
-    path = with_added(cut.path, made.added_um, response)
-    orders, ratio = clamped_orders(path, lobes), made.ratio(lobes)
+    read, added_um = clamping
+    path = with_added(cut.path, added_um, response)
+    orders, ratio = clamped_orders(path, lobes), ratio_read(read, lobes)
     left = {n: c / ratio_of(n, lobes, ratio) if n in orders else c for n, c in part.coefficients_um.items()}
-    return replace(cut, path=path, clamped=made.read), replace(part, coefficients_um=left)
+    return replace(cut, path=path, clamped=read), replace(part, coefficients_um=left)
 
 
 def expected_of(
     readings: ClampReadings, job: Job, machine: MachineProfile, learned: LearnedCompensation | None = None
 ) -> tuple[Problem, ...]:
-    """Return a warning of readings that are far from what job, chuck and the newest part let expect.
+    """Return warnings of readings far from those expected by job, chuck and the newest part.
 
-    `job` has jaw 1 where it is. Raises `ProfileError`: what the readings do not show.
+    `job` has jaw 1 as found. Raises `ProfileError`: the readings do not suffice.
     """
     known = _replayed(job, machine, () if learned is None else (learned,)).clamped(REPEATS_SD_UM)
     return unexpected(known, felt(readings, job), job.jaws)
 
 
-def ratio_read(read: ClampedRead, lobes: int) -> complex:
-    """Return by what the lobe was multiplied."""
+def ratio_read(read: ClampingReading, lobes: int) -> complex:
+    """Return the factor of the lobe."""
     return cmath.rect(read.height, -lobes * math.radians(read.turn_deg))
 
 
 def _replayed(job: Job, machine: MachineProfile, history: Sequence[LearnedCompensation]) -> LobeFilter:
-    """Return what the job and its parts so far tell of the lobe."""
+    """Return the estimate of the lobe by the job and its parts so far."""
     found = known_lobe(free_state_lobe(job).harmonics[0].coefficient, job, machine, PRIOR_FRACTION, PRIOR_DEG)
     for part in (each.part for each in history):
         if part is not None:
@@ -184,7 +175,7 @@ def _replayed(job: Job, machine: MachineProfile, history: Sequence[LearnedCompen
     return found
 
 
-def _with_part(known: LobeFilter, part: PartRead, lobes: int) -> LobeFilter:
+def _with_part(known: LobeFilter, part: PartReading, lobes: int) -> LobeFilter:
     ratio = 1.0 + 0j
     if part.clamped is not None:
         ratio = ratio_read(part.clamped, lobes)

@@ -1,15 +1,16 @@
-"""Run chart of a job: its measured parts in the order of manufacture, and what may be claimed of them."""
+"""Run chart of a job: its measured parts in the order of manufacture, with limits and capability."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from datetime import UTC, datetime
+from datetime import datetime
 from enum import StrEnum
 from pathlib import Path
 
-from console.session.data.run_reader import PartPoint, RunRow, measured_parts
-from console.session.stages import Stage
+from console.session.data.measured_part import UNDATED, RecordedPart
+from console.session.data.run_reader import measured_parts
+from console.session.data.run_rows import RunRow
 from profiles.metrology.process_statistics import (
     LEAST_PARTS,
     Capability,
@@ -27,7 +28,7 @@ MOST_BEYOND = 0.01
 
 
 class Figure(StrEnum):
-    """What is charted of each part."""
+    """The charted figure of each part."""
 
     RONT = "ront"
     DIAMETER = "diameter"
@@ -43,30 +44,24 @@ class NoClaim(StrEnum):
     LATER = "later"  # computed at standstill
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class JobParts:
-    """The full parts of a job cut with one strategy, oldest first, and how many others the record has."""
-
-    job: str
-    strategy: str
-    points: tuple[PartPoint, ...]
-    others: int = 0
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class JobChart:
     """One figure of some parts, um (a diameter as its deviation from nominal), with its tolerance.
 
-    `numbers` are the places of the values among the parts, from 1. Those from `begins` on were made alike: same
-    compensation, same tolerance. All statistics are theirs. `lobe` is the trend of the lobe, um p-p for each part.
+    `parts` are the full parts of a job cut with one strategy, oldest first; the record has `others`. `numbers` are
+    the places of the values among the parts, from 1. Those from `begins` on were made alike: same compensation,
+    same tolerance. All statistics are theirs. `lobe` is the trend of the lobe, um p-p for each part.
     """
 
-    parts: JobParts
+    parts: tuple[RecordedPart, ...]
     figure: Figure
-    numbers: tuple[int, ...]
-    values_um: tuple[float, ...]
-    first: datetime
-    last: datetime
+    job: str = ""
+    strategy: str = ""
+    others: int = 0
+    numbers: tuple[int, ...] = ()
+    values_um: tuple[float, ...] = ()
+    first: datetime = UNDATED
+    last: datetime = UNDATED
     begins: int = 0
     lower_um: float | None = None
     upper_um: float | None = None
@@ -77,7 +72,7 @@ class JobChart:
 
     @property
     def alike(self) -> int:
-        """How many parts were made alike, up to the newest."""
+        """Number of parts made alike, up to the newest."""
         return len(self.values_um) - self.begins
 
     @property
@@ -86,22 +81,19 @@ class JobChart:
         return () if self.limits is None else tuple(self.begins + place for place in self.limits.beyond)
 
 
-def job_parts(data: Path, row: RunRow) -> JobParts:
-    """Return the parts of a run's job, on its machine, cut as it was; SessionError as `measured_parts`."""
-    strategy = row.strategy
+def list_like_parts(data: Path, row: RunRow) -> tuple[tuple[RecordedPart, ...], int]:
+    """Return the full parts of a run's job, on its machine, cut as it was, and how many others the record has.
+
+    Raises SessionError: as `measured_parts`.
+    """
     found = measured_parts(data, row.job, row.machine, row.simulated, MOST_PARTS)
-    points = tuple(p for p in found if p.strategy == strategy and p.stage in (None, Stage.FULL))
-    return JobParts(
-        job=row.job,
-        strategy=strategy,
-        points=points,
-        others=len(found) - len(points),
-    )
+    alike = tuple(each for each in found if each.is_full and each.strategy == row.strategy)
+    return alike, len(found) - len(alike)
 
 
-def job_chart(parts: JobParts, figure: Figure, *, judge: bool = True) -> JobChart:
-    """Return the chart of one figure; without `judge` what loads scipy is left out."""
-    known = [(place, point) for place, point in enumerate(parts.points, 1) if _value_um(point, figure) is not None]
+def job_chart(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool = True) -> JobChart:
+    """Return the chart of one figure; without `judge`, no statistics that load scipy."""
+    known = [(place, point) for place, point in enumerate(parts, 1) if _value_um(point, figure) is not None]
     values = tuple(value for _, point in known if (value := _value_um(point, figure)) is not None)
     points = [point for _, point in known]
     begins = _begins(points)
@@ -110,14 +102,13 @@ def job_chart(parts: JobParts, figure: Figure, *, judge: bool = True) -> JobChar
     limits = run_chart(alike) if alike else None
     capability, no_claim = _claim(alike, lower_um, upper_um, limits, judge=judge)
     lobes = [point.lobe_um_pp for point in points[begins:] if point.lobe_um_pp is not None]
-    epoch = datetime.min.replace(tzinfo=UTC)
     return JobChart(
         parts=parts,
         figure=figure,
         numbers=tuple(place for place, _ in known),
         values_um=values,
-        first=points[0].at if points else epoch,
-        last=points[-1].at if points else epoch,
+        first=points[0].at if points else UNDATED,
+        last=points[-1].at if points else UNDATED,
         begins=begins,
         lower_um=lower_um,
         upper_um=upper_um,
@@ -128,12 +119,12 @@ def job_chart(parts: JobParts, figure: Figure, *, judge: bool = True) -> JobChar
     )
 
 
-def _value_um(point: PartPoint, figure: Figure) -> float | None:
+def _value_um(point: RecordedPart, figure: Figure) -> float | None:
     return point.ront_um if figure is Figure.RONT else point.off_nominal_um
 
 
-def _begins(points: Sequence[PartPoint]) -> int:
-    """Return the first of the newest parts that were made alike."""
+def _begins(points: Sequence[RecordedPart]) -> int:
+    """Return the index of the first of the newest parts that were made alike."""
     made = [
         (
             each.compensation,
@@ -148,7 +139,7 @@ def _begins(points: Sequence[PartPoint]) -> int:
     return next(others, 0)
 
 
-def _tolerance_um(points: Sequence[PartPoint], figure: Figure) -> tuple[float | None, float | None]:
+def _tolerance_um(points: Sequence[RecordedPart], figure: Figure) -> tuple[float | None, float | None]:
     if not points:
         return None, None
     if figure is Figure.RONT:

@@ -14,7 +14,6 @@ from dataclasses import replace
 from typing import Any
 
 from console.session.cut.engine import CutContext, Step
-from console.session.cut.recording import PartName
 from console.session.cut.run import (
     FILTER_UPR,
     Beside,
@@ -95,7 +94,16 @@ def learn(
     before, floor = learner.reference(), learner.floor()
     learner.in_air()
     made = tuple(learner.part(number) for number in range(1, parts + 1))
-    return LearnResult(plan=plan, before=before, floor=floor, parts=made)
+    return LearnResult(
+        plan=plan,
+        simulated=True,
+        before=before,
+        after=made[-1].roundness,
+        figures=made[-1].figures,
+        collisions=tuple(dict.fromkeys(kind for each in made for kind in each.collisions)),
+        floor=floor,
+        parts=made,
+    )
 
 
 def refuse_unlearnable(plan: RunPlan, *, measured: bool) -> None:
@@ -166,7 +174,7 @@ class _Learner:
         self._homed = False
 
     def reference(self) -> RoundnessResult:
-        """Cut a part without compensation; what its gauge cannot measure now, it cannot measure later either."""
+        """Cut a part without compensation; a gauge that cannot measure it is refused now and not later."""
         trace = self._plain(self._job, "before")
         self._teaching(trace)
         return roundness_of(trace)
@@ -205,8 +213,8 @@ class _Learner:
         def tell(step: Step, detail: str) -> None:
             self._tell(name, step, " · ".join(filter(None, (str(number or ""), detail))))
 
-        part = PartName(name=f"{name} {number or ''}".strip(), product=name == "part")
-        how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped, "name": part}
+        how: dict[str, Any] = {"homed": self._homed, "blank": name != "air", "clamped": clamped}
+        how |= {"name": f"{name} {number or ''}".strip(), "product": name == "part"}
         outcome = cut_part(self._context, job, plan, tell, beside, **how)
         self._homed = True
         return outcome
@@ -314,7 +322,7 @@ class _Learner:
         )
 
     def _felt(self) -> ClampReadings | None:
-        """Clamp the blank and return its fingerprint, None where none is taken."""
+        """Clamp the blank and return its fingerprint, None if none is taken."""
         workshop = self._context.workshop
         if not self._how.fingerprint or workshop is None or not self._lobe.known:
             return None
@@ -349,7 +357,7 @@ class _Learner:
         return tuple(sorted({*high, *missed})), certificate
 
     def _folded(self, trim_um: complex, tool_off: Deviation) -> CutPath:
-        """Return the path with what goes into its table of the trim of the cut."""
+        """Return the path with the part of the trim that goes into its table."""
         lobes = self._job.jaws
         by_program = nominal_response(Strategy.PVT, self._machine, self._job.lobe_frequency_hz)
         through, off_um = self._response(lobes), tool_off.coefficients_um.get(lobes, 0j)
@@ -358,7 +366,7 @@ class _Learner:
 
     @property
     def _filters(self) -> bool:
-        """Whether the lobe is learned by all that is known of it, instead of by the gain of an order."""
+        """Whether the lobe is learned by the filter over all parts instead of the gain of its order."""
         return self._how.optimal and self._lobe.known and self._learns_lobe
 
     def _lobe_step(
@@ -370,7 +378,7 @@ class _Learner:
         missed: Mapping[int, complex],
         gains: dict[int, float],
     ) -> None:
-        """Let the part tell of the lobe; put into `high` what makes the path that of the mean lobe."""
+        """Update the lobe by the part; set its entry of `high` so that the path is that of the mean lobe."""
         if not self._lobe.known:
             return
         lobes, tool_um = self._job.jaws, tool_off.coefficients_um.get(self._job.jaws, 0j)

@@ -30,7 +30,6 @@ from console.session.data.measured_part import date_problems as cut_date_problem
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck
 from console.session.learning.fingerprint import of_mean_clamping
-from console.session.learning.history import history_of
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.following import follows_by_order
@@ -39,9 +38,9 @@ from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n
 from profiles.compensations.causes import Cause, causes
 from profiles.compensations.certificate import Follows, is_promised, promised_orders
-from profiles.compensations.learned import MODEL, LearnedCompensation, again, model_again
+from profiles.compensations.learned import MODEL, LearnedCompensation, again, history_of, model_again
 from profiles.compensations.learning import coefficient_of
-from profiles.compensations.next_version import CutWith, LearningStep, next_version
+from profiles.compensations.next_version import AppliedPath, LearningStep, next_version
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import MOST_HARMONICS, MOST_MEAN_UM, CutPath, target_path
 from profiles.files import printable
@@ -61,7 +60,7 @@ LEAST_FOLLOWED = 1.0 / AMPLIFICATION_LIMIT
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LeftHarmonic:
-    """Harmonic of the part, um p-p: what was left of it, and what the next should have; `learned` or noise."""
+    """Harmonic of the part, um p-p: its residual, and the expected one of the next; `learned` or noise."""
 
     order: int
     left_um_pp: float
@@ -70,7 +69,7 @@ class LeftHarmonic:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Taught:
+class LearningOutcome:
     """A learning step, its cut, warnings, each harmonic that could be learned, and why the part is not round."""
 
     step: LearningStep
@@ -81,7 +80,7 @@ class Taught:
     causes: tuple[Cause, ...] = ()
 
 
-def taught(
+def learn_from_trace(
     trace: Trace,
     job: LoadedJob,
     machine: LoadedMachine,
@@ -93,8 +92,8 @@ def taught(
     robust: bool,
     date: str,
     extra: tuple[int, ...] = (),
-) -> Taught:
-    """Return the learning step from the trace of a part; `said` is what is known of its cut, see `made_with`.
+) -> LearningOutcome:
+    """Return the learning step from the trace of a part; `said` states its cut, see `made_with`.
 
     `identified` is the file of the response that the cut has inverted, `extra` are further harmonics to learn.
 
@@ -115,11 +114,11 @@ def taught(
     its = next((data for kind, data, _ in cuts if made in parts_made([(kind, data, "")])), "{}")
     how: dict[str, Any] = {"gain": gain, "robust": robust, "date": date, "extra": extra}
     how |= {"tool_um": tool_lobe_um(its), "push_um": push_um(its)}
-    found = taught_by(trace, job, machine, data, made, identified, **how)
+    found = learn_from_part(trace, job, machine, data, made, identified, **how)
     return replace(found, warnings=(*cut_date_problems(cuts, asked.job), *found.warnings))
 
 
-def taught_by(
+def learn_from_part(
     trace: Trace,
     job: LoadedJob,
     machine: LoadedMachine,
@@ -133,8 +132,8 @@ def taught_by(
     extra: tuple[int, ...] = (),
     tool_um: complex = 0j,
     push_um: float = 0.0,
-) -> Taught:
-    """Return the learning step from a part `made` in this way; the other arguments as for `taught`.
+) -> LearningOutcome:
+    """Return the learning step from a part `made` in this way; the other arguments as for `learn_from_trace`.
 
     `tool_um` is the tool error of its cut at the order of the lobe, with jaw 1 as then; `push_um` the push left.
     Versions are kept with jaw 1 as in the file of the job; a part cut with jaw 1 elsewhere is turned there first.
@@ -156,7 +155,7 @@ def taught_by(
     how: dict[str, Any] = {"gain": gain, "orders": orders, "beside": beside, "asked": extra, "date": date}
     step = next_version(cut, part, asked, filed, number=_next(known), scatter_um=scatter, follows=follows, **how)
     step = _once(_pushed(step, push_um), known)
-    return Taught(
+    return LearningOutcome(
         step=step,
         made=made,
         stage=stage,
@@ -194,7 +193,7 @@ def _once(step: LearningStep, known: tuple[LearnedCompensation, ...]) -> Learnin
 
 
 def _turned_deg(filed: Job, made: MadeWith) -> float:
-    """Return by how much what was seen in a cut has to be turned to where the file of its job has jaw 1."""
+    """Return the angle from jaw 1 as found for a cut to jaw 1 of the job's file."""
     return filed.lobe_phase_deg - as_cut(filed, made).lobe_phase_deg
 
 
@@ -204,7 +203,7 @@ def is_simulated(trace: Trace) -> bool:
 
 
 def lathe_of(trace: Trace) -> str:
-    """Return on which simulated lathe the part of a trace was cut, "" where that is not known."""
+    """Return the simulated lathe on which the part of a trace was cut, "" if unknown."""
     return trace.meta.get(LATHE, "") if is_simulated(trace) else ""
 
 
@@ -218,7 +217,7 @@ def _part(
 
 
 def as_cut(job: Job, made: MadeWith) -> Job:
-    """Return the job with jaw 1 where it was found for its cut; `learned.bad_stage` where that is no angle."""
+    """Return the job with jaw 1 as found for its cut; `learned.bad_stage` if that is no angle."""
     if made.cut_jaw_1_deg == AS_FILED:
         return job
     try:
@@ -233,7 +232,7 @@ def as_cut(job: Job, made: MadeWith) -> Job:
 
 
 def check_of(part: CutPart | None, job: Job) -> ForceCheck | None:
-    """Return what the force said of a part of the record, of its `job` as filed; raises as `as_cut`."""
+    """Return the force check of a recorded part, for its `job` as filed; raises as `as_cut`."""
     if part is None or part.force is None:
         return None
     return ForceCheck(job=as_cut(job, part.made), found=part.force)
@@ -291,9 +290,9 @@ def _cut_with(
     version: LearnedCompensation | None,
     known: tuple[LearnedCompensation, ...],
     filed: Job,
-) -> CutWith:
+) -> AppliedPath:
     parent, history = _parent(version, known, filed), history_of(version, known)
-    return CutWith(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
+    return AppliedPath(path=path, fraction=stage.fraction, version=version, parent=parent, history=history)
 
 
 def _next(known: tuple[LearnedCompensation, ...]) -> int:
@@ -353,7 +352,7 @@ def _inverted(
 ) -> ServoResponse | None:
     """Return the response that the cut has inverted, None the model's; `learned.identified` without its file.
 
-    Where no file is given it is the one that is kept under that name.
+    Without a file it is the one kept under that name.
     """
     if made.inverted == MADE_BY_MODEL:
         return None

@@ -1,7 +1,8 @@
-"""What a measured part teaches: its learning step, or why there is none; keeping that, and going back."""
+"""The learning step of a measured part or why it has none; keeping it, recording it, and reverting."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -9,12 +10,20 @@ from typing import Any
 from console.session.data.kept_files import utc_now
 from console.session.data.learned_store import store, versions
 from console.session.data.measured_part import CutPart, MadeWith
+from console.session.data.records import add_to_run
+from console.session.data.run_rows import problem_events
+from console.session.data.run_story import ACCEPTED
 from console.session.errors import SessionError
-from console.session.learning.learning_steps import Taught, reverted, taught_by
+from console.session.learning.learning_steps import LearningOutcome, learn_from_part, reverted
+from console.session.operator import operator_name
 from profiles.compensations.learned import LearnedCompensation
+from profiles.compensations.next_version import LearningStep
 from profiles.problem import Problem, ProblemError
 from profiles.store import LoadedJob, LoadedMachine
 from profiles.traces import Trace
+
+RECORD_TIMEOUT_S = 1.0
+"""How long an operator waits for other writers of the record."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -22,12 +31,12 @@ class PartLearning:
     """How a part was `made`, and its learning step or why there is none: `taught` or `problems`."""
 
     made: MadeWith
-    taught: Taught | None = None
+    taught: LearningOutcome | None = None
     problems: tuple[Problem, ...] = ()
 
     @property
     def reasons(self) -> tuple[Problem, ...]:
-        """Why nothing of it may be kept, empty where it may."""
+        """Why nothing of it may be kept; empty if it may."""
         return self.problems if self.taught is None else self.taught.step.reasons
 
 
@@ -39,7 +48,7 @@ def learning_of(
     machine: LoadedMachine,
     data: Path,
 ) -> PartLearning:
-    """Return the learning step from a part that was cut by `job` as saved; None where `name` was edited.
+    """Return the learning step from a part that was cut by `job` as saved; None if `name` was edited.
 
     An objection to learning does not invalidate the measurement.
     """
@@ -49,7 +58,7 @@ def learning_of(
     try:
         how: dict[str, Any] = {"gain": None, "robust": False, "date": utc_now()}
         how |= {"tool_um": part.tool_lobe_um, "push_um": part.push_um}
-        taught = taught_by(trace, job, machine, data, made, **how)
+        taught = learn_from_part(trace, job, machine, data, made, **how)
     except ProblemError as error:
         return PartLearning(made=made, problems=tuple(error.problems))
     return PartLearning(made=made, taught=taught)
@@ -90,3 +99,49 @@ def revert(
     older = reverted(used.parent, job, machine, data, simulated=simulated, date=date, strategy=strategy)
     store(data, older)
     return older
+
+
+def record_accepted(data: Path, run_id: str | None, kept: LearnedCompensation) -> tuple[Problem, ...]:
+    """Add an accepted learning step to the run that its part is from; return why it could not be.
+
+    It is kept already: that the record does not have it is reported, and no more.
+    """
+    if run_id is None:
+        return ()
+    event = {
+        "version": kept.version,
+        "parent": kept.parent,
+        "strategy": kept.holds_for.strategy,
+        "gain": kept.gain,
+    }
+    return record_kept(data, run_id, ACCEPTED, event)
+
+
+def record_kept(data: Path, run_id: str, kind: str, event: Mapping[str, object]) -> tuple[Problem, ...]:
+    """Add a kept step or lobe to the run of its part, with the operator; return why it could not be added."""
+    try:
+        add_to_run(data, run_id, kind, {**event, "by": operator_name()}, timeout_s=RECORD_TIMEOUT_S)
+    except SessionError as refused:
+        return tuple(refused.problems)
+    return ()
+
+
+def learning_event(learning: PartLearning) -> dict[str, object]:
+    """Return a proposed learning step, or why there is none, as the run record keeps it."""
+    taught = learning.taught
+    reasons = problem_events(learning.reasons)
+    return reasons if taught is None else {**step_event(taught.step), **reasons}
+
+
+def step_event(step: LearningStep) -> dict[str, object]:
+    """Return a learning step as the run record keeps it; the path itself is kept with the versions."""
+    following = step.next
+    return {
+        "version": following.version,
+        "parent": following.parent,
+        "strategy": following.holds_for.strategy,
+        "gain": following.gain,
+        "harmonics": list(step.learned),
+        "expected_ront_um": step.expected_ront_um,
+        "expected_lobe_um_pp": step.expected_lobe_um_pp,
+    }

@@ -12,17 +12,17 @@ from pathlib import Path
 from console.session.data.measured_part import KEYS, MadeWith, parts_made
 from console.session.data.run_reader import cuts_of_run, other_run_of_trace
 from console.session.errors import SessionError
-from console.session.learning.imported import ImportedTrace
+from console.session.learning.evaluated_part import EvaluatedPart
 from profiles.files import printable
 from profiles.problem import Problem
 
 DATE = "date"  # header line of a trace with the time at which it was measured, ISO 8601
 
 
-def of_this_part(found: ImportedTrace, data: Path, run_id: str | None) -> ImportedTrace:
+def of_this_part(found: EvaluatedPart, data: Path, run_id: str | None) -> EvaluatedPart:
     """Return a trace with why it is not of the part of a run, or with a warning that it may not be.
 
-    `run_id` is None where the run is not known. A record that cannot be read is a warning: nothing speaks against
+    `run_id` is None if the run is unknown. A record that cannot be read is a warning: nothing speaks against
     the trace.
     """
     try:
@@ -31,7 +31,7 @@ def of_this_part(found: ImportedTrace, data: Path, run_id: str | None) -> Import
     except SessionError as unreadable:
         return replace(found, warnings=(*found.warnings, *unreadable.problems))
     if taken:
-        return replace(found, problems=(*found.problems, *taken), result=None)
+        return replace(found, problems=(*found.problems, *taken), judged=None)
     return replace(found, warnings=(*found.warnings, *older))
 
 
@@ -57,7 +57,7 @@ def _made_otherwise(made: MadeWith, recorded: Sequence[MadeWith | None]) -> bool
     return bool(known) and len(known) == len(recorded) and told[0] not in told[1:]
 
 
-def _older(found: ImportedTrace, data: Path, run_id: str) -> tuple[Problem, ...]:
+def _older(found: EvaluatedPart, data: Path, run_id: str) -> tuple[Problem, ...]:
     cuts = cuts_of_run(data, run_id)
     measured = _measured_at(found.path, found.trace.meta)
     ended = _ended_at(cuts)
@@ -74,7 +74,7 @@ def _ended_at(cuts: Sequence[tuple[str, str, str]]) -> datetime | None:
 
 
 def _measured_at(path: Path, meta: Mapping[str, str]) -> datetime | None:
-    """Return the earlier of the date in a file and that of its last change; None where neither is known."""
+    """Return the earlier of the date in a file and that of its last change; None if neither is known."""
     dates: list[datetime] = []
     with suppress(ValueError, OverflowError, OSError):  # what is no date states none
         dates += [datetime.fromisoformat(meta[DATE]).astimezone()] if DATE in meta else []

@@ -1,4 +1,4 @@
-"""The parts of a row that learns: what each was cut with and left, and what is reported of the row."""
+"""The parts of a learning series, how each was cut and what it left, and the warnings of the series."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
-from console.session.cut.run import RunPlan, RunResult
+from console.session.cut.run import RunResult
 from console.session.cut.telemetry import CutFigures
 from console.session.learning.learning_beside import TRIM_LIMIT_UM, blank_orders
 from console.session.learning.lobe_learning import LeftLobe
@@ -52,30 +52,16 @@ class LearnedPart:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LearnResult:
-    """Parts made: `before` without compensation, the parts in order, `floor` a part without a lobe."""
+class LearnResult(RunResult):
+    """A run of several parts, whose last is that of `after`; `floor` is a part without a lobe."""
 
-    plan: RunPlan
     before: RoundnessResult
     floor: RoundnessResult
     parts: tuple[LearnedPart, ...]
 
     @property
-    def last(self) -> RunResult:
-        """The series as a run: its part is the last one, its collisions are those of all parts."""
-        part = self.parts[-1]
-        return RunResult(
-            plan=self.plan,
-            simulated=True,
-            before=self.before,
-            after=part.roundness,
-            figures=part.figures,
-            collisions=tuple(dict.fromkeys(kind for each in self.parts for kind in each.collisions)),
-        )
-
-    @property
     def own(self) -> tuple[Certified, ...]:
-        """Return the orders of the last part that are mostly of its own blank, or of what else varies."""
+        """The orders of the last part whose tool error is mostly of its own blank, or varies."""
         blank = blank_orders(self.plan.job.jaws)
         return tuple(
             each
@@ -86,7 +72,7 @@ class LearnResult:
 
     @property
     def warnings(self) -> tuple[Problem, ...]:
-        """Return what was hard to believe, and what was not learned.
+        """Return implausible readings, and orders that were not learned.
 
         Fingerprints that chance hardly explains: `learning.surprise`; harmonics: `learning.grew`; parts that
         needed more trim: `learning.trim_short`; a last part that is not certainly rounder than the first:
@@ -97,14 +83,14 @@ class LearnResult:
 
 
 def _surprised(parts: tuple[LearnedPart, ...]) -> Iterator[Problem]:
-    """Return the parts whose fingerprint was hard to believe."""
+    """Yield the parts with an implausible fingerprint."""
     for n, part in enumerate(parts, start=1):
         for each in () if part.clamped is None else part.clamped.warnings:
             yield Problem(code="learning.surprise", key=str(n), value=each.value, limit=each.limit)
 
 
 def _no_gain(parts: tuple[LearnedPart, ...]) -> tuple[Problem, ...]:
-    """Return that nothing was gained, where two parts with the same path might differ by as much."""
+    """Return `learning.no_gain` if two parts cut with the same path might differ by as much."""
     first_um, last_um = parts[0].roundness.ront_um, parts[-1].roundness.ront_um
     if len(parts) == 1 or first_um - last_um > CERTAIN_GAIN_UM:
         return ()

@@ -1,4 +1,4 @@
-"""The debrief of a recorded run: what happened when, what it cost on the part and why, what the record lacks.
+"""The debrief of a recorded run: its course, the cost on the part with the causes, the gaps of the record.
 
 From recorded facts alone. Why a part is not round is found as on the page Inspect: by its trace, its job, its
 machine and how it was cut, as they were recorded.
@@ -12,11 +12,10 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from pathlib import Path
 
-from console.session.data.measured_part import made_with, parts_made, tool_lobe_um
-from console.session.data.run_reader import How, RecordedPart, RunEvent, RunStory
-from console.session.data.run_rows import FAILED_HOW
-from console.session.data.run_story import COMMAND
-from console.session.learning.learning_steps import taught_by
+from console.session.data.measured_part import RecordedPart, made_with, parts_made, tool_lobe_um
+from console.session.data.run_rows import FAILED_HOW, How
+from console.session.data.run_story import COMMAND, RunEvent, RunStory
+from console.session.learning.learning_steps import learn_from_part
 from console.session.stages import Stage
 from console.session.stop_keys import is_by_key
 from drivers.cutting.strategy import Strategy
@@ -28,7 +27,7 @@ from profiles.store import LoadedJob, LoadedMachine
 
 SEEN_WITHIN_S = 60.0
 
-TOLD = frozenset(
+SHOWN = frozenset(
     {"started", "feed_hold", "resumed", "adjusted", "stopped", "collision", "fault", "link_back"}
     | {"cut", "held", "ended_early", "measured", "part", "result", "ended"}
 )
@@ -42,7 +41,7 @@ _PLAIN = {each.value for each in Strategy if not each.traits.follows_lobe}
 
 
 class Advice(StrEnum):
-    """What to do next time, besides what the causes say."""
+    """Advice for the next run, besides that of the causes."""
 
     CAUSES = "causes"
     PLAIN = "plain"
@@ -56,8 +55,8 @@ class Advice(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
-    """One thing that happened, `at_s` s (machine time) after the start: an event, an alarm `raised` or `seen`."""
+class Incident:
+    """An incident, `at_s` s (machine time) after the start: an event, an alarm `raised` or `seen`."""
 
     at_s: float
     event: RunEvent | None = None
@@ -68,13 +67,13 @@ class Told:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDebrief:
-    """What a record states of a run. `causes` are those of a `part` that is not round enough, the largest first.
+    """The debrief of a run. `causes` are those of a `part` that is not round enough, largest first.
 
-    `off_um` is how far the diameter is off, None where it is within its tolerance or not judged. `unknown` is what
-    the record does not have.
+    `off_um` is the deviation of the diameter, None if within its tolerance or not judged; `unknown` are the gaps
+    of the record.
     """
 
-    happened: tuple[Told, ...]
+    happened: tuple[Incident, ...]
     part: RecordedPart | None
     fails_round: bool
     off_um: float | None
@@ -116,14 +115,14 @@ def run_debrief(story: RunStory, data: Path, *, explains: bool = True) -> RunDeb
 
 
 def _causes(story: RunStory, part: RecordedPart, data: Path) -> tuple[Cause, ...]:
-    """Return why a part is not round. Raises ProblemError: what of the record does not suffice for it."""
+    """Return why a part is not round. Raises ProblemError: the record does not suffice."""
     trace, job = part.read_trace(), story.read_job()
     if trace is None or job is None or story.machine_text is None:
         return ()
     machine = machine_from_table(parse_toml(story.machine_text.encode("utf-8", "replace"), ""))
     cuts = [(event.kind, json.dumps(dict(event.data)), "") for event in _ends(story)]
     made = made_with({}, trace.meta, parts_made(cuts))
-    taught = taught_by(
+    taught = learn_from_part(
         trace,
         LoadedJob(job=job, path=Path(story.row.job), sha256=story.job_sha256, text=story.job_text or ""),
         LoadedMachine(machine=machine, path=Path(story.row.machine), sha256=story.machine_sha256),
@@ -164,21 +163,21 @@ def _unknown(story: RunStory, part: RecordedPart | None) -> Iterator[Problem]:
         yield Problem(code="debrief.no_diameter")
 
 
-def _happened(story: RunStory) -> Iterator[Told]:
+def _happened(story: RunStory) -> Iterator[Incident]:
     began_s = next((event.at_s for event in story.events if event.kind == "started"), 0.0)
-    found = [Told(at_s=event.at_s - began_s, event=event) for event in story.events if _is_told(event)]
+    found = [Incident(at_s=event.at_s - began_s, event=event) for event in story.events if _is_shown(event)]
     for alarm in story.alarms:
-        found.append(Told(at_s=alarm.raised_s - began_s, raised=alarm.problem))
+        found.append(Incident(at_s=alarm.raised_s - began_s, raised=alarm.problem))
         if alarm.acknowledged_s is not None:
             unseen_s = alarm.acknowledged_s - alarm.raised_s
-            found.append(Told(at_s=alarm.acknowledged_s - began_s, seen=alarm.problem, unseen_s=unseen_s))
+            found.append(Incident(at_s=alarm.acknowledged_s - began_s, seen=alarm.problem, unseen_s=unseen_s))
     yield from sorted(found, key=lambda each: each.at_s)
 
 
-def _is_told(event: RunEvent) -> bool:
+def _is_shown(event: RunEvent) -> bool:
     if event.kind == "step":
         return event.data.get("step") == "cut"
-    return event.kind in TOLD or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
+    return event.kind in SHOWN or (event.kind == COMMAND and event.data.get("command") in COMMANDS)
 
 
 def _advice(story: RunStory, found: RunDebrief) -> Iterator[Advice]:

@@ -92,23 +92,16 @@ class Bench:
         return motors[self.machine.tool.motor].true_position, motors[self.machine.spindle.motor].true_position
 
 
-@dataclass(frozen=True, kw_only=True)
-class Part:
-    """A part with the plan of its cut; its roundness is that of the free state, unfiltered."""
-
-    plan: CutPlan
-    spindle_speed_rpm: float
-    roundness: RoundnessResult
-
-
-def part_of(job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None) -> Part:
-    """Cut a part on a new lathe that is as its profile says, and measure it without a filter."""
+def cut_and_measure(
+    job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int | None = None
+) -> tuple[CutPlan, float, RoundnessResult]:
+    """Cut a part on a new lathe that is as its profile says; return plan, speed, rpm, and unfiltered roundness."""
     bench, short = Bench(machine), replace(job, cut_length_mm=CUT_MM)
     plan = bench.plan(short, strategy, ts_ms)
     outcome = bench.cut(short, plan)
     assert outcome.trace is not None  # the rig measures
     roundness = evaluate(outcome.trace.angle_deg, outcome.trace.deviation_um, None)
-    return Part(plan=plan, spindle_speed_rpm=outcome.figures.spindle_speed_rpm, roundness=roundness)
+    return plan, outcome.figures.spindle_speed_rpm, roundness
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,10 +199,10 @@ def uncompensated(paper: Experiments) -> tuple[Record, ...]:
     """Number 1: parts of a plain cut (Fig 14)."""
     records = []
     for number, (job, error) in enumerate(zip(paper.jobs, paper.errors_um_pp, strict=True), start=1):
-        part = part_of(job, paper.machine, Strategy.NONE)
-        lobe_um = part.roundness.amplitude_um(job.jaws)
+        *_, roundness = cut_and_measure(job, paper.machine, Strategy.NONE)
+        lobe_um = roundness.amplitude_um(job.jaws)
         records += [
-            _near(1, "lathe.plain", f"{number}", part.roundness.ront_um, error, 0.1, "um"),
+            _near(1, "lathe.plain", f"{number}", roundness.ront_um, error, 0.1, "um"),
             _near(1, "lathe.plain_lobe", f"{number}", lobe_um, error / 2, 0.02, "um"),
         ]
     return tuple(replace(each, basis=Basis.CONSTRUCTION, why="put_in") for each in records)
@@ -222,15 +215,14 @@ def printed_program(paper: Experiments) -> tuple[Record, ...]:
     records = []
     for name, ts_ms, left in curves:
         for number, (job, expected) in enumerate(zip(paper.jobs, left, strict=True), start=1):
-            part = part_of(job, measured, Strategy.PAPER, ts_ms)
-            record = _near(5, f"lathe.{name}", f"{number}", part.roundness.ront_um, expected, 0.3, "um")
+            *_, roundness = cut_and_measure(job, measured, Strategy.PAPER, ts_ms)
+            record = _near(5, f"lathe.{name}", f"{number}", roundness.ront_um, expected, 0.3, "um")
             records.append(replace(record, basis=Basis.READING))
     for number, (job, expected) in enumerate(zip(paper.jobs, COMPENSATED_UM, strict=True), start=1):
-        part = part_of(job, paper.machine, Strategy.PAPER)
-        speed_rpm = part.spindle_speed_rpm
+        plan, speed_rpm, roundness = cut_and_measure(job, paper.machine, Strategy.PAPER)
         lobe_hz = job.jaws * speed_rpm / 60.0
-        facts = {"segment_ms": part.plan.segment_ms, "speed_rpm": speed_rpm, "lobe_hz": lobe_hz}
-        record = _near(5, "lathe.literal", f"{number}", part.roundness.ront_um, expected, WITHIN_UM, "um")
+        facts = {"segment_ms": plan.segment_ms, "speed_rpm": speed_rpm, "lobe_hz": lobe_hz}
+        record = _near(5, "lathe.literal", f"{number}", roundness.ront_um, expected, WITHIN_UM, "um")
         records.append(replace(record, why="literal", facts=facts, basis=Basis.RIVAL))
     return tuple(records)
 
@@ -238,14 +230,13 @@ def printed_program(paper: Experiments) -> tuple[Record, ...]:
 def literal_timing(paper: Experiments) -> tuple[Record, ...]:
     """Number 6: TA10 TS10 TM10 executed, experiment 1."""
     job, machine = paper.jobs[0], paper.machine
-    part = part_of(job, machine, Strategy.PAPER)
-    plan = part.plan
+    plan, speed_rpm, _ = cut_and_measure(job, machine, Strategy.PAPER)
     moves = steady_moves(plan.program, plan.checked, machine)
     low, high = (each - plan.setup.surface for each in stroke(moves, plan.checked, machine))
     return (
         _near(6, "lathe.segment", "", plan.segment_ms, 20.0, 1e-6, "ms"),
-        _near(6, "lathe.speed", "", part.spindle_speed_rpm, 500.0, 0.01, "rpm"),
-        _near(6, "lathe.lobe_frequency", "", job.jaws * part.spindle_speed_rpm / 60.0, 25.0, 0.005, "Hz"),
+        _near(6, "lathe.speed", "", speed_rpm, 500.0, 0.01, "rpm"),
+        _near(6, "lathe.lobe_frequency", "", job.jaws * speed_rpm / 60.0, 25.0, 0.005, "Hz"),
         _near(6, "lathe.stroke", "", high - low, 183.3, 0.1, "cts"),
         _near(6, "lathe.mean", "", (high + low) / 2, 637.5, 0.1, "cts"),
     )
@@ -254,7 +245,7 @@ def literal_timing(paper: Experiments) -> tuple[Record, ...]:
 def inverse(paper: Experiments) -> tuple[Record, ...]:
     """Number 7: inverse feedforward, the plant as its profile says, quantisation on."""
     (cut,) = learned_passes(paper.jobs[0], paper.machine, ideal(paper.machine), [PART])
-    parts = (part_of(job, paper.machine, Strategy.CAM).roundness.ront_um for job in paper.jobs)
+    parts = (cut_and_measure(job, paper.machine, Strategy.CAM)[2].ront_um for job in paper.jobs)
     return (
         _most(7, "lathe.lobe", "", cut.lobe_um_pp, 0.05),
         _most(7, "lathe.places", "", cut.places_um_pp, 0.3),

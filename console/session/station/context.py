@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
 from console.session.cut.engine import CutContext, Workshop
-from console.session.cut.recording import LogRecorder, Unrecorded
+from console.session.cut.recording import CutRecorder, LogRecorder
 from console.session.cut.telemetry import NO_LAG, Lag
 from console.session.data.records import RunRecord
 from console.session.data.run_rows import problem_events
@@ -168,7 +168,7 @@ class StationContext:
     @property
     def cut_context(self) -> CutContext:
         """The machine as a cut needs it."""
-        recorder = Unrecorded() if self.record is None else LogRecorder(self.record.log)
+        recorder = CutRecorder() if self.record is None else LogRecorder(self.record.log)
         context = CutContext(lathe=self.lathe, workshop=self.shop, recorder=recorder)
         if self.commissioned is None:
             return context

@@ -26,7 +26,6 @@ from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
-from console.session.learning.history import history_of
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
 from console.session.station.adjusting.refusals import beyond, stepped
@@ -48,6 +47,7 @@ from drivers.identification.nominal import path_response
 from drivers.lathe.snapshot import Snapshot
 from profiles.axis.response import ServoResponse
 from profiles.compensations.force_null import ForceNull
+from profiles.compensations.learned import history_of
 from profiles.compensations.path import CutPath
 from profiles.fingerprint.readings import readings_text
 from profiles.job import Job

@@ -8,17 +8,16 @@ from dataclasses import replace
 from types import MappingProxyType
 
 from console.session.cut.alignment import unclamped
-from console.session.cut.recording import PartName, mean_diameter_of, part_record
+from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, RecordedPart, newest_part
 from console.session.data.records import add_to_run
 from console.session.errors import SessionError
 from console.session.learning.calibrating import PartLobe, lobe_of
-from console.session.learning.imported import ImportedTrace, examined, refuse_unready
-from console.session.learning.learning_record import learning_event
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file, refuse_unready
 from console.session.learning.learning_steps import as_cut
-from console.session.learning.part_learning import learning_of
+from console.session.learning.part_learning import learning_event, learning_of
 from console.session.learning.provenance import of_this_part
 from console.session.stages import Stage
 from console.session.station.commands import CorrectTouchOff, TakeTrace
@@ -28,11 +27,9 @@ from console.session.station.state import Armed, MeasuredPart
 from drivers.cutting.strategy import Strategy
 from profiles.files import printable
 from profiles.job import Job
-from profiles.metrology.turns import tool_offset_um
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
 from profiles.trace_files.header import header_of
-from profiles.trace_files.plausible import size_doubt
 from profiles.traces import Trace
 
 
@@ -43,7 +40,9 @@ def measure_simulated(context: StationContext) -> None:
         raise SessionError(Problem(code="session.no_gauge"))
     trace = context.shop.measure()
     sha256 = hashlib.sha256(trace.deviation_um.tobytes()).hexdigest()
-    part = _judged(context, _just_cut(context, started), (started.job, started.loaded), trace, (GAUGE, sha256))
+    header, _ = header_of(trace.meta)
+    found = EvaluatedPart(trace=trace, header=header, turn=trace, job=started.job, judged=roundness_of(trace))
+    part = _judged(context, _just_cut(context, started), started.loaded, found, (GAUGE, sha256))
     run_id = None if context.record is None else context.record.run_id
     part = replace(part, run_id=run_id)
     if context.record is not None:
@@ -66,7 +65,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
 
     Raises:
         SessionError: `machine.moving`; `session.nothing_cut`; `learned.edited_part`; `trace.changed`; as
-            `of_this_part`, `refuse_unready` and `examined`.
+            `of_this_part`, `refuse_unready` and `read_gauge_file`.
     """
     if not context.lathe.snapshot().at_rest:
         raise SessionError(Problem(code="machine.moving"))
@@ -74,7 +73,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     cut, job, loaded = _cut_of(context, command)
     try:
         simulated = context.shop is not None
-        found = examined(command.path, job, command.answers, simulated=simulated, lathe=cut.lathe)
+        found = read_gauge_file(command.path, job, command.answers, simulated=simulated, lathe=cut.lathe)
     except ProfileError as refused:  # a bad file is a refusal: nothing is wrong with the machine
         raise SessionError(*refused.problems) from refused
     if found.sha256 != command.sha256:
@@ -82,7 +81,7 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     run_id = context.record.run_id if cut.run_id is None and context.record is not None else cut.run_id
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
-    part = _judged(context, cut, (job, loaded), found.trace, (printable(found.path.name), found.sha256), found)
+    part = _judged(context, cut, loaded, found, (printable(found.path.name), found.sha256))
     measured = {**_event(part), **_file_event(found), **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job)}
     kept = _kept(part, found.trace, (printable(found.path.name), found.content), asked)
@@ -128,39 +127,29 @@ def _just_cut(context: StationContext, started: Armed) -> CutPart:
 def _judged(
     context: StationContext,
     cut: CutPart,
-    of: tuple[Job, LoadedJob | None],
-    trace: Trace,
+    loaded: LoadedJob | None,
+    found: EvaluatedPart,
     file: tuple[str, str],
-    found: ImportedTrace | None = None,
 ) -> MeasuredPart:
-    """Return a measured part `of` a job with its learning step, or its lobe; `file` is the trace with its hash."""
-    (job, loaded), machine, data = of, context.loaded_machine, context.records
-    result = roundness_of(trace) if found is None else found.result
-    assert result is not None
-    if found is not None:
-        result = replace(result, warnings=(*found.warnings, *result.warnings))
-    diameter_mm = mean_diameter_of(trace, result)
-    offset_um = None
-    if diameter_mm is not None and size_doubt(diameter_mm / 2.0, job) is None:
-        offset_um = tool_offset_um(diameter_mm, job.finished_diameter_mm)
-    strategy, turn = Strategy(cut.made.strategy), trace if found is None else found.turn
-    phase_known = header_of(trace.meta)[0].phase_known if found is None else found.phase_known
+    """Return a measured part with its learning step, or its lobe; `file` is the trace with its hash."""
+    job, strategy, phase_known = found.job, Strategy(cut.made.strategy), found.header.phase_known
+    assert job is not None
     lobe = None
     if not strategy.traits.follows_lobe:
         lobe = PartLobe(loaded=loaded, file=file[0], file_sha256=file[1])
-        lobe = lobe_of(turn, job, lobe, phase_known=phase_known, simulated=context.shop is not None)
+        lobe = lobe_of(found.turn, job, lobe, phase_known=phase_known, simulated=context.shop is not None)
     return MeasuredPart(
         job=job,
         strategy=strategy,
-        trace=turn,
-        result=result,
+        trace=found.turn,
+        result=replace(found.result, warnings=(*found.warnings, *found.result.warnings)),
         jaw_1_deg=job.jaw_1_deg,
         phase_known=phase_known,
         lobe=lobe,
-        diameter_mm=diameter_mm,
-        tool_offset_um=offset_um,
+        diameter_mm=found.mean_diameter_mm,
+        tool_offset_um=found.tool_offset_um,
         marks_mm=context.state.marks_mm if cut.run_id is None else (),
-        learning=learning_of(loaded, job.name, cut, trace, machine, data),
+        learning=learning_of(loaded, job.name, cut, found.trace, context.loaded_machine, context.records),
         run_id=cut.run_id,
         proven=cut.proven,
     )
@@ -230,12 +219,11 @@ def _kept(
         "phase_known": part.phase_known,
         **asked,
     }
-    name = PartName(proven=part.proven)
     return part_record(
-        part.job, part.result, trace, Stage(made.stage), name=name, made=header, file=file, more=more
+        part.job, part.result, trace, Stage(made.stage), proven=part.proven, made=header, file=file, more=more
     )
 
 
-def _file_event(found: ImportedTrace) -> dict[str, object]:
+def _file_event(found: EvaluatedPart) -> dict[str, object]:
     """Return the file of a measurement, so that it can be found again."""
     return {"trace": printable(found.path.name), "trace_sha256": found.sha256}

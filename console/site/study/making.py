@@ -20,7 +20,7 @@ FULL = "full"
 
 
 @dataclass(frozen=True, slots=True)
-class Made:
+class CellResult:
     """What became of a cell, by which software."""
 
     number: int
@@ -28,7 +28,7 @@ class Made:
     software: str
 
 
-def make(content: bytes) -> Made:
+def make(content: bytes) -> CellResult:
     """Make a packed cell. Nothing is raised but what ends the process."""
     cell: Cell = pickle.loads(content)
     try:
@@ -40,7 +40,7 @@ def make(content: bytes) -> Made:
         if os.environ.get("TRILOBE_TRACEBACK"):
             raise
         rows = (fault_row(cell, fault),)
-    return Made(cell.number, rows, software())
+    return CellResult(cell.number, rows, software())
 
 
 def software() -> str:
@@ -97,7 +97,7 @@ def _rows(cell: Cell) -> tuple[Row, ...]:
     if cell.parts > 1:
         learned = learn(plan, open_machine, nothing, cell.parts)
         return tuple(
-            _made(cell, learned.last, part.roundness, part.figures, part.collisions, number)
+            _made(cell, learned, part.roundness, part.figures, part.collisions, number)
             for number, part in enumerate(learned.parts, start=1)
         )
     one = run(plan, open_machine, nothing) if cell.compare else run_once(plan, open_machine(), nothing)

@@ -18,7 +18,7 @@ from console.session.ending_signal import held_back
 from console.session.errors import SessionError
 from console.site.study.cells import MADE, Cell, Row, packed
 from console.site.study.journal import Journal, journal
-from console.site.study.making import Made, fault_row, make, software
+from console.site.study.making import CellResult, fault_row, make, software
 from console.site.study.workers import Workers
 from profiles.problem import Problem
 
@@ -93,7 +93,7 @@ def _make_all(left: list[Cell], opens: Opens, kept: Journal, tell: Callable[[], 
 
 def _handed_out(left: Sequence[Cell], opens: Opens, kept: Journal, tell: Callable[[], None]) -> list[Cell]:
     """Hand out cells and keep what comes back; return those that were on their way when a process died."""
-    waiting, under_way = deque(left), dict[Future[Made], Cell]()
+    waiting, under_way = deque(left), dict[Future[CellResult], Cell]()
     with opens() as workers:
         try:
             while waiting or under_way:
@@ -111,7 +111,7 @@ def _handed_out(left: Sequence[Cell], opens: Opens, kept: Journal, tell: Callabl
     return []
 
 
-def _keep(cell: Cell, future: Future[Made], kept: Journal) -> None:
+def _keep(cell: Cell, future: Future[CellResult], kept: Journal) -> None:
     try:
         made = future.result()
     except BrokenExecutor:

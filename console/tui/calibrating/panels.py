@@ -14,7 +14,7 @@ from console.tui.calibrating.pictures import pictures
 from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.trace_view import TraceView
-from console.tui.records.beside import Problems
+from console.tui.records.background_reader import Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.calibration.table import CalibrationKind

@@ -22,7 +22,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.page import Page
-from console.tui.records.beside import Beside, Problems
+from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.calibration.table import CalibrationKind
@@ -51,8 +51,8 @@ class CalibratePage(Page):
         super().__init__(ui)
         self._all = CalibratePanels(ui)
         self.panels = (self._all,)
-        self._lists: Beside[Kept] = Beside()
-        self._details: Beside[ChuckFacts] = Beside()
+        self._lists: BackgroundReader[Kept] = BackgroundReader()
+        self._details: BackgroundReader[ChuckFacts] = BackgroundReader()
         self._kind = 0
         self._plots = False
         self._selected = 0

@@ -15,7 +15,7 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, line, wrapped
 from console.tui.page import Page
-from console.tui.records.beside import Beside
+from console.tui.records.background_reader import BackgroundReader
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -52,7 +52,7 @@ class LogPage(Page):
         self._end: int | None = None  # past the newest entry shown, among all that were found in the session
         self._seen = 0
         self._found: tuple[object, tuple[LogEntry, ...]] = (None, ())
-        self._exports: Beside[Path] = Beside()
+        self._exports: BackgroundReader[Path] = BackgroundReader()
         self._export: tuple[datetime, SessionLog] | None = None
 
     def act(self, action: str) -> None:

@@ -47,7 +47,7 @@ from console.tui.lines import (
 )
 from console.tui.page import Page
 from console.tui.plot.trace_view import TraceView
-from console.tui.records.beside import Beside, Problems
+from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View, refusal
 from drivers.cutting.strategy import Strategy
@@ -365,9 +365,9 @@ class TunePage(Page):
         self._proposal = Sheet(ui.palette, id="tune-proposal", classes="panel")
         self._proposal.styles.height = "1fr"
         self.panels = (self._loop, self._health, self._proposal)
-        self._loops: Beside[LoopFacts] = Beside()
-        self._kept: Beside[Tests] = Beside()
-        self._gains: Beside[GainFacts] = Beside()
+        self._loops: BackgroundReader[LoopFacts] = BackgroundReader()
+        self._kept: BackgroundReader[Tests] = BackgroundReader()
+        self._gains: BackgroundReader[GainFacts] = BackgroundReader()
         self._view = TuneView.LOOP
         self._facts: LoopFacts | Problems | None = None
         self._tests: Tests | Problems | None = None

@@ -15,7 +15,7 @@ from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Mark, Series, TracePicture, TraceView
-from console.tui.records.beside import Problems
+from console.tui.records.background_reader import Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 

@@ -1,50 +1,153 @@
-"""What the page Inspect compares: the last part, and beside it the one before compensation or a recorded one."""
+"""Comparison on the page Inspect: the last part with the one before compensation or a recorded one.
+
+Reference circle and filter are those chosen for display; a verdict keeps its own.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.station.state import MeasuredPart, StationState
-from console.tui.inspecting.evaluation import VERDICT, Evaluated, Looked, evaluated, supported_upr
-from console.tui.inspecting.other_part import OtherPart
+from profiles.arrays import Floats
 from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_origin import without_lobe
-from profiles.roundness import RoundnessResult
+from profiles.metrology.circles import CIRCLES, LEAST_SQUARES, MAXIMUM_INSCRIBED, MINIMUM_CIRCUMSCRIBED
+from profiles.metrology.filters import POINTS_PER_UNDULATION
+from profiles.metrology.points import largest_gap_deg
+from profiles.roundness import RoundnessResult, evaluate, profile_of
 from profiles.trace_files.header import header_of
+from profiles.traces import Trace
 
-FloatArray = NDArray[np.float64]
-_TURN_DEG = np.arange(360.0)
+FILTERS_UPR = (15.0, 50.0, 150.0, 500.0)
+"""Cut-offs of ISO 12181-2 to look at a part with, undulations per revolution."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DisplayFilter:
+    """Circle (one of `CIRCLES`) and filter cut-off for display; None is the cut-off of the verdict."""
+
+    circle: str = LEAST_SQUARES
+    filter_upr: float | None = None
+
+    @property
+    def is_verdict(self) -> bool:
+        """Whether these are the circle and filter of the verdict."""
+        return self == VERDICT
+
+    def upr_for(self, judged: RoundnessResult) -> float | None:
+        """Return the cut-off for a part with this verdict; None is no filter."""
+        return judged.filter_upr if self.filter_upr is None else self.filter_upr
+
+
+VERDICT = DisplayFilter()
+"""How parts are judged."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Side:
-    """One of the two parts, at angles with jaw 1 of the page, um; the lobe that the job states has no `result`."""
+    """A trace of the comparison as displayed: M angles, deg, with deviations from the reference circle, um.
 
-    angle_deg: FloatArray
-    profile_um: FloatArray
+    `ront_um` is that about the circle. The lobe that the job states has no `result`; `jaw_1_deg` is None if the
+    trace is not tied to jaw 1.
+    """
+
+    angle_deg: Floats
+    profile_um: Floats
     ront_um: float
     result: RoundnessResult | None
     jaw_1_deg: float | None
+    circle: str = LEAST_SQUARES
+
+
+def side_of(
+    trace: Trace,
+    judged: RoundnessResult,
+    upr: float | None,
+    circle: str,
+    radius_mm: float | None,
+    jaw_1_deg: float | None,
+    turn_deg: float,
+) -> Side:
+    """Return a trace that was `judged` so, with another filter and about another circle; `radius_mm` as then.
+
+    It is turned by `turn_deg`; its jaw 1 was found at `jaw_1_deg`.
+
+    Raises `ProfileError`: as `profiles.roundness.evaluate`.
+    """
+    # One that was judged about its own centre is taken there with every filter, and drawn so.
+    radius_mm = radius_mm if judged.recentred else None
+    seen = judged
+    if upr != judged.filter_upr:
+        seen = evaluate(trace.angle_deg, trace.deviation_um, upr, state=judged.state, radius_mm=radius_mm)
+    angle_deg, profile_um = profile_of(trace.angle_deg, trace.deviation_um, upr, kind=circle, radius_mm=radius_mm)
+    return Side(
+        angle_deg=angle_deg + turn_deg,
+        profile_um=profile_um,
+        ront_um=seen.circle(circle).ront_um,
+        result=seen,
+        jaw_1_deg=jaw_1_deg,
+        circle=circle,
+    )
+
+
+def list_supported_upr(traces: Sequence[Trace]) -> tuple[float, ...]:
+    """Return the cut-offs for which all traces have enough points, by their largest step."""
+    points = min((round(360.0 / largest_gap_deg(trace.angle_deg)) for trace in traces), default=0)
+    return tuple(upr for upr in FILTERS_UPR if points >= POINTS_PER_UNDULATION * upr)
+
+
+def next_filter(looked: DisplayFilter, judged_upr: float | None, supported: Sequence[float]) -> DisplayFilter:
+    """Return the next wider filter, the narrowest after the widest; `judged_upr` is that of the verdict."""
+    choices = sorted({*supported, *(() if judged_upr is None else (judged_upr,))})
+    if not choices:
+        return DisplayFilter(circle=looked.circle)
+    shown = judged_upr if looked.filter_upr is None else looked.filter_upr
+    wider = [upr for upr in choices if shown is not None and upr > shown]
+    following = wider[0] if wider else choices[0]
+    return DisplayFilter(circle=looked.circle, filter_upr=None if following == judged_upr else following)
+
+
+def next_circle(looked: DisplayFilter) -> DisplayFilter:
+    """Return the next of the four circles: LSC, MZC, MCC, MIC."""
+    following = CIRCLES[(CIRCLES.index(looked.circle) + 1) % len(CIRCLES)]
+    return DisplayFilter(circle=following, filter_upr=looked.filter_upr)
+
+
+def tolerance_rings_um(seen: Side, tolerance_um: float) -> tuple[float, float]:
+    """Return the two circles, um from the reference circle, between which a trace within its tolerance lies.
+
+    They are `tolerance_um` apart: from the inscribed circle outwards, from the circumscribed one inwards, and
+    about the middle of the trace for the others. It is between them where its RONt is within the tolerance.
+    """
+    if seen.circle == MAXIMUM_INSCRIBED:
+        return 0.0, tolerance_um
+    if seen.circle == MINIMUM_CIRCUMSCRIBED:
+        return -tolerance_um, 0.0
+    middle_um = 0.5 * (float(np.max(seen.profile_um)) + float(np.min(seen.profile_um)))
+    return middle_um - 0.5 * tolerance_um, middle_um + 0.5 * tolerance_um
+
+
+_TURN_DEG = np.arange(360.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Comparison:
     """The last part beside another: the same without compensation, or `other` from the record.
 
-    `after` is None where the last part is the one without compensation, and stands alone. `shown` is the last part
-    as it is looked at, `supported` are the cut-offs that all traces allow.
+    `after` is None if the last part is the one without compensation, which stands alone. `supported` are the
+    cut-offs that all traces allow.
     """
 
     part: MeasuredPart
     before: Side
     after: Side | None
-    shown: Evaluated
-    looked: Looked = VERDICT
-    other: OtherPart | None = None
+    looked: DisplayFilter = VERDICT
+    other: EvaluatedPart | None = None
     supported: tuple[float, ...] = ()
 
     @property
@@ -52,76 +155,65 @@ class Comparison:
         """The last part."""
         return self.before if self.after is None else self.after
 
+    @property
+    def result(self) -> RoundnessResult:
+        """The result of the last part as displayed."""
+        assert self.last.result is not None
+        return self.last.result
 
-def compared(state: StationState, looked: Looked = VERDICT, other: OtherPart | None = None) -> Comparison | None:
-    """Return the comparison of the last measured part, None when nothing is measured.
 
-    Raises `ProfileError`: a trace cannot be evaluated with the filter that is looked at.
+def compare_parts(
+    state: StationState, looked: DisplayFilter = VERDICT, other: EvaluatedPart | None = None
+) -> Comparison | None:
+    """Return the comparison of the last measured part, None before any measurement.
+
+    Raises `ProfileError`: a trace cannot be evaluated with the displayed filter.
     """
     part = state.measured
     if part is None:
         return None
     plain = _plain(state, part)
     traces = [part.trace, *(() if plain is None else (plain.trace,))]
-    traces += [] if other is None else [other.found.turn]
-    supported = supported_upr(traces)
+    traces += [] if other is None else [other.turn]
+    supported = list_supported_upr(traces)
     if looked.filter_upr is not None and looked.filter_upr not in supported:
         looked = replace(looked, filter_upr=None)
     upr = looked.upr_for(part.result)
-    shown = _seen(part, upr, looked.circle)
-    last = _side(shown, part.jaw_1_deg, part.jaw_1_deg if part.phase_known else None)
+
+    def side(each: MeasuredPart) -> Side:
+        radius_mm = header_of(each.trace.meta)[0].radius_of(each.job)
+        turn_deg = part.jaw_1_deg - each.jaw_1_deg if each.phase_known else 0.0
+        return side_of(each.trace, each.result, upr, looked.circle, radius_mm, _jaw(each), turn_deg)
+
+    last = side(part)
     after: Side | None = last
     if other is not None:
-        before = _other_side(other, part, upr, looked.circle)
+        turn_deg = 0.0 if other.jaw_1_deg is None else part.jaw_1_deg - other.jaw_1_deg
+        before = side_of(other.turn, other.result, upr, looked.circle, other.radius_mm, other.jaw_1_deg, turn_deg)
     elif not part.strategy.traits.follows_lobe:
         before, after = last, None
     elif plain is not None:
-        before = _side(_seen(plain, upr, looked.circle), part.jaw_1_deg, _jaw(plain))
+        before = side(plain)
     else:
         before = _stated(part)
-    return Comparison(
-        part=part, before=before, after=after, shown=shown, looked=looked, other=other, supported=supported
-    )
+    return Comparison(part=part, before=before, after=after, looked=looked, other=other, supported=supported)
 
 
-def as_cut(job: Job) -> Job:
-    """Return what a plain cut of a job depends on: all but its name, and what its file says of the lobe."""
+def strip_lobe(job: Job) -> Job:
+    """Return a job without its name and its lobe: the rest determines a plain cut."""
     return replace(without_lobe(job), name="", lobe_phase_deg=0.0, assumed=(), source="", copied_from=None)
 
 
 def _plain(state: StationState, part: MeasuredPart) -> MeasuredPart | None:
-    """Return the part before compensation, None where none was measured or it is the last one itself."""
+    """Return the part before compensation, None without one, or if it is the last one itself."""
     plain = state.uncompensated
-    if plain is None or not part.strategy.traits.follows_lobe or as_cut(plain.job) != as_cut(part.job):
+    if plain is None or not part.strategy.traits.follows_lobe or strip_lobe(plain.job) != strip_lobe(part.job):
         return None
     return plain
 
 
-def _seen(part: MeasuredPart, upr: float | None, circle: str) -> Evaluated:
-    radius_mm = header_of(part.trace.meta)[0].radius_of(part.job)
-    return evaluated(part.trace, part.result, upr, circle, radius_mm)
-
-
 def _jaw(part: MeasuredPart) -> float | None:
     return part.jaw_1_deg if part.phase_known else None
-
-
-def _side(seen: Evaluated, jaw_1_deg: float, own_jaw_deg: float | None) -> Side:
-    """Return a part, turned so that its jaw 1 is at an angle; one that does not know its own is not turned."""
-    turn_deg = 0.0 if own_jaw_deg is None else jaw_1_deg - own_jaw_deg
-    return Side(
-        angle_deg=seen.angle_deg + turn_deg,
-        profile_um=seen.profile_um,
-        ront_um=seen.ront_um,
-        result=seen.result,
-        jaw_1_deg=own_jaw_deg,
-    )
-
-
-def _other_side(other: OtherPart, part: MeasuredPart, upr: float | None, circle: str) -> Side:
-    found = other.found
-    seen = evaluated(found.turn, found.result, upr, circle, found.radius_mm)
-    return _side(seen, part.jaw_1_deg, found.jaw_1_deg)
 
 
 def _stated(part: MeasuredPart) -> Side:

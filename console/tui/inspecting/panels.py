@@ -10,8 +10,7 @@ from numpy.typing import ArrayLike
 from textual.containers import Horizontal, Vertical
 
 from console.text.catalogue import Catalogue
-from console.tui.inspecting.comparison import Comparison, Side
-from console.tui.inspecting.evaluation import tolerance_rings_um
+from console.tui.inspecting.comparison import Comparison, Side, tolerance_rings_um
 from console.tui.lines import BLANK, Line, Sheet, entitle
 from console.tui.pages import inspect_lines
 from console.tui.plot.canvas import DOTS_ACROSS
@@ -149,7 +148,7 @@ class InspectCharts(Horizontal):
         for view in (self.spectrum, self._beside):
             self._draw_spectrum(view, seen, zoom if is_spectrum else 0)
         text, polar = self._text, self.polar
-        figures = inspect_lines.named(seen.shown.result, text, seen.looked.circle)
+        figures = inspect_lines.named(seen.result, text, seen.looked.circle)
         tolerance_um = None if seen.part.is_half else seen.part.job.roundness_tolerance_um
         zoomed = bool(zoom) and not is_spectrum
         scale = inspect_lines.scale_words(
@@ -162,7 +161,7 @@ class InspectCharts(Horizontal):
             seen, simulated, text, *self._result.size, lobe_elsewhere=self._harmonics.display
         )
         self._result.show(rows, figures, text("inspect_page.looks"))
-        by = inspect_lines.filter_words(seen.shown.result, text)
+        by = inspect_lines.filter_words(seen.result, text)
         lines = inspect_lines.harmonic_lines(seen, text, *self._harmonics.size)
         self._harmonics.show(lines, text("inspect_page.harmonics", filter=by))
 
@@ -178,7 +177,7 @@ class InspectCharts(Horizontal):
         scale = stepped_125(fitting_um_per_division(traces, unit_um) / unit_um, -zoom) * unit_um
         rings = None
         if not seen.part.is_half:
-            rings = tolerance_rings_um(seen.shown, seen.part.job.roundness_tolerance_um)
+            rings = tolerance_rings_um(seen.last, seen.part.job.roundness_tolerance_um)
         self.polar.show(traces, um_per_division=scale, marks=marks, rings_um=rings, unit_um=unit_um)
 
     def _draw_spectrum(self, view: SpectrumView, seen: Comparison, zoom: int) -> None:
@@ -201,7 +200,7 @@ class InspectCharts(Horizontal):
     def _spectrum_words(self, seen: Comparison, *, zoomed: bool, top_um: float) -> tuple[str, str]:
         text = self._text
         key = "spectrum_zoomed" if zoomed else "spectrum_top"
-        return inspect_lines.filter_words(seen.shown.result, text), text(
+        return inspect_lines.filter_words(seen.result, text), text(
             f"inspect_page.{key}", um=text.units.short(top_um, "um")
         )
 
@@ -219,7 +218,7 @@ def orders_um_pp(side: Side) -> Floats:
 
 def highest_order(seen: Comparison, width: int) -> int:
     """Return the highest order that is drawn: up to the cut-off, as far as a column of cells shows one each."""
-    upr = min(int(seen.shown.result.filter_upr or _WIDEST_UPR), seen.shown.angle_deg.size // 2)
+    upr = min(int(seen.result.filter_upr or _WIDEST_UPR), seen.last.angle_deg.size // 2)
     return max(min(upr, width - _AXIS_CELLS), _LEAST_HIGHEST)
 
 

@@ -18,9 +18,15 @@ from console.text.catalogue import Catalogue
 from console.tui.calibrating.draft import TYPED_OUT, value_of
 from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.gate import FieldKind
-from console.tui.inspecting.comparison import Comparison, compared
-from console.tui.inspecting.evaluation import VERDICT, Looked, supported_upr, with_next_circle, with_next_filter
-from console.tui.inspecting.other_part import which_parts
+from console.tui.inspecting.comparison import (
+    VERDICT,
+    Comparison,
+    DisplayFilter,
+    compare_parts,
+    list_supported_upr,
+    next_circle,
+    next_filter,
+)
 from console.tui.inspecting.panels import MOST_ZOOM, InspectCharts, full_lines
 from console.tui.inspecting.part_chooser import OPEN_KEYS, PartChooser
 from console.tui.keymap import PageName, RowKey, row_keys
@@ -312,11 +318,11 @@ class InspectPage(ChartPage):
 
     def _look(self, action: str) -> None:
         """Look at the part in another way; its verdict stays."""
-        part, state = self.ui.control.state.measured, self.ui.control.state
+        part = self.ui.control.state.measured
         if part is None:
             return
         if action == "inspect.circle":
-            self._looked = with_next_circle(self._looked)
+            self._looked = next_circle(self._looked)
         elif action == "inspect.filter":
             self._looked = self._filtered(part)
         elif action == "inspect.view":
@@ -326,8 +332,7 @@ class InspectPage(ChartPage):
         elif action in ZOOMS:
             self._zoom += ZOOMS[action]
         else:
-            machine = self.ui.machine.machine.name
-            self._parts.open(which_parts(part, machine, simulated=state.simulated))
+            self._parts.open(part)
 
     def _why_not_looked(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why the measured part cannot be looked at in another way."""
@@ -339,10 +344,10 @@ class InspectPage(ChartPage):
                 return (Problem(code="screen.one_filter", value=str(part.trace.angle_deg.size)),)
         return ()
 
-    def _filtered(self, part: MeasuredPart) -> Looked:
+    def _filtered(self, part: MeasuredPart) -> DisplayFilter:
         """Return the part with the next filter that all shown traces allow."""
-        supported = supported_upr([part.trace]) if self._seen is None else self._seen.supported
-        return with_next_filter(self._looked, part.result.filter_upr, supported)
+        supported = list_supported_upr([part.trace]) if self._seen is None else self._seen.supported
+        return next_filter(self._looked, part.result.filter_upr, supported)
 
     def _forget_with(self, part: MeasuredPart | None) -> None:
         """Forget zoom and the part beside it when another part was measured."""
@@ -414,13 +419,13 @@ class InspectPage(ChartPage):
             return
         self._of = of
         try:
-            self._seen = compared(state, self._looked, other)
+            self._seen = compare_parts(state, self._looked, other)
         except ProfileError as error:  # only what is looked at: the part itself was judged
             self.ui.said = tuple(error.problems)
             self._looked = VERDICT
             self._parts.forget()
             self._of = (state.measured, state.uncompensated, VERDICT, None)
-            self._seen = compared(state)
+            self._seen = compare_parts(state)
         if self._seen is not None:
             self._looked = self._seen.looked
 

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
-from console.session.data.run_reader import MODEL, PartPoint
+from console.session.data.measured_part import RecordedPart
+from console.session.data.run_rows import MODEL
 from console.session.station.state import MeasuredPart
 from console.text.catalogue import Catalogue
-from console.text.recorded_words import local, plain_cut_words
+from console.text.recorded_words import local
 from console.tui.inspecting.comparison import Comparison, Side
 from console.tui.lines import BLANK, NOTHING, Line, Piece, clipped, dim, fitted, hanging, line, ranged, wrapped
-from console.tui.pages.learn_lines import identified_words
+from console.tui.pages.learn_lines import cut_words
 from console.tui.pages.preview_lines import AFTER_KEY, BEFORE_KEY
 from console.tui.pages.stop_lines import mark_lines
 from console.tui.theme import Token
@@ -40,8 +42,8 @@ def caption_lines(seen: Comparison, text: Catalogue, width: int, *, beyond: bool
     """Return the legend of the traces, and where jaw 1 is; or that the zoom leaves something `beyond` the plot."""
     before, after = seen.before, seen.after
     what = text("inspect_page.measured_before") if before.result else text("inspect_page.stated")
-    if seen.other is not None:
-        what = other_words(seen.other.point, text)
+    if seen.other is not None and seen.other.recorded is not None:
+        what = other_words(seen.other.recorded, text)
     lines = [_trace_words((BEFORE_KEY, Token.BEFORE), what, before.ront_um, text, width)]
     if after is not None:
         how = text("inspect_page.measured_after", strategy=seen.part.strategy.value)
@@ -71,22 +73,15 @@ def scale_words(
     return " · ".join(words)
 
 
-def other_words(point: PartPoint, text: Catalogue) -> str:
+def other_words(point: RecordedPart, text: Catalogue) -> str:
     """Return when a recorded part was measured, and how it was cut."""
-    made = point.strategy if point.compensation is None else made_of_point(point, text)
+    made = point.strategy if point.compensation is None else point_words(point, text)
     return f"{local(point.at)[5:]} {printable(made, 30)}"
 
 
-def made_of_point(point: PartPoint, text: Catalogue) -> str:
+def point_words(point: RecordedPart, text: Catalogue) -> str:
     """Return strategy, compensation and stage of a recorded part."""
-    model = point.compensation in (None, MODEL)
-    if model and point.inverted is not None:
-        compensation = identified_words(text, point.inverted)
-    else:
-        compensation = text("made.model") if model else text("made.learned", version=point.compensation or "")
-    stage = "" if point.stage in (None, "full") else f", {text(f'made.{point.stage}')}"
-    plain = plain_cut_words(point.strategy, point.stage or "full", text, "made")
-    return plain or f"{point.strategy}, {compensation}{stage}"
+    return cut_words(text, point.strategy, point.compensation or MODEL, point.stage, point.inverted, brief=True)
 
 
 def wrong_lines(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
@@ -103,7 +98,7 @@ def result_lines(
 ) -> list[Line]:
     """Return the table of both parts and the verdict; in little room lesser figures go, not the defects.
 
-    The lobe is left out where it is shown elsewhere.
+    The lobe is omitted if it is shown elsewhere.
     """
     before, after = seen.before, seen.after.result if seen.after else None
     chosen = seen.looked.circle
@@ -177,7 +172,7 @@ def _diameter(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
 
 def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -> list[Line]:
     """Return the harmonics of both parts, those of the jaws first, and the phase of the lobe from jaw 1."""
-    jaws, result = seen.part.job.jaws, seen.shown.result
+    jaws, result = seen.part.job.jaws, seen.result
     known = [harmonic.n for harmonic in result.harmonics]
     front = [jaws * multiple for multiple in range(1, FRONT_MULTIPLES + 1) if jaws * multiple in known]
     # In the least room the heading is that of the table above.
@@ -189,7 +184,7 @@ def harmonic_lines(seen: Comparison, text: Catalogue, width: int, height: int) -
 
 
 def phase_from_jaw_deg(side: Side, n: int) -> float | None:
-    """Return the phase of harmonic `n` from jaw 1, signed; None where it is not meaningful."""
+    """Return the phase of harmonic `n` from jaw 1, signed; None if it is not meaningful."""
     if side.result is None or side.jaw_1_deg is None:
         return None
     found = next((harmonic for harmonic in side.result.harmonics if harmonic.n == n), None)
@@ -207,8 +202,8 @@ def _figure(result: RoundnessResult | None, circle: str, key: str, text: Catalog
 
 
 def _heading(seen: Comparison, text: Catalogue, width: int) -> Line:
-    before = text("inspect_page.before" if seen.other is None else "inspect_page.other")
-    after = text("inspect_page.after" if seen.other is None else "inspect_page.this")
+    before = text("part.before" if seen.other is None else "inspect_page.other")
+    after = text("part.after" if seen.other is None else "inspect_page.this")
     return _columns(text.units.unit("um"), before, after, width, Token.DIM)
 
 
@@ -222,39 +217,46 @@ def _gained(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
     if seen.after is None or seen.other is not None or seen.before.ront_um == 0.0:
         return []
     percent = 100.0 * (seen.before.ront_um - seen.after.ront_um) / seen.before.ront_um
-    label = text("inspect_page.improvement") if seen.before.result else text("inspect_page.improvement_stated")
+    label = text("run.improvement") if seen.before.result else text("inspect_page.improvement_stated")
     return [ranged(line(dim(label)), line(f" {percent:.1f} %"), width)]
 
 
 def _verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
-    return [*_roundness_verdict(seen, text, width), *_diameter_verdict(seen.part, text, width)]
+    part = seen.part
+    size = diameter_verdict(part.diameter_mm, part.job.diameter_tolerance_um, part.diameter_passes, text, width)
+    return [*_roundness_verdict(seen, text, width), *size]
 
 
-def _diameter_verdict(part: MeasuredPart, text: Catalogue, width: int) -> list[Line]:
-    """Return whether the diameter is within its tolerance; nothing without one, or without the size."""
-    passes, diameter_mm, limit_um = part.diameter_passes, part.diameter_mm, part.job.diameter_tolerance_um
+def diameter_verdict(
+    diameter_mm: float | None, limit_um: float | None, passes: bool | None, text: Catalogue, width: int
+) -> list[Line]:
+    """Return whether a diameter is within its tolerance; nothing without one, or without the size."""
     if passes is None or diameter_mm is None or limit_um is None:
         return []
-    word = "diameter_pass" if passes else "diameter_fail"
     facts = {"value": text.units.figure(diameter_mm, "mm", 3), "limit": text.units.short(limit_um, "um")}
-    return [_judged(text(f"inspect_page.{word}", **facts), passes, width)]
+    return [judged_line("diameter_", facts, text, width, passes=passes)]
 
 
-def _judged(words: str, passes: bool, width: int) -> Line:
-    mark, token = ("✓ ", Token.STRONG) if passes else ("✗ ", Token.WARNING)
-    return line((mark + fitted(words, max(width - 2, 0)), token))
+def judged_line(what: str, facts: Mapping[str, str], text: Catalogue, width: int, *, passes: bool) -> Line:
+    """Return a verdict with its mark: `what` is "diameter_", or "" for the roundness."""
+    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
+    return line((mark + fitted(text(f"inspect_page.{what}{word}", **facts), max(width - 2, 0)), token))
+
+
+def roundness_facts(ront_um: float, limit_um: float | None, text: Catalogue) -> dict[str, str]:
+    """Return RONt of a part and its tolerance for a sentence."""
+    limit = NOTHING if limit_um is None else text.units.figure(limit_um, "um", 2)
+    return {"value": text.units.figure(ront_um, "um", 2), "limit": limit}
 
 
 def _roundness_verdict(seen: Comparison, text: Catalogue, width: int) -> list[Line]:
     if seen.part.is_half:
         return [line(dim(fitted(f"· {text('inspect_page.half')}", width)))]
     ront_um, limit_um = seen.part.result.ront_um, seen.part.job.roundness_tolerance_um
-    facts = {"value": text.units.figure(ront_um, "um", 2), "limit": text.units.figure(limit_um, "um", 2)}
+    facts = roundness_facts(ront_um, limit_um, text)
     if not seen.part.proven:
         return [line((f"? {fitted(text('inspect_page.not_proven', **facts), max(width - 2, 0))}", Token.WARNING))]
-    passes = ront_um <= limit_um
-    words = text("inspect_page.pass", **facts) if passes else text("inspect_page.fail", **facts)
-    rows = [_judged(words, passes, width)]
+    rows = [judged_line("", facts, text, width, passes=ront_um <= limit_um)]
     if not seen.looked.is_verdict:  # figures beside it are by something else
         result = seen.part.result
         by = text("inspect_page.judged_by", circle=result.reference_circle, filter=filter_words(result, text))

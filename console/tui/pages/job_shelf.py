@@ -11,7 +11,7 @@ from pathlib import Path
 from console.session.data.history import LastResults
 from console.session.data.kept_files import jobs_folder, require_open
 from console.tui.pages.jobs_lines import Loaded
-from console.tui.records.beside import Beside
+from console.tui.records.background_reader import BackgroundReader
 from console.tui.ui_context import UiContext
 from profiles.fields import flatten
 from profiles.files import read_toml
@@ -60,7 +60,7 @@ class JobIndex:
     def __init__(self) -> None:
         self._known: dict[Path, Indexed] = {}
         self._checked: set[Path] = set()
-        self._pieces: Beside[dict[Path, Indexed]] = Beside(waits=False)
+        self._pieces: BackgroundReader[dict[Path, Indexed]] = BackgroundReader(waits=False)
         self._visit = 0
         self.version = 0
 

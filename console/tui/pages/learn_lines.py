@@ -1,4 +1,4 @@
-"""Text of the panel Learn: the learning step of a part; and how a part is cut, in two words."""
+"""Text of the panel Learn: a part in plain words, its learning step; and how a part is cut, in two words."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import re
 from contextlib import suppress
 from datetime import UTC, datetime
 
+from console.session.data.learned_store import NONE
 from console.session.data.measured_part import MODEL, MadeWith
 from console.session.force_record import ForceCheck
-from console.session.learning.learning_steps import Taught
+from console.session.guide.measured_part import in_scatter, is_elsewhere, is_kept, jaw_explains
+from console.session.learning.learning_steps import LearningOutcome, LeftHarmonic
 from console.session.learning.part_learning import PartLearning
+from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.text.causes import cause_words
-from console.text.certificate import certificate_lines
-from console.text.force import force_words
-from console.text.recorded_words import plain_cut_words
-from console.tui.inspecting.plain_words import plain_words
+from console.text.part_sentences import cause_words, certificate_lines, force_words
+from console.text.recorded_words import is_plain, stage_words, strategy_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
+from profiles.compensations.path import expected
 from profiles.files import printable
 
 _DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
@@ -33,10 +34,30 @@ def learn_title(learning: PartLearning, text: Catalogue) -> str:
     return text("inspect_page.learn", made=part_words(text, learning.made))
 
 
+def cut_words(
+    text: Catalogue,
+    strategy: str,
+    compensation: str | None,
+    stage: str | None,
+    inverted: str | None = None,
+    *,
+    brief: bool = False,
+) -> str:
+    """Return how a part was cut: strategy, compensation and stage; unrecorded ones (None) are omitted.
+
+    A plain cut has no compensation. `brief`: without the usual stage.
+    """
+    said = [strategy_words(strategy, text)]
+    if compensation is not None and not is_plain(strategy):
+        said.append(compensation_words(text, None if compensation == NONE else compensation, inverted or MODEL))
+    if not (brief and stage == Stage.FULL):
+        said.append(stage_words(strategy, stage, text, "made"))
+    return ", ".join(printable(each, 30) for each in said if each)
+
+
 def part_words(text: Catalogue, made: MadeWith) -> str:
-    """Return how a part was cut: strategy, compensation and stage; a plain cut has no compensation."""
-    words = f"{made.strategy}, {made_words(text, made.version, made.stage, made.inverted)}"
-    return plain_cut_words(made.strategy, made.stage, text, "made") or words
+    """Return how a part was cut."""
+    return cut_words(text, made.strategy, made.compensation, made.stage, made.inverted)
 
 
 def learn_lines(
@@ -48,9 +69,9 @@ def learn_lines(
     failed: bool = False,
     brief: bool = False,
 ) -> list[Line]:
-    """Return what the part says in plain words, the learning step in figures or why there is none, and warnings.
+    """Return the part in plain words, its learning step in figures or why it has none, and warnings.
 
-    A part that has `failed` begins with the causes, of which only the largest is shown where it is to be `brief`.
+    A part that has `failed` begins with the causes; `brief` shows only the largest.
     """
     lines = head_lines(learning, work, text, width, failed=failed, brief=brief)
     taught = learning.taught
@@ -65,14 +86,14 @@ def learn_lines(
 def head_lines(
     learning: PartLearning, work: Work | None, text: Catalogue, width: int, *, failed: bool, brief: bool
 ) -> list[Line]:
-    """Return the plain words: why the part has failed, what is left and what to press, why nothing is learned."""
+    """Return the plain words: causes of a failed part, its residual, the key to press, reasons of a refusal."""
     lines = cause_lines(learning, text, width, brief=brief) if failed else []
     lines += wrapped(plain_words(learning, work, text, failed=failed), width, Token.STRONG)
     return [*lines, *reason_lines(learning, text, width)]
 
 
 def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, width: int) -> list[Line]:
-    """Return what the cutting force said of a half-stage part, beside what was measured on it."""
+    """Return the verdict of the cutting force on a half-stage part."""
     if check is None or not part.is_half or not check.is_of(part.job):
         return []
     token = Token.WARNING if check.found.alarms else Token.TEXT
@@ -80,7 +101,7 @@ def force_lines(part: MeasuredPart, check: ForceCheck | None, text: Catalogue, w
 
 
 def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: bool) -> list[Line]:
-    """Return why a part that failed is not round, largest first; the largest alone where it is to be `brief`."""
+    """Return why a part that failed is not round, largest first; only the largest if `brief`."""
     causes = () if learning.taught is None else learning.taught.causes
     words = [cause_words(cause, text) for cause in causes[: 1 if brief else None]]
     said = [" ".join((text("inspect_page.plain.missed"), *words[:1])), *words[1:]]
@@ -88,7 +109,7 @@ def cause_lines(learning: PartLearning, text: Catalogue, width: int, *, brief: b
 
 
 def reason_lines(learning: PartLearning, text: Catalogue, width: int) -> list[Line]:
-    """Return why nothing is learned from the part, and what helps."""
+    """Return why nothing is learned from the part, with the remedies."""
     reasons = [text.problem(problem) for problem in learning.reasons]
     return [row for reason in reasons for row in hanging(_MARK, reason, width, Token.WARNING)]
 
@@ -101,13 +122,16 @@ def certified_lines(learning: PartLearning, text: Catalogue, width: int) -> list
     return [BLANK, *wrapped(title, width, Token.STRONG), *(line((row, Token.TEXT)) for row in rows)]
 
 
-def made_words(text: Catalogue, compensation: str | None, stage: str, inverted: str = MODEL) -> str:
-    """Return compensation and stage; `compensation` is the learned version, None the inverse of `inverted`."""
-    if compensation is not None:
-        what = text("made.learned", version=compensation)
-    else:
-        what = text("made.model") if inverted == MODEL else identified_words(text, inverted)
-    return f"{what}, {text(f'made.{stage}')}"
+def compensation_words(text: Catalogue, version: str | None, inverted: str = MODEL) -> str:
+    """Return the compensation of a cut: the learned version, None for the inverse of `inverted`."""
+    if version is not None:
+        return text("made.learned", version=version)
+    return text("made.model") if inverted == MODEL else identified_words(text, inverted)
+
+
+def made_words(text: Catalogue, version: str | None, stage: str, inverted: str = MODEL) -> str:
+    """Return compensation and stage of a cut."""
+    return f"{compensation_words(text, version, inverted)}, {text(f'made.{stage}')}"
 
 
 def identified_words(text: Catalogue, name: str) -> str:
@@ -132,7 +156,7 @@ def chosen_words(text: Catalogue, work: Work) -> str:
     return made_words(text, f"{learned.version} (= {older})", work.stage)
 
 
-def _harmonics_words(taught: Taught, text: Catalogue) -> str:
+def _harmonics_words(taught: LearningOutcome, text: Catalogue) -> str:
     def um(value: float) -> str:
         return text.units.figure(value, "um", 2)
 
@@ -148,7 +172,7 @@ def _harmonics_words(taught: Taught, text: Catalogue) -> str:
     return text("inspect_page.left", harmonics=" · ".join(words))
 
 
-def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
+def _facts(taught: LearningOutcome, work: Work | None, text: Catalogue) -> list[str]:
     step = taught.step
     facts = [] if step.reasons else [f"{text('learned.gain')} {step.next.gain:.3g}"]
     if step.contraction is not None:
@@ -158,3 +182,55 @@ def _facts(taught: Taught, work: Work | None, text: Catalogue) -> list[str]:
     if work is not None:
         facts.append(text("inspect_page.next_cut_with", made=chosen_words(text, work)))
     return facts
+
+
+NOTHING_LEFT = "learned.nothing"
+
+
+def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, failed: bool) -> str:
+    """Return one or two sentences on the learning step of a part; those of a refusal end in its reasons.
+
+    A part that has `failed` cannot stay, even within clamping scatter.
+    """
+    taught = learning.taught
+    if any(reason.code == NOTHING_LEFT for reason in learning.reasons):
+        return text("inspect_page.plain.noise")
+    if taught is None or learning.reasons:
+        return text("inspect_page.plain.refused")
+    lobe = _lobe(taught)
+    if taught.stage is Stage.PARTIAL:
+        return f"{text('inspect_page.plain.half', left=_um(lobe, text))} {_half_words(taught, text)}"
+    if is_kept(learning, work):
+        return text("inspect_page.plain.accepted", left=_um(lobe, text))
+    if lobe is not None and lobe.learned:
+        scatter = text.units.figure(taught.step.expected_half_width_um_pp, "um", 1)
+        word = "correct"
+        if is_elsewhere(taught):
+            word = "elsewhere"
+        elif in_scatter(taught):
+            word = "may_scatter" if failed else "scatter"
+        elif failed and jaw_explains(taught):
+            word = "jaw"
+        return text(f"inspect_page.plain.{word}", left=_um(lobe, text), scatter=scatter)
+    others = [each for each in taught.harmonics if each.learned]
+    if not others:
+        return text("inspect_page.plain.noise")
+    most = max(others, key=lambda each: each.left_um_pp)
+    return text("inspect_page.plain.other", n=most.order, left=_um(most, text))
+
+
+def _half_words(taught: LearningOutcome, text: Catalogue) -> str:
+    part = taught.step.next.part
+    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
+    left = expected(whole_um_pp, taught.stage.fraction)
+    right, wrong = (text.units.figure(each, "um", 1) for each in (left.right_um_pp, left.wrong_um_pp))
+    return text("inspect_page.half_left", right=right, wrong=wrong)
+
+
+def _lobe(taught: LearningOutcome) -> LeftHarmonic | None:
+    order = taught.step.next.path.target.lobes
+    return next((each for each in taught.harmonics if each.order == order), None)
+
+
+def _um(harmonic: LeftHarmonic | None, text: Catalogue) -> str:
+    return text.units.figure(0.0 if harmonic is None else harmonic.left_um_pp, "um", 1)

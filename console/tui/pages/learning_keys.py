@@ -11,8 +11,7 @@ from console.session.data.learned_store import NEWEST, asked_for, chosen, date_p
 from console.session.errors import SessionError
 from console.session.guide.measured_part import edited_problems, why_not_accepted, why_not_reverted
 from console.session.learning.calibrating import LOBE_TAKEN, PartLobe, accept_lobe, lobe_event
-from console.session.learning.learning_record import record_accepted, record_kept
-from console.session.learning.part_learning import accept, revert
+from console.session.learning.part_learning import accept, record_accepted, record_kept, revert
 from console.session.stages import next_stage
 from console.session.work import Work, opened
 from console.tui.ui_context import UiContext

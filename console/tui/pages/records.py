@@ -14,11 +14,10 @@ from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
 from console.tui.page import ChartPage
-from console.tui.records.beside import Problems
+from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList
-from console.tui.records.listing import ALL, PIECE, Listing, Wanted
 from console.tui.records.panels import Mode, RecordsPanels, full_lines
-from console.tui.records.reading import Opened, RecordsReader
+from console.tui.records.reading import ALL, PIECE, Listing, ListQuery, OpenedRuns, RecordsReader
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -70,7 +69,7 @@ class RecordsPage(ChartPage):
         self._run_id = ""
         self._figure = Figure.RONT
         self._top = 0
-        self._found: Listing | Opened | JobChart | Problems | None = None
+        self._found: Listing | OpenedRuns | JobChart | Problems | None = None
         self._shown: object = None
 
     def act(self, action: str) -> None:  # noqa: C901 - one branch a case
@@ -191,11 +190,11 @@ class RecordsPage(ChartPage):
             place = min(place, len(listing.rows) - 1) if found is None else found
         return RunList(listing=listing, selected=max(place, 0), marked=self._marked)
 
-    def _wanted(self, state: StationState) -> Wanted:
+    def _wanted(self, state: StationState) -> ListQuery:
         here = None if self._everywhere else self.ui.machine.machine.name
         simulated = None if self._everywhere else state.simulated
         filters = replace(self._filters, machine=here, simulated=simulated)
-        return Wanted(filters=filters, words=self._words, version=self._version(state), count=self._count)
+        return ListQuery(filters=filters, words=self._words, version=self._version(state), count=self._count)
 
     def _version(self, state: StationState) -> tuple[object, ...]:
         """Return what changes when this console may have added to the record, or somebody looks again."""

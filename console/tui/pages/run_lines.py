@@ -20,9 +20,8 @@ from console.session.station.progress import CutProgress, CutStage
 from console.session.station.state import Armed, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
-from console.text.cut_verdict import tool_words
-from console.text.force import force_words
 from console.text.forces import short_span_words
+from console.text.part_sentences import force_words, tool_words
 from console.text.recorded_words import plain_cut_words
 from console.tui.lines import (
     BLANK,

@@ -15,14 +15,14 @@ from console.session.data.learned_store import asked_for
 from console.session.data.measured_part import CutPart, newest_part
 from console.session.data.trace_folder import FOLDER, offered, trace_folder
 from console.session.errors import fault_problem
-from console.session.learning.imported import QUESTIONS, ImportedTrace, examined
+from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart, read_gauge_file
 from console.session.learning.provenance import of_this_part
 from console.session.station.commands import TakeTrace
 from console.session.station.state import StationState
 from console.tui.keymap import RowKey
 from console.tui.lines import Line, Sheet, clipped, line, name_in
 from console.tui.pages.trace_lines import KEYS, Choice, fact_lines, file_lines, next_words
-from console.tui.records.beside import Beside, Problems
+from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.fields import TEXT_CAP_CHARACTERS
@@ -30,7 +30,7 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 
-Found = ImportedTrace | tuple[Problem, ...]
+Found = EvaluatedPart | tuple[Problem, ...]
 ANSWERS = {"inspect.state": "state", "inspect.direction": "direction", "inspect.mark": "start_mark"}
 """Question that an action answers."""
 
@@ -79,8 +79,8 @@ class TraceListing:
 
     def __init__(self, data: Path) -> None:
         self._data = data
-        self._looks: Beside[Look] = Beside()
-        self._checks: Beside[bool] = Beside()
+        self._looks: BackgroundReader[Look] = BackgroundReader()
+        self._checks: BackgroundReader[bool] = BackgroundReader()
         self._turn = self._check = 0
         self._last: Look | Problems | None = None
 
@@ -178,7 +178,9 @@ class _Reader:
         found: Found
         try:
             simulated, lathe = question.simulated, question.lathe
-            read = examined(question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe)
+            read = read_gauge_file(
+                question.path, question.job, dict(question.answers), simulated=simulated, lathe=lathe
+            )
             found = of_this_part(read, self._data, question.run_id)
         except ProfileError as error:
             found = tuple(error.problems)
@@ -259,7 +261,7 @@ class TraceChooser(Horizontal):
     def answer(self, action: str) -> None:
         """Step through the answers to a question that the file leaves open."""
         choice, key = self._choice, ANSWERS[action]
-        if choice is None or not isinstance(choice.found, ImportedTrace):
+        if choice is None or not isinstance(choice.found, EvaluatedPart):
             return
         answers = QUESTIONS[key]
         given = choice.answers.get(key)
@@ -279,11 +281,11 @@ class TraceChooser(Horizontal):
         if choice is None or action in _ALWAYS or (action == "inspect.next" and self.is_typing):
             return ()
         if action == "inspect.next":
-            taken = isinstance(choice.found, ImportedTrace) and choice.ready and self._ui.work is not None
+            taken = isinstance(choice.found, EvaluatedPart) and choice.ready and self._ui.work is not None
             return () if taken else (Problem(code="trace.not_ready"),)
         if not key:
             return (Problem(code="screen.close_traces"),)
-        stated = isinstance(choice.found, ImportedTrace) and key not in choice.found.asked
+        stated = isinstance(choice.found, EvaluatedPart) and key not in choice.found.asked
         return (Problem(code="trace.stated", key=self._ui.text(f"trace_import.{key}")),) if stated else ()
 
     def type_path(self) -> None:
@@ -301,7 +303,7 @@ class TraceChooser(Horizontal):
             self._take_path(choice)
             return
         work, found = self._ui.work, choice.found
-        if work is None or not isinstance(found, ImportedTrace):
+        if work is None or not isinstance(found, EvaluatedPart):
             return
         loaded = None if work.edited else work.loaded
         self._ui.control.post(

@@ -1,4 +1,4 @@
-"""Text of the trace chooser: the files that a gauge has left, and what the selected one says."""
+"""Text of the trace chooser: the files of the gauge, and the header of the selected one."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from console.session.cut.run import FILTER_UPR
 from console.session.data.measured_part import CutPart
-from console.session.learning.imported import QUESTIONS, ImportedTrace
+from console.session.learning.evaluated_part import QUESTIONS, EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.tui.lines import BLANK, NOTHING, Line, dim, fitted, hanging, line, name_in, ranged, wrapped
 from console.tui.pages.learn_lines import part_words
@@ -38,7 +38,7 @@ class Choice:
     files: tuple[Path, ...] = ()
     dates_ns: Mapping[Path, int] = field(default_factory=dict)
     selected: int = 0
-    found: ImportedTrace | tuple[Problem, ...] | None = None
+    found: EvaluatedPart | tuple[Problem, ...] | None = None
     answers: Mapping[str, str] = field(default_factory=dict)
     part: CutPart | None = None
     in_chuck: bool = False
@@ -52,7 +52,7 @@ class Choice:
     def ready(self) -> bool:
         """Whether Enter takes the trace."""
         known = self.in_chuck or self.part is not None
-        return known and isinstance(self.found, ImportedTrace) and self.found.ready
+        return known and isinstance(self.found, EvaluatedPart) and self.found.ready
 
 
 def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list[Line]:
@@ -72,7 +72,7 @@ def file_lines(choice: Choice, text: Catalogue, width: int, height: int) -> list
 
 
 def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
-    """Return what the selected trace is, what it would be taken for, and what has to be answered."""
+    """Return the selected trace, the part it would be taken for, and the open questions."""
     if not choice.listed:
         return []
     rows = _part_lines(choice, text, width)
@@ -81,7 +81,7 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     found = choice.found
     if found is None:
         return [*rows, BLANK, line(dim(text("trace_import.reading")))]
-    if not isinstance(found, ImportedTrace):
+    if not isinstance(found, EvaluatedPart):
         return [*rows, BLANK, *_problem_lines(found, text, width)]
     points, turns = found.trace.angle_deg.size, found.header.turns
     rows += [BLANK, _row(text("trace_import.points"), str(points), width)]
@@ -89,7 +89,7 @@ def fact_lines(choice: Choice, text: Catalogue, width: int) -> list[Line]:
     rows += [_stated_row(found, key, text, width) for key in QUESTIONS]
     circle = text("trace_import.judged_by", upr=f"{FILTER_UPR:g}")
     rows.append(_row(text("trace_import.circle"), circle, width))
-    ront = NOTHING if found.result is None else text.units.show(found.result.ront_um, "um", 2)
+    ront = NOTHING if found.judged is None else text.units.show(found.judged.ront_um, "um", 2)
     rows.append(_row("RONt", ront, width, Token.STRONG))
     return [*rows, *_problem_lines((*found.problems, *_warnings(found)), text, width)]
 
@@ -105,7 +105,7 @@ def next_words(choice: Choice, text: Catalogue) -> str:
         return text("trace_import.next.no_part")
     if found is None:
         return text("trace_import.next.reading")
-    if not isinstance(found, ImportedTrace) or found.problems:
+    if not isinstance(found, EvaluatedPart) or found.problems:
         return text("trace_import.next.refused")
     if found.open:
         return text("trace_import.next.answer", keys=", ".join(KEYS[key] for key in found.open))
@@ -148,8 +148,8 @@ def _row(label: str, value: str, width: int, token: Token = Token.TEXT) -> Line:
     return line(dim(fitted(label, _LABEL_CELLS)), (fitted(value, max(width - _LABEL_CELLS, 0)).rstrip(), token))
 
 
-def _stated_row(found: ImportedTrace, key: str, text: Catalogue, width: int) -> Line:
-    """Return a header key with its value; one that the file does not state with the key that answers it."""
+def _stated_row(found: EvaluatedPart, key: str, text: Catalogue, width: int) -> Line:
+    """Return a header key with its value; an unstated one with the key that answers it."""
     label = text(f"trace_import.{key}")
     value = _said(found, key, text)
     if key not in found.asked:
@@ -159,10 +159,10 @@ def _stated_row(found: ImportedTrace, key: str, text: Catalogue, width: int) -> 
     return _row(label, text("trace_import.answered", value=value, key=KEYS[key]), width, Token.ACTION)
 
 
-def _said(found: ImportedTrace, key: str, text: Catalogue) -> str:
+def _said(found: EvaluatedPart, key: str, text: Catalogue) -> str:
     header = found.header
     if key == "start_mark" and header.jaw_1_deg:
-        return text("trace_import.jaw_at", angle=f"{header.jaw_1_deg:g}")
+        return text("inspect_page.jaw", angle=f"{header.jaw_1_deg:g}")
     value = getattr(header, key)
     if value is None:
         return NOTHING
@@ -171,8 +171,8 @@ def _said(found: ImportedTrace, key: str, text: Catalogue) -> str:
     return printable(str(value), 40)
 
 
-def _warnings(found: ImportedTrace) -> tuple[Problem, ...]:
-    return found.warnings if found.result is None else (*found.warnings, *found.result.warnings)
+def _warnings(found: EvaluatedPart) -> tuple[Problem, ...]:
+    return found.warnings if found.judged is None else (*found.warnings, *found.judged.warnings)
 
 
 def _problem_lines(problems: Sequence[Problem], text: Catalogue, width: int) -> list[Line]:

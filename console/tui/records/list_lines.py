@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from console.session.data.run_reader import MODEL, How, RunRow
+from console.session.data.run_rows import MODEL, How, RunRow
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, fitted, line, name_in, to_the_right, wrapped
-from console.tui.records.listing import Listing, Wanted
+from console.tui.records.reading import Listing, ListQuery
 from console.tui.theme import Token
 from console.units import Units
 from profiles.files import printable
@@ -23,7 +23,7 @@ _MORE = (("machine", 17), ("operator", 11), ("strategy", 10), ("version", 8), ("
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunList:
-    """The runs, the place of the selected one, and the id of the one that is marked for comparing."""
+    """The runs, the place of the selected one, and the id of the run marked for comparison."""
 
     listing: Listing
     selected: int
@@ -31,7 +31,7 @@ class RunList:
 
     @property
     def row(self) -> RunRow | None:
-        """The selected run, None where there are none."""
+        """The selected run, None without any."""
         rows = self.listing.rows
         return rows[self.selected] if 0 <= self.selected < len(rows) else None
 
@@ -44,7 +44,7 @@ def judged(row: RunRow, units: Units) -> Piece:
     return to_the_right(f"{units.figure(row.ront_um, 'um', 2)} {mark}", _RONT), token
 
 
-def title_words(wanted: Wanted, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
+def title_words(wanted: ListQuery, listing: Listing | None, text: Catalogue, *, everywhere: bool) -> str:
     """Return how many runs are listed, and which."""
     count = NOTHING if listing is None else f"{len(listing.rows)}{'+' if listing.more else ''}"
     said = [text("records_page.title", count=count)]
@@ -92,8 +92,8 @@ def hidden_words(runs: RunList, text: Catalogue, height: int) -> str:
     return "  ".join(words)
 
 
-def nothing_lines(wanted: Wanted, text: Catalogue, width: int) -> list[Line]:
-    """Return why no run is listed, and what makes one."""
+def nothing_lines(wanted: ListQuery, text: Catalogue, width: int) -> list[Line]:
+    """Return why the list is empty, and how a run is recorded."""
     filters = wanted.filters
     if filters.failed or filters.job is not None or wanted.words:
         return wrapped(text("records_page.no_match"), width)

@@ -1,10 +1,9 @@
-"""The panels of the page Records: what each kind of content is shown in, and how much of it is seen."""
+"""The panels of the page Records, one for each kind of content, and their scrolling."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -14,6 +13,7 @@ from textual.widget import Widget
 
 from console.session.learning.evaluated_part import EvaluatedPart
 from console.session.learning.job_chart import Figure, JobChart, NoClaim
+from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import local, part_words
 from console.tui.lines import (
@@ -37,11 +37,9 @@ from console.tui.plot.frame import nice_limits
 from console.tui.plot.polar_view import Mark, PolarTrace, PolarView
 from console.tui.plot.run_chart_view import ChartPicture, Level, RunChartView
 from console.tui.plot.trace_view import Series, TracePicture, TraceView
-from console.tui.records.beside import Problems
+from console.tui.records.background_reader import Problems
 from console.tui.records.list_lines import RunList, hidden_words, nothing_lines, run_lines, title_words
-from console.tui.records.listing import Listing, Wanted
-from console.tui.records.opened_run import OpenedRun
-from console.tui.records.reading import Opened
+from console.tui.records.reading import Listing, ListQuery, OpenedRuns
 from console.tui.records.run_lines import jaw_harmonics, made_of, story_lines
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
@@ -50,7 +48,7 @@ from profiles.files import printable
 from profiles.metrology.process_statistics import LEAST_CHART, LEAST_PARTS, LEAST_TREND, Capability
 from profiles.strict_values import number, number_or_none
 
-Found = Listing | Opened | JobChart | Problems | None
+Found = Listing | OpenedRuns | JobChart | Problems | None
 _PAGE_LEAST = 1
 _LABEL_LEAST = 13  # columns
 _MARKS = {True: "✓", False: "✗", None: "·"}
@@ -58,7 +56,7 @@ MOST_NAMED = 8  # parts beyond the limits that are named
 
 
 class Mode(StrEnum):
-    """What the page shows."""
+    """Mode of the page."""
 
     LIST = "list"
     RUN = "run"
@@ -91,21 +89,8 @@ class RoundnessPanel(Horizontal):
         super().__init__(self.left, self.facts, id="records-run")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pair:
-    """Two opened runs: the one that was marked, and the one that was opened beside it."""
-
-    marked: OpenedRun
-    other: OpenedRun
-
-    @property
-    def sides(self) -> tuple[OpenedRun, OpenedRun]:
-        """Both, the marked one first."""
-        return self.marked, self.other
-
-
 def polar_of(traces: Sequence[tuple[EvaluatedPart | None, Token, bool]]) -> tuple[list[PolarTrace], list[Mark]]:
-    """Return what is plotted, with jaw 1 of all at the angle of the last; each with its token, or dashed."""
+    """Return the plotted traces, each turned so that jaw 1 is at the angle of the last one's."""
     shown = [(trace, token, dashed) for trace, token, dashed in traces if trace is not None]
     jaw_1_deg = shown[-1][0].jaw_1_deg if shown else None
     polar = [
@@ -124,23 +109,24 @@ def _turn_deg(trace: EvaluatedPart, jaw_1_deg: float | None) -> float:
     return 0.0 if jaw_1_deg is None or trace.jaw_1_deg is None else jaw_1_deg - trace.jaw_1_deg
 
 
-def pair_caption(pair: Pair, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
+def pair_caption(pair: OpenedRuns, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
     """Return the legend of the two traces, and their scale."""
     rows = []
-    for run, key in zip(pair.sides, (BEFORE_KEY, AFTER_KEY), strict=True):
+    for run, key in zip(pair.runs, (BEFORE_KEY, AFTER_KEY), strict=True):
         part = run.story.product
         ront = NOTHING if part is None else text.units.show(part.ront_um, "um", 2)
-        token = Token.BEFORE if run is pair.marked else Token.AFTER
+        token = Token.BEFORE if run is pair.runs[0] else Token.AFTER
         rows.append(
             ranged(line((key, token), f" {local(run.story.row.started)}"), line((f" {ront}", token)), width)
         )
     scale = text("inspect_page.scale", value=text.units.short(um_per_division, "um"))
-    untied = any(run.trace is not None and run.trace.jaw_1_deg is None for run in pair.sides)
+    traces = [run.evaluated(run.product) for run in pair.runs]
+    untied = any(trace is not None and trace.jaw_1_deg is None for trace in traces)
     note = text("records_page.not_turned") if untied else text("records_page.turned")
     return [*rows, ranged(line(dim(note)), line(dim(" " + scale)), width)]
 
 
-def pair_lines(pair: Pair, text: Catalogue, width: int) -> list[Line]:
+def pair_lines(pair: OpenedRuns, text: Catalogue, width: int) -> list[Line]:
     """Return the table of both runs, the most important rows first."""
     column = max((width - _LABEL_LEAST) // 2, 8)
     label = max(width - 2 * column, 1)
@@ -152,9 +138,9 @@ def pair_lines(pair: Pair, text: Catalogue, width: int) -> list[Line]:
     return rows
 
 
-def _rows(pair: Pair, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
+def _rows(pair: OpenedRuns, text: Catalogue) -> list[tuple[str, tuple[str, str]]]:
     """Return each row of the table with the values of both."""
-    marked, other = (_values(run, text) for run in pair.sides)
+    marked, other = (_values(run, text) for run in pair.runs)
     names = [*marked, *(name for name in other if name not in marked)]
     return [(name, (marked.get(name, NOTHING), other.get(name, NOTHING))) for name in names]
 
@@ -197,7 +183,7 @@ def _shown(value: object, form: Callable[[float], str]) -> str:
 
 
 def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
-    """Return the chart as it is drawn, in these units; a limit below 0 of what cannot be below is left out."""
+    """Return the drawing of a chart in these units; RONt has no limit below 0."""
     size, begins = units.size("um"), float(chart.numbers[chart.begins]) if chart.numbers else 0.0
     levels = [
         Level(value=value / size, name="tol", token=Token.WARNING)
@@ -219,13 +205,13 @@ def chart_picture(chart: JobChart, units: Units) -> ChartPicture:
 def chart_title(chart: JobChart, text: Catalogue) -> str:
     """Return whose parts are charted."""
     figure = text(f"records_page.chart.{chart.figure}")
-    return f"{figure} · {printable(chart.parts.job, 30)} · {printable(chart.parts.strategy, 12)}"
+    return f"{figure} · {printable(chart.job, 30)} · {printable(chart.strategy, 12)}"
 
 
 def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
-    """Return what the chart says, the most important first."""
+    """Return the statistics of a chart in words, most important first."""
     if not chart.values_um:
-        said = "no_parts" if not chart.parts.points else "no_diameters"
+        said = "no_parts" if not chart.parts else "no_diameters"
         return wrapped(text(f"records_page.chart.{said}"), width)
     lines = _limit_lines(chart, text, width)
     lines += _claim_lines(chart, text, width)
@@ -234,8 +220,8 @@ def chart_lines(chart: JobChart, text: Catalogue, width: int) -> list[Line]:
     lines += wrapped(text("records_page.chart.parts", count=count, **dates), width, Token.DIM)
     if chart.begins:
         lines += wrapped(text("records_page.chart.alike", count=chart.alike), width, Token.DIM)
-    if chart.parts.others:
-        lines += wrapped(text("records_page.chart.others", count=chart.parts.others), width, Token.DIM)
+    if chart.others:
+        lines += wrapped(text("records_page.chart.others", count=chart.others), width, Token.DIM)
     return lines
 
 
@@ -334,12 +320,12 @@ class RecordsPanels:
         return tuple(panel.size for panel in panels)
 
     def of(self, mode: Mode, found: Found) -> Widget:
-        """Return the panel in which something is shown; a message where there is nothing."""
+        """Return the panel for the content; the message panel without any."""
         if mode is Mode.LIST and isinstance(found, Listing) and found.rows:
             return self._rows
         if isinstance(found, JobChart):
             return self._chart
-        if not isinstance(found, Opened):
+        if not isinstance(found, OpenedRuns):
             return self._rows if mode is Mode.LIST and found is None else self._message
         if mode is Mode.CUT:
             return self._cut if found.runs[0].telemetry is not None else self._message
@@ -353,7 +339,7 @@ class RecordsPanels:
         return max(panel.size.height - 2, _PAGE_LEAST)
 
     def show_list(
-        self, runs: RunList | None, wanted: Wanted, found: Found, *, everywhere: bool, typing: bool
+        self, runs: RunList | None, wanted: ListQuery, found: Found, *, everywhere: bool, typing: bool
     ) -> None:
         """Show the list, or why there is none."""
         text = self._text
@@ -375,11 +361,11 @@ class RecordsPanels:
             self._rows.show(_below_entry(lines, typing=typing), title, reading)
 
     def show(self, mode: Mode, found: Found, top: int) -> int:
-        """Show what is open, lines from `top` on; return where they begin."""
+        """Show the opened runs or chart, lines from `top` on; return the first shown line."""
         text = self._text
         if isinstance(found, JobChart):
             return self._show_chart(found, top)
-        if not isinstance(found, Opened):
+        if not isinstance(found, OpenedRuns):
             lines = [line(dim(text("records_page.reading")))]
             if isinstance(found, tuple):
                 lines = _problem_lines(found, text, max(self._message.size.width, 1))
@@ -392,13 +378,13 @@ class RecordsPanels:
             lines = self._lines(found, self._program, lambda _: program_lines(run))
             return self._scroll(self._program, lines, top, text("records_page.program", time=_when(run)))
         if mode is Mode.PAIR and len(found.runs) > 1:
-            return self._show_pair(Pair(marked=found.runs[0], other=run), found, top)
+            return self._show_pair(found, top)
         return self._show_run(run, found, top)
 
-    def _show_run(self, run: OpenedRun, found: Opened, top: int) -> int:
+    def _show_run(self, run: OpenedRun, found: OpenedRuns, top: int) -> int:
         text, panel = self._text, self._run
-        others = [(each, Token.BEFORE, True) for each in run.traces if not each.recorded.product]
-        polar, marks = polar_of([*others, (run.trace, Token.AFTER, False)])
+        others = [(found, Token.BEFORE, True) for part, found in run.traces if not part.product]
+        polar, marks = polar_of([*others, (run.evaluated(run.product), Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("inspect_page.roundness", figures=evaluated_words(run, text)))
@@ -407,15 +393,16 @@ class RecordsPanels:
         lines = self._lines(found, panel.facts, lambda width: story_lines(run, text, width))
         return self._scroll(panel.facts, lines, top, _when(run))
 
-    def _show_pair(self, pair: Pair, found: Opened, top: int) -> int:
+    def _show_pair(self, pair: OpenedRuns, top: int) -> int:
         text, panel = self._text, self._run
-        polar, marks = polar_of([(pair.marked.trace, Token.BEFORE, True), (pair.other.trace, Token.AFTER, False)])
+        one, other = (run.evaluated(run.product) for run in pair.runs)
+        polar, marks = polar_of([(one, Token.BEFORE, True), (other, Token.AFTER, False)])
         panel.set_class(not polar, "-plain")
         panel.polar.show(polar, marks=marks, unit_um=text.units.size("um"))
         entitle(panel.left, text("records_page.both"))
         scale = panel.polar.scale_um_per_division
         panel.caption.show(pair_caption(pair, scale, text, max(panel.caption.size.width, 1)))
-        lines = self._lines(found, panel.facts, lambda width: pair_lines(pair, text, width))
+        lines = self._lines(pair, panel.facts, lambda width: pair_lines(pair, text, width))
         return self._scroll(panel.facts, lines, top, text("records_page.pair"))
 
     def _show_cut(self, run: OpenedRun) -> int:
@@ -472,15 +459,15 @@ class RecordsPanels:
 
 
 def full_lines(mode: Mode, found: Found, text: Catalogue, width: int) -> list[Line]:
-    """Return everything that is told of what is open, or why it cannot be read."""
+    """Return all text on the opened runs or chart, or why they cannot be read."""
     if isinstance(found, tuple):
         return _problem_lines(found, text, width)
     if isinstance(found, JobChart):
         return chart_lines(found, text, width)
-    if not isinstance(found, Opened) or mode is Mode.PROGRAM:
+    if not isinstance(found, OpenedRuns) or mode is Mode.PROGRAM:
         return []
     if mode is Mode.PAIR and len(found.runs) > 1:
-        return pair_lines(Pair(marked=found.runs[0], other=found.runs[1]), text, width)
+        return pair_lines(found, text, width)
     return story_lines(found.runs[-1], text, width)
 
 
@@ -504,14 +491,13 @@ def evaluated_words(run: OpenedRun, text: Catalogue) -> str:
 def trace_caption(run: OpenedRun, um_per_division: float, text: Catalogue, width: int) -> list[Line]:
     """Return the legend of the traces of a run, where jaw 1 is, and the scale."""
     rows = []
-    for each in run.traces:
-        part = each.recorded
+    for part, _ in run.traces:
         key, token = (AFTER_KEY, Token.AFTER) if part.product else (BEFORE_KEY, Token.BEFORE)
         name = f" {printable(part.part, 20) or text('records_page.trace')}"
         rows.append(
             ranged(line((key, token), name), line((f" {text.units.show(part.ront_um, 'um', 2)}", token)), width)
         )
-    trace = run.trace
+    trace = run.evaluated(run.product)
     jaw_1_deg = number_or_none(run.story.setup.get("jaw_1_deg")) if trace is None else trace.jaw_1_deg
     jaw = "" if trace is None else text("inspect_page.jaw_unknown")
     if jaw_1_deg is not None:

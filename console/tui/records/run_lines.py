@@ -1,34 +1,27 @@
-"""Text of a recorded run: verdict, figures, set-up, job, learning, alarms, commands; what matters first."""
+"""Text of a recorded run: verdict, figures, set-up, job, learning, alarms, commands, most important first."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
+from console.session.data.measured_part import RecordedPart
 from console.session.data.run_facts import Kind, origin_facts, setup_facts
-from console.session.data.run_reader import MODEL, AlarmStory, How, RecordedPart, RunEvent, RunRow, RunStory
-from console.session.data.run_rows import recorded_problems
+from console.session.data.run_rows import How, RunRow, recorded_problems
+from console.session.learning.opened_run import JobNow, OpenedRun
 from console.text.catalogue import Catalogue
-from console.text.cut_verdict import verdict_words
+from console.text.part_sentences import verdict_words
 from console.text.recorded_words import (
     Layout,
-    clock,
+    ending_words,
     fact_rows,
     fact_words,
-    is_plain,
     local,
     problem_words,
-    reason_words,
-    stage_words,
-    story_alarm_words,
-    story_command_words,
-    strategy_words,
+    timed_words,
 )
 from console.text.run_debrief import debrief_sections
 from console.tui.lines import BLANK, NOTHING, Line, dim, fact, hanging, line, wrapped
-from console.tui.pages.inspect_lines import FRONT_MULTIPLES
+from console.tui.pages.inspect_lines import FRONT_MULTIPLES, diameter_verdict, judged_line, roundness_facts
 from console.tui.pages.jobs_lines import job_lines
-from console.tui.pages.learn_lines import identified_words
-from console.tui.records.opened_run import JobNow, OpenedRun
+from console.tui.pages.learn_lines import cut_words
 from console.tui.theme import Token
 from profiles.files import printable
 from profiles.forecast import forecast_um
@@ -40,10 +33,10 @@ _UNNAMED = ("software", "controller")  # told by what they are
 
 
 def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    """Return everything that is told of a run in words."""
+    """Return all text on a run."""
     room = min(width, _WIDEST)
     lines = [*verdict_lines(run, text, width), *_damage_lines(run, text, width), *_cut_lines(run, text, room)]
-    for title, said in debrief_sections(run.debrief, text):
+    for title, said in debrief_sections(run.debrief, text) if run.debrief else ():
         told = [each for row in said for each in hanging(("· ", Token.TEXT), row, width)]
         lines += [BLANK, line((title, Token.TITLE)), *told]
     for name, rows in (
@@ -51,8 +44,7 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
         ("setup", _setup_lines(run, text, room)),
         ("job", _job_lines(run, text, width, room)),
         ("learning", _learning_lines(run, text, width)),
-        ("alarms", _alarm_lines(run.story.alarms, text, width)),
-        ("commands", _command_lines(run.story.commands, text, width)),
+        *((name, _timed_lines(rows, width)) for name, rows in timed_words(run.story, text).items()),
         ("software", _software_lines(run, text, width)),
     ):
         if rows:
@@ -63,9 +55,9 @@ def story_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
 def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     """Return whether the part is good, and how the cut ended."""
     part, row = run.story.product, run.story.row
-    lines = verdict(part, text) if part is not None else [line(dim(text("records.not_measured")))]
-    told = ending_words(run.story, text)
-    lines += wrapped(told, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
+    lines = _verdict(part, text, width) if part is not None else [line(dim(text("records.not_measured")))]
+    ended = ending_words(row.ended, text, Layout.PAGE, run.story.alarms)
+    lines += wrapped(ended, width, Token.TEXT if row.ended.how is How.DONE else Token.WARNING)
     if judged := verdict_words(run.story.cut_verdict, text):
         lines += wrapped(f"{text('run.cut_verdict')}: {judged}", width, Token.TEXT)
     if row.simulated:
@@ -73,54 +65,18 @@ def verdict_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     return lines
 
 
-def verdict(part: RecordedPart, text: Catalogue) -> list[Line]:
-    """Return RONt of a part against its tolerance, and its diameter where that has one, as they were judged."""
-    facts = {"value": text.units.figure(part.ront_um, "um", 2), "limit": NOTHING}
-    if part.tolerance_um is not None:
-        facts["limit"] = text.units.figure(part.tolerance_um, "um", 2)
+def _verdict(part: RecordedPart, text: Catalogue, width: int) -> list[Line]:
+    """Return RONt of a part against its tolerance, and its diameter if that has one, as they were judged."""
+    facts = roundness_facts(part.ront_um, part.tolerance_um, text)
     if part.passed is None:
         return [line((text("records_page.not_judged", **facts), Token.TEXT))]
-    lines = [_judged("", facts, passes=bool(part.is_round), text=text)]
-    allowed_um, of_size = part.diameter_tolerance_um, part.is_of_size
-    if part.diameter_mm is not None and allowed_um is not None and of_size is not None:
-        facts = {
-            "value": text.units.figure(part.diameter_mm, "mm", 3),
-            "limit": text.units.short(allowed_um, "um"),
-        }
-        lines.append(_judged("diameter_", facts, passes=of_size, text=text))
-    return lines
-
-
-def _judged(what: str, facts: Mapping[str, str], *, passes: bool, text: Catalogue) -> Line:
-    mark, token, word = ("✓ ", Token.STRONG, "pass") if passes else ("✗ ", Token.WARNING, "fail")
-    return line((mark + text(f"inspect_page.{what}{word}", **facts), token))
-
-
-def ending_words(story: RunStory, text: Catalogue) -> str:
-    """Return how a run ended: after which turn, why, and by whom."""
-    ended = story.row.ended
-    said = [text(f"records_page.ending.{ended.how}")]
-    if ended.turn is not None:
-        said.append(text("records.turn", turn=f"{ended.turn:.1f}"))
-    if ended.reason:
-        said.append(reason_words(ended, text, [each.problem for each in story.alarms]))
-    if ended.by:
-        said.append(printable(ended.by, 40))
-    return " · ".join(said)
+    size = diameter_verdict(part.diameter_mm, part.diameter_tolerance_um, part.is_of_size, text, width)
+    return [judged_line("", facts, text, width, passes=bool(part.is_round)), *size]
 
 
 def made_of(row: RunRow, text: Catalogue) -> str:
-    """Return how a part was cut: strategy, compensation, stage."""
-    said = [strategy_words(row.strategy, text)]
-    if row.compensation is not None and not is_plain(row.strategy):
-        model = row.compensation == MODEL
-        if model:
-            inverted = row.inverted
-            said.append(text("made.model") if inverted is None else identified_words(text, inverted))
-        else:
-            said.append(text("made.learned", version=row.compensation))
-    said.append(stage_words(row.strategy, row.stage, text, "made"))
-    return ", ".join(printable(each, 30) for each in said if each)
+    """Return how the part of a run was cut: strategy, compensation, stage."""
+    return cut_words(text, row.strategy, row.compensation, row.stage, row.inverted)
 
 
 def _damage_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
@@ -211,7 +167,7 @@ def _job_lines(run: OpenedRun, text: Catalogue, width: int, room: int) -> list[L
 
 
 def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
-    """Return the learning step that the part has proposed, or why none; and those that were accepted."""
+    """Return the proposed learning step, or why there is none, and the accepted ones."""
     lines: list[Line] = []
     proposed = None if run.story.product is None else run.story.product.data.get("learning")
     if isinstance(proposed, dict):
@@ -229,14 +185,8 @@ def _learning_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:
     return lines
 
 
-def _alarm_lines(alarms: tuple[AlarmStory, ...], text: Catalogue, width: int) -> list[Line]:
-    said = [(dim(f"{clock(each.raised)} "), story_alarm_words(each, text)) for each in alarms]
-    return [row for mark, words in said for row in hanging(mark, words, width)]
-
-
-def _command_lines(commands: tuple[RunEvent, ...], text: Catalogue, width: int) -> list[Line]:
-    said = [(dim(f"{clock(each.at)} "), story_command_words(each, text)) for each in commands]
-    return [row for mark, words in said for row in hanging(mark, words, width)]
+def _timed_lines(rows: list[tuple[str, str]], width: int) -> list[Line]:
+    return [row for at, words in rows for row in hanging(dim(f"{at} "), words, width)]
 
 
 def _software_lines(run: OpenedRun, text: Catalogue, width: int) -> list[Line]:

@@ -56,7 +56,7 @@ def _close(scanner: Scanner, reading: Reading) -> Step:
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class WordRange:
     """`,10` from word 10 of the buffer, `,10,5` what begins in five words, `,,5` in the first five.
 
     `addressed` when there is either.
@@ -79,17 +79,17 @@ class Part:
         return [f"{starts[place]}:{whole[place].listed(in_full=in_full)}" for place in part]
 
 
-def take_part(scanner: Scanner) -> Part:
+def take_range(scanner: Scanner) -> WordRange:
     """Consume the part of a listing that is asked for; without one, all of it."""
     if not scanner.accept(","):
-        return Part()
+        return WordRange()
     first = scanner.take_integer() or 0
-    return Part(first, scanner.take_integer() if scanner.accept(",") else None, addressed=True)
+    return WordRange(first, scanner.take_integer() if scanner.accept(",") else None, addressed=True)
 
 
 def _list_program(scanner: Scanner, reading: Reading) -> Step:
     """`LIST PROG 1`, `LIST PROG 1,10` from word 10, `LIST PROG 1,10,5` what begins in five words."""
-    number, part = _program_number(scanner), take_part(scanner)
+    number, part = _program_number(scanner), take_range(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller
@@ -103,7 +103,7 @@ def _list_program(scanner: Scanner, reading: Reading) -> Step:
 
 
 def _list_plc(scanner: Scanner, reading: Reading) -> Step:
-    number, part = _plc_number(scanner), take_part(scanner)
+    number, part = _plc_number(scanner), take_range(scanner)
 
     def step(context: Context) -> None:
         controller = context.controller

@@ -19,7 +19,7 @@ from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
 from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
-from drivers.simulator.commands.buffer_words import take_part
+from drivers.simulator.commands.buffer_words import take_range
 from drivers.simulator.context import (
     ALL_CARDS,
     HIGHEST_CARD,
@@ -52,7 +52,7 @@ def _open(kind: str) -> Handler:
 def _list(kind: str) -> Handler:
     def read(scanner: Scanner, reading: Reading) -> Step:
         _refuse_without(reading)
-        part = take_part(scanner)
+        part = take_range(scanner)
 
         def step(context: Context) -> None:
             buffers.refuse_locked(context.controller)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from console.session.cut.in_process import simulated_context
-from console.session.cut.recording import Unrecorded
+from console.session.cut.recording import CutRecorder
 from console.session.cut.run import plan_run, run_once
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.observed import Observed
@@ -18,7 +18,7 @@ from tests.compact import compact_machine
 from tests.console.floor import experiment_1
 
 
-class Watched(Unrecorded):
+class Watched(CutRecorder):
     """Looks at the feed at some polls of the program, as its thread would."""
 
     def __init__(self) -> None:

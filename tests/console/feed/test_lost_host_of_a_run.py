@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from console.session.cut.engine import CutContext
-from console.session.cut.recording import Unrecorded
+from console.session.cut.recording import CutRecorder
 from console.session.cut.run import plan_run, run_once
 from console.session.feed.followed_run import FollowedRun, Run
 from console.session.feed.report import report
@@ -30,7 +30,7 @@ SILENT_S = 1.0
 """More than the 0.3 s of the watchdog: the controller ends the cut."""
 
 
-class Hangs(Unrecorded):
+class Hangs(CutRecorder):
     """Says nothing for a second, in the middle of the cut; then looks at the feed at each poll."""
 
     def __init__(self, simulated: SimulatedLathe) -> None:

@@ -1,4 +1,4 @@
-"""Reading beside the screen: a slow disk delays what is shown, never a key or the next tick."""
+"""Reading in a thread: a slow disk delays the display, never a key or the next tick."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ SHORT_S = 0.03
 """How long a new question is waited for: a healthy disk answers in this time, and nothing flickers."""
 
 
-class Beside(Generic[Found]):
-    """Answer one question after the other in a thread; what is no longer asked is dropped.
+class BackgroundReader(Generic[Found]):
+    """Answers one query after the other in a thread; outdated queries are dropped.
 
-    One that never `waits` answers at a later tick: for many questions in a row.
+    Unless it `waits`, the answer comes at a later tick: for many queries in a row.
     """
 
     def __init__(self, *, waits: bool = True) -> None:

@@ -1,6 +1,6 @@
-"""What planning a cut gives to a strategy, and what the strategy makes of it.
+"""Input and output of a strategy when a cut is planned.
 
-Apart from the descriptors, which are read at every start: this is needed once a program is made.
+Kept apart from the descriptors, which are read at every start: this is needed only once a program is made.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class Planning:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Made:
+class PlannedProgram:
     """The output of a strategy: the program, and where the tool is before it, counts.
 
     `axis_definitions` are those of the controller once the program is loaded; `restore` are the lines that

@@ -1,0 +1,193 @@
+"""Sentences about a part that was cut: verdict of its cut, force, causes, learned orders, clamping fingerprint.
+
+Each is the same for commands and screens.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+from console.session.cut.cut_verdict import CutJudgement, CutVerdict
+from console.text.catalogue import Catalogue
+from console.text.columns import table
+from profiles.compensations.causes import Cause, CauseKind
+from profiles.compensations.certificate import PROMISED, Certified, Standing
+from profiles.compensations.force_null import SURE as SURE_OF_FORCE
+from profiles.compensations.force_null import ForceNull, Sign
+from profiles.compensations.learning import SURE
+from profiles.compensations.path import PathHarmonic
+
+if TYPE_CHECKING:
+    from console.session.learning.fingerprint import Fingerprint
+    from profiles.fingerprint.deflection import Deflection
+    from profiles.fingerprint.this_clamping import Clamped
+
+COLUMNS = ("order", "left", "tool_off", "gain", "factor", "bound", "standing")
+TOOL_OFF = COLUMNS.index("tool_off")
+
+
+def verdict_words(event: Mapping[str, Any], text: Catalogue) -> str:
+    """Return the recorded judgement with the tool error in roundness and diameter; "" without one."""
+    judgement, tool = event.get("cut_verdict"), event.get("tool")
+    if judgement not in [*CutJudgement]:
+        return ""
+    said = text(f"cut_verdict.{judgement}")
+    figures = tool if isinstance(tool, Mapping) else {}
+    took = [each for name in ("roundness", "size") if isinstance(each := figures.get(f"{name}_um"), float)]
+    if len(took) < 2:
+        return said
+    round_um, size_um = (text.units.show(each, "um", 1) for each in took)
+    return f"{said} · {text('cut_verdict.tool', round=round_um, size=size_um)}"
+
+
+def tool_words(verdict: CutVerdict, text: Catalogue) -> str:
+    """Return the tool error in roundness and, at most, in diameter; "" with too few polls."""
+    tool = verdict.tool
+    if tool is None:
+        return ""
+    return f"{text.units.figure(tool.roundness_um, 'um', 1)} / {text.units.show(tool.size_um, 'um', 1)}"
+
+
+def force_words(found: ForceNull, text: Catalogue) -> str:
+    """Return the verdict of the force with its figures and assumption, or why there is none."""
+    if found.sign is Sign.UNKNOWN:
+        return text("force.unknown", why=text(f"force.why.{found.why}"))
+    said = text(
+        f"force.{found.sign}",
+        turned=f"{round(found.turned_deg, 1) + 0.0:+.1f}",  # never -0.0
+        sd=f"{SURE_OF_FORCE * found.turned_sd_deg:.1f}",
+        force=f"{abs(found.force_n):.2f}",
+        right=f"{abs(found.right_n):.2f}",
+        wrong=f"{abs(found.wrong_n):.2f}",
+        n=found.lobes,
+    )
+    return f"{said} {text('force.assumes')}"
+
+
+def cause_words(cause: Cause, text: Catalogue) -> str:
+    """Return the sentence for a cause."""
+    return text(
+        f"cause.{_word(cause)}",
+        um=text.units.figure(cause.um_pp, "um", 1),
+        order=cause.order,
+        jaw=cause.jaw,
+        value=f"{cause.value:+.1f}",
+        sd=f"{cause.sd:.1f}",
+        percent=f"{100.0 * abs(cause.value):.0f}",
+    )
+
+
+def _word(cause: Cause) -> str:
+    if cause.kind is CauseKind.FORCE:
+        return "force_high" if cause.value > 0.0 else "force_low"
+    return cause.kind.value
+
+
+def certificate_fields(certificate: Sequence[Certified]) -> list[dict[str, object]]:
+    """Return the certificate as plain values."""
+    return [asdict(each) for each in certificate]
+
+
+def certificate_lines(certificate: Sequence[Certified], text: Catalogue) -> list[str]:
+    """Return the certificate as a table with its title; nothing for none."""
+    if not certificate:
+        return []
+    rows = [tuple(text(f"certificate.{name}") for name in COLUMNS)]
+    rows += [certificate_row(each, text) for each in certificate]
+    if all(each.tool_off_um is None for each in certificate):
+        rows = [(*row[:TOOL_OFF], *row[TOOL_OFF + 1 :]) for row in rows]
+    return [text("certificate.title"), *table(rows, numeric=range(len(rows[0]) - 1))]
+
+
+def certificate_row(each: Certified, text: Catalogue) -> tuple[str, ...]:
+    """Return the row of an order: gain and factor only if learned, heights only if a trace has shown them."""
+    learned = each.standing is Standing.LEARNED
+    factors = (f"{value:.2f}" if learned else "" for value in (each.gain, each.factor))
+    heights = (
+        "" if um is None else text.units.figure(2.0 * um, "um", 2) for um in (each.on_part_um, each.tool_off_um)
+    )
+    return (
+        str(each.order),
+        *heights,
+        *factors,
+        f"{each.bound:.2f}" if learned or each.standing is Standing.NO_PROMISE else "",
+        _standing(each, text),
+    )
+
+
+def _standing(each: Certified, text: Catalogue) -> str:
+    """Return whether an order is learned, or why not: a promise may also be missing as the tool hardly follows."""
+    if each.standing is Standing.NO_PROMISE and each.bound_gain_1 <= PROMISED:
+        return text("certificate.standing.not_followed")
+    return text(f"certificate.standing.{each.standing}", limit=f"{PROMISED:g}")
+
+
+def fingerprint_line(found: Fingerprint, text: Catalogue) -> str:
+    """Return a fingerprint in one line: the force, the lobe of this part, and how sure that is."""
+    clamped, deflection = found.clamped, found.felt.deflection
+    lobes = next(iter(found.path.target.harmonics)).lobes
+    return text(
+        "fingerprint.line_upright" if deflection.upright else "fingerprint.line",
+        force=f"{100.0 * clamped.force_deviation:+.1f}",
+        lobe=f"{2.0 * abs(clamped.lobe_um):.1f}",
+        sd=f"{limit_um_pp(clamped):.1f}",
+        turn=f"{turn_deg(clamped, lobes):+.1f}",
+        places=deflection.places,
+        weight=f"{100.0 * clamped.weight:.0f}",
+    )
+
+
+def limit_um_pp(clamped: Clamped) -> float:
+    """Return the 95 % half-width of the lobe of this part, um p-p: twice that of its height."""
+    return 2.0 * SURE * clamped.sd_um
+
+
+def turn_deg(clamped: Clamped, lobes: int) -> float:
+    """Return by how many degrees of spindle a fingerprint turns the lobe."""
+    return -math.degrees(cmath.phase(clamped.ratio)) / lobes
+
+
+def clamped_fields(clamped: Clamped, lobes: int) -> dict[str, object]:
+    """Return the same as fields, unrounded."""
+    return {
+        "height": abs(clamped.ratio),
+        "turned_deg": turn_deg(clamped, lobes),
+        "force_deviation": clamped.force_deviation,
+        "lobe_um_pp": 2.0 * abs(clamped.lobe_um),
+        "lobe_sd_um_pp": 2.0 * clamped.sd_um,
+        "weight": clamped.weight,
+    }
+
+
+def fingerprint_fields(found: Fingerprint, lobes: int) -> dict[str, object]:
+    """Return a fingerprint as fields, with the deflection that it was found in."""
+    shown = found.felt.deflection
+    return {
+        **clamped_fields(found.clamped, lobes),
+        "places": shown.places,
+        "upright": shown.upright,
+        "reading_sd_um": shown.reading_sd_um,
+        "harmonics": [
+            {"n": wave.lobes, "amplitude_um": wave.amplitude_um, "limit_um": limit_um, "phase_deg": wave.phase_deg}
+            for wave, limit_um in _waves(shown)
+        ],
+    }
+
+
+def deflection_lines(shown: Deflection, text: Catalogue) -> list[str]:
+    """Return the table of a deflection: each order with its 95 % limit, and the noise."""
+    head = tuple(text(f"fingerprint.{each}") for each in ("order", "pp", "limit", "phase"))
+    rows = [
+        (str(wave.lobes), f"{2.0 * wave.amplitude_um:.2f} um", f"± {2.0 * um:.2f}", f"{wave.phase_deg:.1f} deg")
+        for wave, um in _waves(shown)
+    ]
+    noise = f"{text('fingerprint.reading')}: {shown.reading_sd_um:.2f} um"
+    return [text("fingerprint.head"), *table([head, *rows], numeric=(0, 1, 2, 3)), noise]
+
+
+def _waves(shown: Deflection) -> list[tuple[PathHarmonic, float]]:
+    return [(PathHarmonic.of(n, c), shown.limit_um(n)) for n, c in sorted(shown.coefficients_um.items())]
