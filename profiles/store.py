@@ -18,8 +18,7 @@ from typing import Any
 
 from profiles.fields import spelled
 from profiles.files import parse_toml, printable, read_toml, write_atomically
-from profiles.job import JOB_FIELDS, Job, job_from_table
-from profiles.job_labels import LABELS, hash_of_job, with_labels
+from profiles.job import JOB_FIELDS, LABELS, Job, hash_of_job, job_from_table, with_labels
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.problem import ProfileError, refused
 
@@ -41,7 +40,7 @@ class LibraryEntry:
 class LoadedJob:
     """A job with the file it came from, the hash (sha256, hexadecimal) of that file's bytes, and its text.
 
-    Note and tags are no part of the hash (`profiles.job_labels`).
+    Note and tags are no part of the hash (`profiles.job`).
     """
 
     job: Job

@@ -11,7 +11,7 @@ from console.session.data.run_facts import origin_facts
 from console.session.data.run_reader import How
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, fact_rows, part_words
-from profiles.job_labels import hash_of_job
+from profiles.job import hash_of_job
 
 
 def provenance(run: ReportedRun, text: Catalogue) -> Markup:

@@ -11,9 +11,9 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
+from drivers.commissioning.reading import highest_of, read_value_line, value_lines
 from drivers.commissioning.setting_names import named
 from drivers.commissioning.user_buffer import UserBufferLines, definition, title, word_lines
-from drivers.commissioning.values import highest_of, read_value_line, value_lines
 from drivers.pmac.compensation.table_text import entry_lines
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.execution.kinematics import FORWARD, INVERSE

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from drivers.commissioning.amounts import amount
 from drivers.commissioning.configuration import Configuration, digest
-from drivers.commissioning.judged import same
+from drivers.commissioning.judged import amount, same
 from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_configuration
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller

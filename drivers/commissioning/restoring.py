@@ -15,8 +15,8 @@ from drivers.commissioning.check import Check, Group
 from drivers.commissioning.comparison import buffer_changes, changed, differences
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import refuse_unready
+from drivers.commissioning.reading import order_of
 from drivers.commissioning.user_buffer import definition
-from drivers.commissioning.values import order_of
 from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
 from drivers.pmac.buffer_text import BufferKind

@@ -11,7 +11,7 @@ from drivers.lathe.guards import AxisRange, ProgramGuard
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.programs.live_trim import MOST_GAIN_PERCENT
+from drivers.pmac.programs.pvt import MOST_GAIN_PERCENT
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 

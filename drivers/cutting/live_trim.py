@@ -17,7 +17,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
 from drivers.pmac.program_constants import assigned
 from drivers.pmac.program_text import ProgramText
-from drivers.pmac.programs.live_trim import (
+from drivers.pmac.programs.pvt import (
     ANGLE_IN_PATH,
     GAIN,
     GAIN_IN_PATH,

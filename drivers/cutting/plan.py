@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from drivers.cutting.made import Made
-from drivers.cutting.strategy import Strategy
+from drivers.cutting.strategy import Made, Strategy
 from drivers.pmac.check import CheckedProgram
 from drivers.pmac.program_text import ProgramText
 from drivers.pmac.programs.setup import CutSetup

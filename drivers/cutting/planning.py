@@ -7,9 +7,8 @@ from dataclasses import fields, replace
 
 from drivers.cutting.corrected import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
-from drivers.cutting.made import Made, Planning
 from drivers.cutting.plan import CutPlan
-from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Strategy
+from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Made, Planning, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.pmac.axes import DEFINITIONS_KEY, read_definitions

@@ -16,11 +16,10 @@ import numpy as np
 from drivers.commissioning.reading import read_gathering
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.excitation import AxisWord, Sweep, axis_word, program_text
+from drivers.identification.excitation import AxisWord, PvtPath, Sweep, axis_word, program_text
 from drivers.identification.health_result import HealthModel, HealthResult
 from drivers.identification.identify import restore_after
-from drivers.identification.measuring import SPARE_SAMPLES, measure, run_gathered
-from drivers.identification.pvt_path import PvtPath
+from drivers.identification.measuring import SPARE_SAMPLES, SettingsComparison, measure, run_gathered
 from drivers.identification.request import (
     AMPLITUDE_UM,
     CLEAR_MM,
@@ -30,7 +29,6 @@ from drivers.identification.request import (
 )
 from drivers.identification.result import IdentifiedPoint, Origin
 from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
-from drivers.identification.settings_comparison import SettingsComparison
 from drivers.identification.standstill import Standstill, link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.gathering.gather import GatherError

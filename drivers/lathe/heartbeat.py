@@ -25,8 +25,8 @@ from drivers.pmac.heartbeat.arming import (
     read_heartbeat,
     silent,
 )
-from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
+from drivers.pmac.heartbeat.watch import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.watchdog import (
     ENDING,
     PERIOD_MS,

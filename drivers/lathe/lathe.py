@@ -18,19 +18,16 @@ from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
 from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
 from drivers.lathe.commands import Sending
-from drivers.lathe.drift import rest_limits
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
 from drivers.lathe.motion import Motion
-from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
-from drivers.lathe.signature import read_signature, sign
+from drivers.lathe.ownership import Ownership, read_signature, sign
+from drivers.lathe.polling import POLL_TIMEOUT_S, Poller, SnapshotItems
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
-from drivers.lathe.snapshot_items import SnapshotItems
 from drivers.lathe.standing import NOBODY, Signature, Standing
-from drivers.lathe.standstill import prove_rest
+from drivers.lathe.standstill import prove_rest, rest_limits
 from drivers.lathe.stop import StopPath
 from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS, dialect_of

@@ -1,19 +1,31 @@
-"""Gains side by side: their opened loops, margins and compliance at once, for a search over many of them.
+"""Gains side by side: opened loops, margins and compliance at once, for a search; a proposal with both margins.
 
-A notch filter, with its gain at rest taken out, counts as a part of the plant.
+A notch filter, with its gain at rest taken out, counts as a part of the plant. A proposal is in whole numbers, as
+the controller takes them. One factor g multiplies every frequency of the controller: Kd by g, Kp by g^2, Ki by
+g^3, with the velocity feedforward equal to Kd. `profiles.axis.loop_design` finds gains of another shape.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from profiles.arrays import Complexes, Floats, complexes, floats
+from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop
-from profiles.axis.servo_gains import PidGains
+from profiles.axis.servo_gains import (
+    PidGains,
+    gains_from_variables,
+    notch_settings,
+    present_settings,
+    shown_names,
+    variables_from_gains,
+    with_variables,
+)
+from profiles.machine import MachineProfile
 
 LOBE_ORDERS, PEAK_FRACTION = (1, 2, 3), 0.25
 LEAST_ANCHOR_PER_S = 300.0  # crossover of a rigid axis about which gains are tried at least, 1/s
@@ -22,6 +34,8 @@ _LEAST_TURN_RAD = 0.25 * np.pi  # a stable loop turns by 90 to 180 deg, an unsta
 _FASTER = np.geomspace(0.15, 2.6, 30)  # Kd over the present one
 _KP_OVER_KD = np.geomspace(20.0, 300.0, 11)  # 1/s
 _KI_OVER_KP = floats([0.2, 2.0, 5.0, 10.0, 15.0, 20.0])  # 1/s
+MOST_SETTINGS = {30: 32_767, 31: 32_767, 32: 32_767, 33: 8_388_607}
+"""The largest value of Ix30 to Ix33 that is written; 2^23 of Ix33 are a gain of 1 in a servo period."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -123,3 +137,66 @@ def search_hz(loop: SampledLoop, lobe_hz: float, points: int, others: Sequence[A
     parts += [hz * np.linspace(0.95, 1.05, 21) for hz in modes]
     found = np.unique(np.concatenate(parts))
     return floats(found[found < loop.nyquist_hz])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GainProposal:
+    """Proposed gains, as rounded to the whole numbers that the controller takes, and margins before and after.
+
+    Both margins are those of the same plant. `factor` is that of Kd, None where the present gains have none, as
+    with Ix30 = 0. `settings` are Ix30 to Ix33 and the notch filter Ix36 to Ix39 by name, `present` those of the
+    machine.
+    """
+
+    factor: float | None
+    gains: PidGains
+    settings: dict[str, float]
+    present: dict[str, float]
+    plant: AxisPlant
+    before: LoopMargins
+    after: LoopMargins
+
+    @property
+    def changes(self) -> tuple[tuple[str, float, float], ...]:
+        """Names with present and proposed value; without the filter where neither has one."""
+        shown = shown_names(self.settings, self.present)
+        return tuple((name, self.present[name], self.settings[name]) for name in shown)
+
+
+def scaled_gains(
+    machine: MachineProfile, loop: SampledLoop, factor: float, before: LoopMargins
+) -> GainProposal | None:
+    """Return the gains of one factor, whatever their margins; None where they do not fit the variables."""
+    gains = loop.gains
+    kd = factor * gains.kd_v_s_per_m
+    asked = PidGains(
+        kp_v_per_m=factor**2 * gains.kp_v_per_m,
+        ki_v_per_m_s=factor**3 * gains.ki_v_per_m_s,
+        kd_v_s_per_m=kd,
+        velocity_feedforward_v_s_per_m=kd,
+        notch=gains.notch,
+    )
+    return rounded_proposal(machine, loop, asked, before)
+
+
+def rounded_proposal(
+    machine: MachineProfile, loop: SampledLoop, asked: PidGains, before: LoopMargins
+) -> GainProposal | None:
+    """Return gains as the whole numbers that the controller takes; None where they do not fit the variables."""
+    motor = machine.tool.motor
+    settings: dict[str, float] = {**variables_from_gains(machine, asked), **notch_settings(machine, asked.notch)}
+    if any(settings[f"I{motor}{number}"] > most for number, most in MOST_SETTINGS.items()):
+        return None
+    rounded = gains_from_variables(with_variables(machine, settings))
+    shown = {name: value for name, value in settings.items() if not name.endswith(("34", "35"))}
+    after = loop_margins(replace(loop, gains=rounded))
+    kd, present_kd = rounded.at_rest.kd_v_s_per_m, loop.gains.at_rest.kd_v_s_per_m
+    return GainProposal(
+        factor=kd / present_kd if present_kd else None,
+        gains=rounded,
+        settings=shown,
+        present=present_settings(machine, shown),
+        plant=loop.plant,
+        before=before,
+        after=after,
+    )

@@ -24,13 +24,14 @@ import numpy as np
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.gain_candidates import (
     Candidates,
+    GainProposal,
     all_candidates,
     phase_margin_deg,
+    rounded_proposal,
     search_hz,
     sensitivity,
     yields,
 )
-from profiles.axis.gain_proposal import GainProposal, rounded_proposal
 from profiles.axis.margins import (
     LEAST_GAIN_MARGIN,
     LEAST_PHASE_MARGIN_DEG,

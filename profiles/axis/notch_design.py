@@ -21,14 +21,15 @@ import numpy as np
 from profiles.arrays import Complexes, Floats, complexes
 from profiles.axis.gain_candidates import (
     Candidates,
+    GainProposal,
     all_candidates,
     phase_margin_deg,
+    rounded_proposal,
     search_hz,
     seem_stable,
     sensitivity,
     yields,
 )
-from profiles.axis.gain_proposal import GainProposal, rounded_proposal
 from profiles.axis.loop_design import holds_everywhere, in_order, limited_plants
 from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, is_stable, loop_margins, sensitivity_peak
 from profiles.axis.notch import OTHER_READINGS, Notch, Reading, placed_notch

@@ -18,10 +18,8 @@ from profiles.compensations.path import misalignment, residual_um_pp
 from profiles.lobe.cut_error import cut_error
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
-from profiles.paper.causes_left import models
-from profiles.paper.experiments import Experiments
-from profiles.paper.record import Basis, Record, Section
-from profiles.paper.residual import left_um_pp
+from profiles.paper.causes_left import left_um_pp, models
+from profiles.paper.record import Basis, Experiments, Record, Section
 
 # What a path leaves of 55 um when its spindle angle is off by so many degrees.
 MISALIGNED_UM = {1.0: 2.88, 0.347: 1.0, 20.0: 55.0, 60.0: 110.0}

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from profiles.paper import acceptance, chuck, parts, servo_figures, slips
-from profiles.paper.experiments import Experiments
-from profiles.paper.record import Section
+from profiles.paper.record import Experiments, Section
 
 
 def sections(paper: Experiments) -> tuple[Section, ...]:

@@ -9,7 +9,7 @@ import control
 import numpy as np
 import pytest
 
-from profiles.axis.gain_proposal import GainProposal
+from profiles.axis.gain_candidates import GainProposal
 from profiles.axis.loop_design import designed_gains
 from profiles.axis.margins import loop_margins
 from profiles.axis.notch import OTHER_READINGS, RESOLUTION, Notch, Reading, damped_pair, placed_notch

@@ -7,9 +7,8 @@ from dataclasses import dataclass
 from console.cli.measured.roundness_report import filter_line, state_line
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from profiles.metrology.filters import gaussian_transmission
-from profiles.metrology.harmonics import Harmonic
-from profiles.metrology.v_block import usable_factor
+from profiles.metrology.harmonics import Harmonic, usable_factor
+from profiles.metrology.points import gaussian_transmission
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import TraceHeader

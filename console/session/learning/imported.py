@@ -24,8 +24,7 @@ from profiles.metrology.harmonics import Harmonic
 from profiles.metrology.turns import several_turns
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, evaluate
-from profiles.trace_files.header import TraceHeader, header_of
-from profiles.trace_files.plausible import unit_doubt
+from profiles.trace_files.header import TraceHeader, header_of, unit_doubt
 from profiles.traces import Trace, parse_trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"

@@ -31,8 +31,7 @@ from profiles.job import Job
 from profiles.metrology.turns import tool_offset_um
 from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedJob
-from profiles.trace_files.header import header_of
-from profiles.trace_files.plausible import size_doubt
+from profiles.trace_files.header import header_of, size_doubt
 from profiles.traces import Trace
 
 

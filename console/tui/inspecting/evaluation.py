@@ -9,8 +9,7 @@ import numpy as np
 
 from profiles.arrays import Floats
 from profiles.metrology.circles import CIRCLES, LEAST_SQUARES, MAXIMUM_INSCRIBED, MINIMUM_CIRCUMSCRIBED
-from profiles.metrology.filters import POINTS_PER_UNDULATION
-from profiles.metrology.points import largest_gap_deg
+from profiles.metrology.points import POINTS_PER_UNDULATION, largest_gap_deg
 from profiles.roundness import RoundnessResult, evaluate, profile_of
 from profiles.traces import Trace
 

@@ -16,19 +16,17 @@ from drivers.pmac.language.listing import StoredLine
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.saving import SAVE_S
 from drivers.pmac.settings import servo_cycle_ms
-from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.countdown import TimedVariables
 from drivers.simulator.card.gather_buffer import GatherBuffer
 from drivers.simulator.card.guard import Alarm, action_on_fault
 from drivers.simulator.card.jog_motion import HomeSensor
-from drivers.simulator.card.leads import Leads
+from drivers.simulator.card.leads import Conversion, Leads
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.plc_programs import PlcPrograms
-from drivers.simulator.card.program_buffer import CardHost, OpenBuffer, Password
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.card.stretch import Stretch
-from drivers.simulator.card.table_memory import TableMemory
+from drivers.simulator.card.table_memory import CardHost, OpenBuffer, Password, TableMemory
 from drivers.simulator.plant.axis import BARE_COAST_S, BARE_ORIGIN, Axis, IdealAxis
 
 ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1  # which motors a fault kills

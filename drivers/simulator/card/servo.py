@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from math import copysign
 
 from drivers.simulator.plant.axis import FARTHEST, ROUNDS, EncoderAxis, Ends, Scale
-from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
-from drivers.simulator.plant.flexible_mode import FlexibleMode
-from drivers.simulator.plant.presliding import Presliding
+from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, FlexibleMode, Presliding
 from drivers.simulator.plant.servo_gains import NotchFilter, ServoGains, notch_of
 from drivers.simulator.plant.tip_load import TipLoad
 

@@ -11,9 +11,8 @@ import shlex
 from collections.abc import Iterator
 
 from drivers.errors import RefusedError
-from drivers.simulator.faults.board import FaultBoard, Injected
+from drivers.simulator.faults.board import FaultBoard, Injected, inject_words
 from drivers.simulator.faults.catalogue import CATALOGUE, Parameter, Value, find, refusal
-from drivers.simulator.faults.fault_line import inject_words
 from drivers.simulator.hosts.control_address import LONGEST_LINE, OK, REFUSED
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import Collision
