@@ -14,13 +14,13 @@ from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
 from drivers.cutting.watch_table import CutWatch, begin_watch, watch_table
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
+from drivers.lathe.commands import Wiring
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
 from drivers.lathe.motion import Motion
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, STILL_COUNTS, STILL_S, Settling
-from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
 from drivers.pmac.program_text import ProgramText

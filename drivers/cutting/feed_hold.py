@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from drivers.controller import Controller
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.commands import Sending
 from drivers.lathe.polling import POLL_TIMEOUT_S

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.cutting.live_trim import commanded_amplitude
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.lathe.guards import AxisRange, ProgramGuard
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot

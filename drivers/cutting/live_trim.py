@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from drivers.controller import Controller
 from drivers.cutting.bounds import UNTRIMMED, Trim
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.cutting.program_reports import REPORT_TIMEOUT_S
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError
 from drivers.lathe.commands import Sending

@@ -13,7 +13,7 @@ from dataclasses import replace
 from drivers.controller import Controller
 from drivers.cutting.bounds import REAL_TIME, UNCHANGEABLE, Bounds
 from drivers.cutting.live_trim import trim_bounds
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.errors import LinkTimeoutError
 from drivers.lathe.commands import Sending
 from drivers.lathe.guards import OVERRIDE_BAND_PERCENT

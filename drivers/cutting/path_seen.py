@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from drivers.pmac.programs.push import blend_turns

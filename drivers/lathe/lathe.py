@@ -17,7 +17,7 @@ from drivers.controller import Controller
 from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
 from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.commands import Sending
+from drivers.lathe.commands import Sending, Wiring
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.jogs import Jogs
@@ -29,7 +29,6 @@ from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standing import NOBODY, Signature, Standing
 from drivers.lathe.standstill import prove_rest, rest_limits
 from drivers.lathe.stop import StopPath
-from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.witness import Witness
 from profiles.machine import MachineProfile

@@ -13,13 +13,13 @@ from dataclasses import replace
 from itertools import count, repeat
 
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.commands import Wiring
 from drivers.lathe.guards import Guard, open_loop_problem, reset_problem, unguarded
 from drivers.lathe.heartbeat import LAPSED, Heartbeat
 from drivers.lathe.lengths import Lengths, motor_of, settings_of
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import Standing
-from drivers.lathe.wiring import Wiring
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.motor_settings import MotorSettings

@@ -6,7 +6,7 @@ reason, or a signal asks for it, the process ends and cleans up.
 The private channel is a stream of JSON lines, one reply for each request: `{"do": "mount", "job": {...}}`,
 `{"do": "measure"}`, `{"do": "look"}`, `{"do": "truth"}`, `{"do": "indicate", "places": 12}` (an indicator on the
 clamped part), `{"do": "spindle", "rpm": 800}` (a spindle on an inverter; null disables it), `{"do": "pace",
-"speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}` (see `control_line`). The reply to an impossible
+"speed": 2.0}` (0 pauses) and `{"do": "fault", "line": "..."}` (see `control_socket`). The reply to an impossible
 request is `{"refused": reason}`. The reply to `{"do": "checkpoint"}` comes with the line to a frozen copy (see
 `real_time`).
 
@@ -29,7 +29,7 @@ from functools import partial
 from typing import Any
 
 from drivers.placed import placed_of
-from drivers.simulator.hosts import control_line
+from drivers.simulator.hosts import control_socket
 from drivers.simulator.hosts.control_address import REFUSED
 from drivers.simulator.hosts.pty import PtyHost
 from drivers.simulator.hosts.real_time import Ending, GoOn, Pace, freeze, keep_time, patient
@@ -116,7 +116,7 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
                 pace.set(positive(request["speed"]) if request["speed"] else 0.0)
                 return {}
             case "fault":
-                said = control_line.answer(lathe, str(request["line"]))
+                said = control_socket.answer(lathe, str(request["line"]))
                 refused = said.startswith(REFUSED)
                 return {"refused": said.removeprefix(REFUSED).rstrip()} if refused else {"said": said}
             case unknown:

@@ -19,10 +19,13 @@ from itertools import islice, product
 import numpy as np
 
 from profiles.arrays import Complexes, Floats, complexes
-from profiles.axis.gain_candidates import (
+from profiles.axis.loop_design import (
     Candidates,
     GainProposal,
     all_candidates,
+    holds_everywhere,
+    in_order,
+    limited_plants,
     phase_margin_deg,
     rounded_proposal,
     search_hz,
@@ -30,7 +33,6 @@ from profiles.axis.gain_candidates import (
     sensitivity,
     yields,
 )
-from profiles.axis.loop_design import holds_everywhere, in_order, limited_plants
 from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, is_stable, loop_margins, sensitivity_peak
 from profiles.axis.notch import OTHER_READINGS, Notch, Reading, placed_notch
 from profiles.axis.plant_fit import PlantFit

@@ -20,7 +20,7 @@ from drivers.commissioning.stop_record import VALID_DAYS, StopRecord, StopsNow, 
 from drivers.commissioning.verification import Verification
 from drivers.lathe.ownership import Ownership
 from drivers.link.base import StopWay
-from drivers.pmac.checksums import LineCheck
+from drivers.pmac.framing import LineCheck
 from profiles.findings import Severity
 from profiles.machine import MACHINE, real_machine_problems
 from profiles.problem import Problem, ProfileError

@@ -35,7 +35,7 @@ from drivers.link.opening import open_link
 from drivers.link.passing import RenewableLink, TappedLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
-from drivers.requests.heard import Heard
+from drivers.requests.side_line import Heard
 from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.plant.which_lathe import which_lathe
 from profiles.machine import MachineProfile

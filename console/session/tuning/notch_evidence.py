@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from console.session.data.health import kept_tests
-from drivers.identification.health_result import HealthResult
+from drivers.identification.health import HealthResult
 from profiles.arrays import floats
 from profiles.axis.notch import Reading
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
