@@ -122,10 +122,9 @@ ANGLE = Channel(Axis.SPINDLE, Quantity.ACTUAL)
 
 def channel_of(key: str) -> Channel:
     """Return a channel by its name. Raises ValueError: there is none."""
-    return next((each for each in CHANNELS if each.key == key), None) or _none(key)
-
-
-def _none(key: str) -> Channel:
+    for each in CHANNELS:
+        if each.key == key:
+            return each
     raise ValueError(f"no channel {key!r}")
 
 

@@ -106,7 +106,8 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
                 columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
                 return {**columns, "meta": dict(trace.meta)}
             case "indicate":
-                return asdict(lathe.indicate(_places(request.get("places"))))
+                places = request.get("places")
+                return asdict(lathe.indicate(None if places is None else whole(places)))
             case "truth":
                 return asdict(lathe.truth())
             case "spindle":
@@ -125,11 +126,6 @@ def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
-
-
-def _places(asked: Any) -> int | None:
-    """Return a number of places; ValueError for what is none."""
-    return None if asked is None else whole(asked)
 
 
 def _is_checkpoint(line: bytes) -> bool:

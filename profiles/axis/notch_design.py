@@ -156,13 +156,12 @@ def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[floa
         found = _safe_otherwise(search, notch, found)
     plant = complexes(filtered * search.plants[0][0])
     cost = yields(found, plant, search.loop, hz, search.lobe_hz)
-    ordered = ((place, _filtered(found.gains(place), notch)) for place in in_order(cost, found.ki))
+    ordered = (
+        (place, replace(found.gains(place).scaled(1.0 / notch.at_rest), notch=notch))
+        for place in in_order(cost, found.ki)
+    )
     for place, gains in islice((each for each in ordered if search.allowed(each[1])), _MOST_EACH):
         yield float(cost[place]), gains
-
-
-def _filtered(at_rest: PidGains, notch: Notch) -> PidGains:
-    return replace(at_rest.scaled(1.0 / notch.at_rest), notch=notch)
 
 
 def fails_otherwise(loop: SampledLoop, gains: PidGains, plants: Sequence[AxisPlant]) -> Reading | None:

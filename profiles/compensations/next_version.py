@@ -242,7 +242,9 @@ def next_version(
     lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
     parts = [_seen(n, cut, part, job) for n in sorted((*orders, *beside)) if n in part.coefficients_um]
-    rules = _rules(cut, job, orders, asked, _judged(gain), follows, scatter_um)
+    if gain is not None and not 0.0 < gain <= 1.0:
+        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
+    rules = _rules(cut, job, orders, asked, gain, follows, scatter_um)
     gains = order_steps(parts, rules).gains
     read, path_um = _read(cut, part, job.jaws, parts), cut.path.target.harmonics[0].coefficient
     plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
@@ -328,12 +330,6 @@ def _seen(n: int, cut: CutWith, part: PartHarmonics, job: Job) -> OrderSeen:
         steps_um=[abs(after - first) for first, after in pairwise(paths)],
         on_part_um=part.coefficients_um[n],
     )
-
-
-def _judged(gain: float | None) -> float | None:
-    if gain is not None and not 0.0 < gain <= 1.0:
-        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
-    return gain
 
 
 def _read(cut: CutWith, part: PartHarmonics, lobes: int, parts: Sequence[OrderSeen]) -> PartRead:

@@ -72,7 +72,8 @@ def repeats(parts_um: Sequence[complex]) -> bool:
         return False
     mean = sum(parts_um) / count
     scatter = scatter_um(parts_um) ** 2 + REPEATS_SD_UM**2
-    return count * abs(mean) ** 2 > _fisher(count - 1) * scatter
+    pairs = count - 1  # the 95 % point of Fisher's F of 2 and 2 `pairs` degrees of freedom has a closed form
+    return count * abs(mean) ** 2 > pairs * (math.pow(1.0 - _CONFIDENCE, -1.0 / pairs) - 1.0) * scatter
 
 
 def scatter_um(parts_um: Sequence[complex]) -> float:
@@ -82,8 +83,3 @@ def scatter_um(parts_um: Sequence[complex]) -> float:
         return 0.0
     mean = sum(parts_um) / count
     return math.sqrt(sum(abs(each - mean) ** 2 for each in parts_um) / (count - 1))
-
-
-def _fisher(pairs: int) -> float:
-    """Return the 95 % point of Fisher's F of 2 and 2 `pairs` degrees of freedom, which has a closed form."""
-    return pairs * (math.pow(1.0 - _CONFIDENCE, -1.0 / pairs) - 1.0)

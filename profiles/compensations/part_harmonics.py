@@ -100,7 +100,8 @@ def part_harmonics(
     for harmonic in fitted.values():
         own = complex(harmonic.cos_um, -harmonic.sin_um)
         if harmonic.n == OVAL:
-            own -= _oval_off_axis(fitted[1], header.radius_of(job))
+            # A circle off the gauge's axis by c has a second harmonic of c^2 / (4 R), which is not of the part.
+            own -= complex(fitted[1].cos_um, -fitted[1].sin_um) ** 2 / (4000.0 * header.radius_of(job))
         seen = own.conjugate() if header.against_spindle else own
         placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
     return PartHarmonics(
@@ -116,11 +117,6 @@ def part_harmonics(
         reasons=tuple(reasons),
         warnings=found.warnings,
     )
-
-
-def _oval_off_axis(once: FittedHarmonic, radius_mm: float) -> complex:
-    """Return the second harmonic, um, of a circle this far off the gauge's axis: c^2 / (4 R), not of the part."""
-    return complex(once.cos_um, -once.sin_um) ** 2 / (4000.0 * radius_mm)
 
 
 def _beside(trace: Trace, job: Job, orders: Sequence[int], *, robust: bool) -> Sequence[FittedHarmonic]:

@@ -51,9 +51,9 @@ def evaluate(
     return compile_expression(expression, degrees, strict=strict)(variables)
 
 
-def holds(condition: syntax.Condition, variables: Variables, degrees: bool = True, *, strict: bool = True) -> bool:
+def holds(condition: syntax.Condition, variables: Variables, degrees: bool = True) -> bool:
     """Return whether a condition is true, see `compile_condition`."""
-    return compile_condition(condition, degrees, strict=strict)(variables)
+    return compile_condition(condition, degrees)(variables)
 
 
 def compile_expression(expression: syntax.Expression, degrees: bool = True, *, strict: bool = True) -> Value:

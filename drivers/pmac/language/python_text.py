@@ -22,10 +22,6 @@ _NEAR = {"~": "<", "!~": ">="}
 _OPERATORS = {"/": "quotient", "%": "remainder", "&": "bits_and", "|": "bits_or", "^": "bits_xor"}
 
 
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else too_large()
-
-
 class PythonText:
     """Writes the text and has it executed. In it `values` are the variables, `p` the P-variables."""
 
@@ -38,7 +34,7 @@ class PythonText:
             **{f"{name.lower()}_of": function for name, function in functions(degrees, strict).items()},
             **{name: combine[operator] for operator, name in _OPERATORS.items()},
             "atan2_of": angle_function(degrees),
-            "finite": _finite,
+            "finite": lambda value: value if math.isfinite(value) else too_large(),
             "too_large": too_large,
             "refusal": refusal,
             "inf": math.inf,  # as Python writes a constant of too many digits

@@ -61,12 +61,17 @@ class Controller:
         self.open_buffer: OpenBuffer | None = None
         self.password = Password()
         self.flash = flash or Flash()
-        self.motors = {
-            number: Motor(number, self.variables, *_behind(axes.get(number), servo_period_ms))
-            for number in range(1, dialect.motor_count + 1)
-        }
+        self.motors = {}
+        for number in range(1, dialect.motor_count + 1):  # also those that the machine does not use
+            bare = IdealAxis(servo_period_ms / 1000.0, BARE_COAST_S, BARE_ORIGIN), HomeSensor(period=INDEX_COUNTS)
+            self.motors[number] = Motor(number, self.variables, *axes.get(number, bare))
         self._busy: set[int] = set()
-        self.systems = {number: self._system(number) for number in range(1, dialect.system_count + 1)}
+        self.systems = {
+            number: CoordinateSystem(
+                number, self.variables, self.motors, self._program_code, self.host, self._busy
+            )
+            for number in range(1, dialect.system_count + 1)
+        }
         self.tables = TableMemory()
         self.gather = GatherBuffer(self.variables)
         self.conversion = Conversion(self.variables, self.motors)
@@ -277,9 +282,6 @@ class Controller:
             self.gather.sample()
         return tracks
 
-    def _system(self, number: int) -> CoordinateSystem:
-        return CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host, self._busy)
-
     def _count(self, cycles: int) -> None:
         self.cycles += cycles
 
@@ -320,8 +322,3 @@ class Controller:
                 system.abort(closing=False)
         for number in numbers:
             self.motors[number].kill()
-
-
-def _behind(axis: tuple[Axis, HomeSensor] | None, cycle_ms: float) -> tuple[Axis, HomeSensor]:
-    """Return the hardware of a motor, also of one that the machine does not use."""
-    return axis or (IdealAxis(cycle_ms / 1000.0, BARE_COAST_S, BARE_ORIGIN), HomeSensor(period=INDEX_COUNTS))

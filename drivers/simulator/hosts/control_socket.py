@@ -19,7 +19,7 @@ from contextlib import ExitStack, closing, suppress
 from drivers.errors import RefusedError
 from drivers.link.address import TcpAddress
 from drivers.simulator.faults.board import FaultBoard, Injected, inject_words
-from drivers.simulator.faults.catalogue import CATALOGUE, Parameter, Value, find, refusal
+from drivers.simulator.faults.catalogue import CATALOGUE, Value, find, refusal
 from drivers.simulator.hosts.connection import Turns
 from drivers.simulator.hosts.control_address import LONGEST_LINE, OK, PREFIX, REFUSED, ControlAddress, UnixAddress
 from drivers.simulator.machine import SimulatedLathe
@@ -94,8 +94,9 @@ def _help(name: str) -> Iterator[str]:
     fault = find(name)
     yield f"{fault.name}: {fault.does} It concerns {fault.concerns}."
     for parameter in (*fault.parameters, *fault.times):
+        unit = f" ({parameter.unit})" if parameter.unit else ""
         default = "" if parameter.default is None else f"; default {_plain(parameter.default)}"
-        yield f"  {parameter.name}{_unit(parameter)}: {parameter.meaning}; {parameter.allowed}{default}"
+        yield f"  {parameter.name}{unit}: {parameter.meaning}; {parameter.allowed}{default}"
 
 
 def _shut_down(board: FaultBoard) -> list[str]:
@@ -111,10 +112,6 @@ def _described(injected: Injected, now_s: float) -> str:
     end = "until it is cleared" if math.isinf(injected.ends_s) else f"to {injected.ends_s:.3f} s"
     when = f"at {injected.begins_s:.3f} s" if injected.fault.moment else f"from {injected.begins_s:.3f} s {end}"
     return f"{injected.fault.name}{values} seed={injected.seed}, {when}{state}"
-
-
-def _unit(parameter: Parameter) -> str:
-    return f" ({parameter.unit})" if parameter.unit else ""
 
 
 def _plain(value: Value) -> str:
