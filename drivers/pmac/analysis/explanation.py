@@ -10,9 +10,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Said, Sentence, Value, finding, sentence
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Said, Sentence, Subject, Value, finding, sentence
 from drivers.pmac.analysis.moves import RAMPED, MoveAnalysis
-from drivers.pmac.analysis.subject import Subject
 from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.language.errors import PmacError

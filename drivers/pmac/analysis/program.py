@@ -21,10 +21,9 @@ from drivers.pmac.analysis.explanation import (
     rounding_findings,
     timing_findings,
 )
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Subject, Value, finding, moves
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.start import Start, start_counts, start_of
-from drivers.pmac.analysis.subject import Subject, moves
 from drivers.pmac.analysis.synchronism import synchronism_findings
 from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import SAME_COUNTS, Timeline
