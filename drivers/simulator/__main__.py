@@ -23,7 +23,7 @@ import json
 import os
 import socket
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, replace
 from functools import partial
 from typing import Any
@@ -91,41 +91,48 @@ async def converse(
         return  # disconnected in the middle of a line, or a line without end: there is no one to reply to
 
 
-def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:  # noqa: C901 - one branch a case
+def answer(lathe: SimulatedLathe, line: bytes, pace: Pace | None = None) -> dict[str, Any]:
     """Execute the request in a line; that of another pace changes `pace`."""
     try:
         request = from_json(line)
-        match request["do"]:
-            case "mount":
-                lathe.mount(job_from_table(request["job"]))
-                return {}
-            case "look":
-                return {**asdict(lathe.look()), "held_s": 0.0 if pace is None else pace.held_s}
-            case "measure":
-                trace = lathe.measure()
-                columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
-                return {**columns, "meta": dict(trace.meta)}
-            case "indicate":
-                places = request.get("places")
-                return asdict(lathe.indicate(None if places is None else whole(places)))
-            case "truth":
-                return asdict(lathe.truth())
-            case "spindle":
-                lathe.set_spindle(request["rpm"])
-                return {}
-            case "pace" if pace is not None:
-                pace.set(positive(request["speed"]) if request["speed"] else 0.0)
-                return {}
-            case "fault":
-                said = control_socket.answer(lathe, str(request["line"]))
-                refused = said.startswith(REFUSED)
-                return {"refused": said.removeprefix(REFUSED).rstrip()} if refused else {"said": said}
-            case unknown:
-                return {"refused": f"nothing to do: {unknown}"}
+        wanted = request["do"]
+        act = _ANSWERS.get(wanted) if isinstance(wanted, str) else None
+        if act is None:
+            return {"refused": f"nothing to do: {wanted}"}
+        return act(lathe, request, pace or Pace()) or {}
     except (ProfileError, RuntimeError) as error:
         return {"refused": str(error)}
     except (ValueError, TypeError, KeyError) as error:
         return {"refused": f"no request: {error!r}"}
+
+
+def _measure(lathe: SimulatedLathe) -> dict[str, Any]:
+    trace = lathe.measure()
+    columns = {"angle_deg": trace.angle_deg.tolist(), "deviation_um": trace.deviation_um.tolist()}
+    return {**columns, "meta": dict(trace.meta)}
+
+
+def _indicate(lathe: SimulatedLathe, places: Any) -> dict[str, Any]:
+    return asdict(lathe.indicate(None if places is None else whole(places)))
+
+
+def _obey_fault(lathe: SimulatedLathe, line: str) -> dict[str, Any]:
+    said = control_socket.answer(lathe, line)
+    refused = said.startswith(REFUSED)
+    return {"refused": said.removeprefix(REFUSED).rstrip()} if refused else {"said": said}
+
+
+_ANSWERS: Mapping[str, Callable[[SimulatedLathe, Mapping[str, Any], Pace], dict[str, Any] | None]] = {
+    "mount": lambda lathe, request, _: lathe.mount(job_from_table(request["job"])),
+    "look": lambda lathe, _, pace: {**asdict(lathe.look()), "held_s": pace.held_s},
+    "measure": lambda lathe, _, __: _measure(lathe),
+    "indicate": lambda lathe, request, _: _indicate(lathe, request.get("places")),
+    "truth": lambda lathe, _, __: asdict(lathe.truth()),
+    "spindle": lambda lathe, request, _: lathe.set_spindle(request["rpm"]),
+    "pace": lambda _, request, pace: pace.set(positive(request["speed"]) if request["speed"] else 0.0),
+    "fault": lambda lathe, request, _: _obey_fault(lathe, str(request["line"])),
+}
+"""What each request does; None answers with nothing."""
 
 
 def _is_checkpoint(line: bytes) -> bool:
