@@ -10,6 +10,7 @@ import csv
 import re
 import unicodedata
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
 from profiles.files import printable
@@ -94,6 +95,15 @@ def _plain(text: str) -> str:
     return unicodedata.normalize("NFKC", text.strip()).lower().replace("μ", "u")
 
 
+def split_cells(line: str, separator: str) -> list[str]:
+    """Return the cells of a line without surrounding blanks and quotes."""
+    cells = line.split(separator)
+    if '"' in line:
+        with suppress(csv.Error):  # then the quotes are not quotes, and the cells are refused as they are
+            cells = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
+    return [cell.strip() for cell in cells]
+
+
 class Dialect:
     """The separator of one file."""
 
@@ -107,15 +117,7 @@ class Dialect:
 
     def cells(self, line: str) -> list[str]:
         """Return the cells of a line without surrounding blanks and quotes."""
-        if self.separator == " ":
-            return line.split()
-        cells = line.split(self.separator)
-        if '"' in line:
-            try:
-                cells = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True))
-            except csv.Error:  # then the quotes are not quotes, and the cells are refused as they are
-                pass
-        return [cell.strip() for cell in cells]
+        return line.split() if self.separator == " " else split_cells(line, self.separator)
 
     def cause(self, cells: Sequence[str], target: int) -> str:
         """Return the code of a fault that spoils a whole file, "" where the line shows none."""
