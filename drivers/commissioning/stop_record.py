@@ -187,7 +187,7 @@ def _number_problems(entries: Iterable[StopEntry], machine: MachineProfile) -> I
 
 
 def _reason(entry: StopEntry, machine: MachineProfile) -> tuple[str, str] | None:
-    """Return what is wrong with an entry, and what is allowed; None where nothing is."""
+    """Return the fault of an entry with the limit, None if it is sound."""
     longest_s = LONGEST_S[entry.way]
     if not 0.0 < entry.time_s <= longest_s:
         return f"{entry.time_s:g} s", f"> 0, <= {longest_s:g} s"

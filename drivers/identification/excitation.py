@@ -83,7 +83,7 @@ def program_text(form: str, machine: MachineProfile, word: AxisWord, **values: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisWord:
-    """One motor with an axis of its own: `scale` counts per unit, zero at `offset` counts."""
+    """The axis of a single motor: `scale` counts per unit, zero at `offset` counts."""
 
     letter: str
     scale: float
@@ -99,7 +99,7 @@ class AxisWord:
 
 
 def axis_word(machine: MachineProfile, motor: int) -> AxisWord:
-    """Return the axis of a motor. Raises ProfileError: `identify.axis`, the motor has none of its own."""
+    """Return the axis of a motor. Raises ProfileError: `identify.axis`, the motor shares its axis."""
     definitions = read_definitions(machine.controller.axis_definitions)
     found = [each for each in definitions if each.motor == motor]
     if not found or len(found[0].terms) != 1 or not found[0].scale:

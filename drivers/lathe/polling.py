@@ -210,7 +210,7 @@ class Poller:
         return snapshot
 
     def read_beside(self) -> None:
-        """Read a part of what shapes the cut that runs, in the pause between two polls, and judge it.
+        """Read some of the settings that shape the running cut, in the pause between two polls, and judge them.
 
         Its line is never longer than that of a poll, so a stop has not to wait longer. At the end of the feed it
         takes as long as a poll, too. An unanswered reading is left to the next turn: the next poll reports a bad

@@ -54,7 +54,7 @@ class Moment:
 
 
 class CancelledError(Exception):
-    """The worker was told to end."""
+    """The worker was asked to end."""
 
 
 @dataclass(eq=False)
@@ -130,7 +130,7 @@ class Heard:
 
 
 def _copied(pieces: deque[Piece]) -> list[Piece]:
-    """Return a copy, whatever is appended meanwhile."""
+    """Return a copy, safe against entries appended meanwhile."""
     while True:
         try:
             return list(pieces)
@@ -215,7 +215,7 @@ class SideLine:
         """Return the reply to a line; for a worker thread, which waits.
 
         Raises:
-            CancelledError: the worker was told to end; the line is not sent any more.
+            CancelledError: the worker was asked to end; the line is not sent.
             RefusedError: the line is not permitted now.
             LinkError: `beside.silent`, nobody polls; or as `PmacClient.request`.
         """

@@ -77,7 +77,7 @@ _DEFAULTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampedRead:
-    """The fingerprint of a part's clamping: by what its lobe was multiplied, and what the indicator has shown.
+    """The fingerprint of a part's clamping: the factor of its lobe, and the deflection that the indicator showed.
 
     The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe that the
     deflection stands for, at rest, with the standard deviation of each of its components.
@@ -139,7 +139,7 @@ class LearnedCompensation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """The result that a measured part predicts for one cut with what was learned from it.
+    """The result that a measured part predicts for a cut with the compensation learned from it.
 
     `ront_um` is its roundness, None where not recorded; `lobe` that of the released part, outwards.
     """

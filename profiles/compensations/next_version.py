@@ -78,7 +78,7 @@ class Contraction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutWith:
-    """What the part was cut with: the whole path, the fraction of it, and the version, None the model.
+    """The compensation of the part: the whole path, the fraction of it that was cut, the version (None: model).
 
     `parent` is the path of the previous part, from which the version was learned: without it only the
     convergence of the lobe can be judged. `history` are the versions that led to this one, which is the last.
@@ -138,7 +138,7 @@ class LearningStep:
 
     @property
     def expected_ront_um(self) -> float:
-        """The roundness of the trace without what was learned."""
+        """The roundness of the trace with the learned harmonics removed."""
         found = self.next.expected_ront_um
         assert found is not None
         return found
@@ -299,7 +299,7 @@ def _step(
     reasons: tuple[Problem, ...],
     warnings: tuple[Problem, ...],
 ) -> LearningStep:
-    """Return a learning step, and what is expected of the next part: lower by the additional depth of the tool."""
+    """Return a learning step, and the expected next part: lower by the additional depth of the tool."""
     deeper = {n: cut.spared_um.get(n, 0j) + changes.get(n, 0j) for n in {*cut.spared_um, *changes}}
     lobes, placed = following.path.target.lobes, part.is_placed
     return LearningStep(

@@ -54,7 +54,7 @@ def lobe_prior_um(amplitude_um: float, lobes: int) -> float:
 def optimal_gain(scatter: Scatter, steps_um: Sequence[float] = (), error_um: float = 0.0) -> float:
     """Return the gain for the next step, after `steps_um` of the path since the model, one for each part.
 
-    `error_um` is what the last part shows: far beyond what was to be expected it counts for itself.
+    `error_um` is that of the last part; if far beyond the expected scatter, it is taken as a change of its own.
     """
     variance, part = scatter.prior_um**2, scatter.part_um**2 + REPEATS_SD_UM**2
     for step_um in steps_um:

@@ -39,7 +39,7 @@ LEAST_UM = SIGNIFICANT * REPEATS_SD_UM
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderSeen:
-    """One order as parts show it, in um: what was not expected of this part, and how well a trace shows it.
+    """One order over the parts, um: its unexpected error on this part, and the standard deviation of a trace.
 
     `on_part_um` is what is on the part, None where that is the error. `path_um` is the order of the whole target.
     `shown_um` is what a path has to remove by each part so far, this one last; `steps_um` are those of the path
@@ -143,7 +143,7 @@ class Repeating:
     shown_um: Mapping[int, tuple[complex, ...]] = field(default_factory=dict)
 
     def seen(self, shown_um: Mapping[int, complex]) -> Repeating:
-        """Return this with one part more, by what it would have shown of each order with nothing learned."""
+        """Return this with one more part, by its harmonics without the learned motion."""
         every = {n: (*self.shown_um.get(n, ()), c) for n, c in shown_um.items()}
         return Repeating(begun=self.begun, shown_um={**self.shown_um, **every})
 

@@ -56,7 +56,7 @@ class PartHarmonics:
         return not any(reason.code in _UNPLACED for reason in self.reasons)
 
     def ront_um(self, less_um: Mapping[int, complex] | None = None) -> float:
-        """Return RONt of the part, or of one that is lower by Re(c exp(j n angle)) for each n of `less_um`."""
+        """Return RONt of the part, lowered by Re(c exp(j n angle)) for each n of `less_um`."""
         spindle_deg = (-1.0 if self.against_spindle else 1.0) * self.angle_deg + self.begins_deg
         left_um = np.array(self.deviation_um)
         for n, coefficient in (less_um or {}).items():

@@ -81,8 +81,8 @@ class ProgramRun:
         """Take `positions`, the commanded positions of the defined axes at the start, in user units.
 
         `strict` makes arithmetic without a result an error; the controller continues with a substitute. With
-        `on_substitute`, for the checker, that is told of each, and the run continues, too. `library` gives the
-        programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
+        `on_substitute`, for the checker, the run continues, too, and each substitute is reported. `library` gives
+        the programs that are called, `number` is that of `code`, if known. Begins at `label`.
 
         Raises PmacError: 015, there is no such label.
         """

@@ -104,7 +104,7 @@ def rapid(start: Vector, target: Vector, settings: Sequence[JogSettings]) -> tup
 
 
 def together(tracks: Sequence[Sequence[Piece]], rest: Vector) -> tuple[Piece, ...]:
-    """Join tracks of one motor each, starting together, into pieces of all; one that has ended is at `rest`."""
+    """Join tracks of one motor each, starting together, into pieces of all; a finished track stays at `rest`."""
     ends = sorted({end for track in tracks for end in accumulate(piece.duration_ms for piece in track)})
     times = [0.0]
     times += [end for end in ends if end - times[-1] > SLIVER_MS]

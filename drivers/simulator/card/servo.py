@@ -164,7 +164,7 @@ class ServoAxis(EncoderAxis):
         return [position for (position,) in singly]
 
     def _glide(self, commands: Sequence[float], noise: Sequence[float] | None, slide: DrySlide) -> list[float]:
-        """Close the loop on dry guides, behind a current that lags, under the load of a cut."""
+        """Close the loop on dry guides, with current lag, under the load of a cut."""
         x, v, force, integral, driven = self._x, self._v, self.output_bits, self._integral, slide.driven
         last, last_step, last_encoder = self._command, self._command_step, self._reading
         k_e, k_v, k_a, k_i, k_d = self._k
@@ -277,7 +277,7 @@ class ServoAxis(EncoderAxis):
         return state == before and not self._command_step and commands.count(commands[0]) == len(commands)
 
     def _begin_load(self) -> TipLoad | Presliding | None:
-        """Begin a block of the load; None where there is none in this block."""
+        """Begin a block of the load; return None without a load in this block."""
         load = self._load
         if load is None:
             return None

@@ -282,7 +282,7 @@ class Workpiece:
             self._lower(section, samples, away_mm, reach_mm, visit)
 
     def _arrivals(self, radius_mm: Floats, near: NDArray[np.bool_]) -> list[int]:
-        """Return the intervals in which the tool comes to a section again, of those that are processed now."""
+        """Return the intervals, of the block being processed, in which the tool returns to a section."""
         if not self._process.yields:
             return []
         there = near & (np.minimum(radius_mm[:-1], radius_mm[1:]) < self.blank.most_radius_mm)
