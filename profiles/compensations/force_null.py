@@ -261,6 +261,7 @@ def _force_at_lobe(air: _Window, cut: _Window, expected: ExpectedForce, onwards:
     omega_rad_s = onwards * 2.0 * math.pi * expected.lobes * expected.turns_hz
     mass_n_per_um = -1e-6 * expected.mass_kg * omega_rad_s**2
     moved_n_per_um = complex(mass_n_per_um, 1e-6 * expected.damping_n_s_per_m * omega_rad_s)
+    # The output is applied one servo cycle after it was gathered, and held for a cycle: half a cycle more.
     delayed = cmath.exp(-1.5j * omega_rad_s * expected.cycle_s)
     ratio = cut.infeed.value / air.infeed.value
     turned, more = ratio / abs(ratio), abs(ratio) - 1.0

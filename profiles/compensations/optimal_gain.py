@@ -57,7 +57,7 @@ def optimal_gain(scatter: Scatter, steps_um: Sequence[float] = (), error_um: flo
     `error_um` is that of the last part; if far beyond the expected scatter, it is taken as a change of its own.
     """
     variance, part = scatter.prior_um**2, scatter.part_um**2 + REPEATS_SD_UM**2
-    for step_um in steps_um:
+    for step_um in steps_um:  # the variance of a Kalman filter: a part tells, the step that follows it blurs
         variance *= part / (variance + part)
         variance += (scatter.response * step_um) ** 2 + REPEATS_SD_UM**2
     if error_um**2 > SURPRISE * (variance + part):

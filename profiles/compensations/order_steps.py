@@ -129,7 +129,7 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
         gains[seen.order] = gain = rules.gain_of(seen)
         if standing is Standing.LEARNED:
             changes[seen.order] = gain * seen.error_um
-        elif standing is Standing.VARIES and abs(seen.path_um) > STEP_UM:
+        elif standing is Standing.VARIES and abs(seen.path_um) > STEP_UM:  # it would be cut into the next part
             changes[seen.order] = -seen.path_um
         certificate.append(certified(seen.order, gain, seen.shown, rules.follows(seen.order), standing))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))

@@ -68,7 +68,7 @@ def decelerate(position: float, velocity: float, rate: float) -> tuple[Piece, ..
     """Come to rest at `rate` (Ix15, counts/ms^2). A rate of 0 never stops the motor: it keeps moving for ever."""
     if velocity == 0.0:
         return ()
-    if rate <= 0.0:
+    if rate <= 0.0:  # as on the controller, where 0 is no rate; commissioning refuses such an Ix15
         return (Piece(float("inf"), ((position, velocity, 0.0, 0.0),)),)
     return ramp((position,), (velocity,), (0.0,), abs(velocity) / rate, 0.0)
 

@@ -59,13 +59,14 @@ class ServoAxis(EncoderAxis):
 
     def set_gains(self, gains: ServoGains) -> None:
         """Use other gains from the next cycle on."""
+        # DAC = 2^-19 Ix30 {Ix08 [FE + (Ix32 CV + Ix35 CA) / 128 + Ix33 IE / 2^23] - Ix31 Ix09 AV / 128}, counts
         scale = gains.ix30 / 2**19
         k_error = scale * gains.ix08
         self._k = (
             k_error,
             k_error * gains.ix32 / 128,
             k_error * gains.ix35 / 128,
-            k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0,
+            k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0,  # a limit of 0 leaves the integrator no output
             scale * gains.ix31 * gains.ix09 / 128,
         )
         self._integrate_in_motion = gains.ix34 == 0
@@ -330,7 +331,7 @@ class ServoAxis(EncoderAxis):
         if beyond:
             output = copysign(self.limit_bits, output)
         elif self._integrate_in_motion or step == 0.0:
-            self._integral += error
+            self._integral += error  # not while the output is limited: the loop would overshoot on its way back
         if notch is not None:
             notch.put_out(output)
         return output
@@ -358,6 +359,7 @@ class ServoAxis(EncoderAxis):
             self._v = plant.decay * v + plant.push_v * force
         if self._mode is not None:
             slide, pull = self._slide, self._per_bit * self.output_bits
+            # With a lag the current changes through the cycle: the mean of its ends.
             self._mode.step(0.5 * (before + slide.driven) if slide is not None and self._lags else pull)
         ends = self._ends
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:

@@ -188,7 +188,7 @@ class DrySlide:
             return False
         if self._lag is not None:
             for _ in range(cycles):
-                self.driven = 0.0 + self._lag.left * (self.driven - 0.0)
+                self.driven = 0.0 + self._lag.left * (self.driven - 0.0)  # the operations of `step`, to the bit
         return True
 
     def _from_rest(self, x: float, drive: float, left_s: float) -> tuple[float, float]:
