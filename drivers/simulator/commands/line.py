@@ -20,7 +20,7 @@ from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
-from drivers.simulator.commands import buffer_words, card, jogs, status, systems, values
+from drivers.simulator.commands import buffer_words, status, systems, values
 from drivers.simulator.commands.buffer_words import take_part
 from drivers.simulator.context import (
     ALL_CARDS,
@@ -202,12 +202,14 @@ WORDS: dict[str, Handler] = {
     **dict.fromkeys(("UNDEFINE", "UNDEF"), _undefine),
 }
 _ALWAYS_ON_LINE = (
-    WORDS | buffer_words.WORDS | card.WORDS | KINEMATIC_WORDS | status.WORDS | systems.WORDS | values.WORDS
+    WORDS | buffer_words.WORDS | status.CARD_WORDS | KINEMATIC_WORDS | status.WORDS | systems.WORDS | values.WORDS
 )
 """Words that are never stored, even while a buffer is open."""
 
-_WORDS = _ALWAYS_ON_LINE | jogs.WORDS | buffer_words.SHARED_WORDS  # with those of programs; the longest wins
-_LETTERS = status.LETTERS | jogs.LETTERS | systems.LETTERS  # matched after the variables that begin so
+_WORDS = (
+    _ALWAYS_ON_LINE | systems.MOTOR_WORDS | buffer_words.SHARED_WORDS
+)  # with those of programs; the longest wins
+_LETTERS = status.LETTERS | systems.MOTOR_LETTERS | systems.LETTERS  # matched after the variables that begin so
 _ALWAYS = longest_of(tuple(_ALWAYS_ON_LINE))
 _ANY = longest_of(tuple(_WORDS))
 _PROGRAM_OR_LETTER = longest_of((*PROGRAM_WORDS, *_LETTERS))
