@@ -206,9 +206,8 @@ _ALWAYS_ON_LINE = (
 )
 """Words that are never stored, even while a buffer is open."""
 
-_WORDS = (
-    _ALWAYS_ON_LINE | systems.MOTOR_WORDS | buffer_words.SHARED_WORDS
-)  # with those of programs; the longest wins
+# With those of programs; the longest wins.
+_WORDS = _ALWAYS_ON_LINE | systems.MOTOR_WORDS | buffer_words.SHARED_WORDS
 _LETTERS = status.LETTERS | systems.MOTOR_LETTERS | systems.LETTERS  # matched after the variables that begin so
 _ALWAYS = longest_of(tuple(_ALWAYS_ON_LINE))
 _ANY = longest_of(tuple(_WORDS))

@@ -1,4 +1,4 @@
-"""Move: programs of a coordinate system; of single motors jogs, home searches, phasing, open loop and kill."""
+"""Run programs in a coordinate system and report its axes; move single motors: jogs, home searches, kill."""
 
 from __future__ import annotations
 
