@@ -185,7 +185,6 @@ class GainProposal:
     gains: PidGains
     settings: dict[str, float]
     present: dict[str, float]
-    plant: AxisPlant
     before: LoopMargins
     after: LoopMargins
 
@@ -229,7 +228,6 @@ def rounded_proposal(
         gains=rounded,
         settings=shown,
         present=present_settings(machine, shown),
-        plant=loop.plant,
         before=before,
         after=after,
     )

@@ -55,7 +55,6 @@ _MOST_EACH, _MOST_TRIED = 3, 30
 class _Search:
     """What is the same for each filter: frequencies, plants at them, gains, and how far gains alone yield."""
 
-    machine: MachineProfile
     loop: SampledLoop
     fit: PlantFit
     lobe_hz: float
@@ -83,7 +82,7 @@ def design_with_notch(
     """
     if not fit.plant.modes:
         return None
-    search = _search(machine, loop, fit, lobe_hz, alone, allowed)
+    search = _search(loop, fit, lobe_hz, alone, allowed)
     found = sorted(
         (
             (cost, gains)
@@ -105,7 +104,6 @@ def design_with_notch(
 
 
 def _search(
-    machine: MachineProfile,
     loop: SampledLoop,
     fit: PlantFit,
     lobe_hz: float,
@@ -117,7 +115,6 @@ def _search(
     if alone is not None:
         most = LEAST_STIFFER * lobe_yield(replace(loop, gains=alone.gains), lobe_hz)
     return _Search(
-        machine=machine,
         loop=loop,
         fit=fit,
         lobe_hz=lobe_hz,
