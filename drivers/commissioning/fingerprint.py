@@ -33,7 +33,7 @@ class Fingerprint:
     free: str
 
     def as_defined(self, definitions: Collection[str]) -> Fingerprint:
-        """Return what is read while only these axis definitions of the profile stand: a program took others."""
+        """Return the fingerprint with only these axis definitions of the profile: a program removes the others."""
         taken = set(self.machine.controller.axis_definitions) - set(definitions)
         gone = {each.motor for each in read_definitions(taken)}
         axes = {motor: axis for motor, axis in self.configuration.axes.items() if motor not in gone}

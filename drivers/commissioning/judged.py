@@ -63,12 +63,12 @@ def amount(value: float, of: Named, machine: MachineProfile) -> str:
 
 
 def length(counts: float, motor: int, machine: MachineProfile) -> str:
-    """Return a length or an angle in the unit of its axis, counts where there is none."""
+    """Return a length or an angle in the unit of its axis, counts without one."""
     return _length(counts, motor, machine) or f"{digits(counts)} counts"
 
 
 def speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
-    """Return a speed in the unit of its axis, counts/ms where there is none."""
+    """Return a speed in the unit of its axis, counts/ms without one."""
     return _speed(counts_per_ms, motor, machine) or f"{digits(counts_per_ms)} counts/ms"
 
 
@@ -99,7 +99,7 @@ def _current(bits: float, motor: int, machine: MachineProfile) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """What was read, and what it should be."""
+    """The settings read, and their wanted values."""
 
     configuration: Configuration
     machine: MachineProfile
@@ -111,7 +111,7 @@ class Judged:
 
     @cached_property
     def wanted(self) -> Mapping[int, float]:
-        """The settings that the profile states, without those that ordinary work changes."""
+        """The settings stated by the profile, except those that ordinary work changes."""
         return stated_settings_of(self.machine, self.dialect)
 
     @property
@@ -131,7 +131,7 @@ class Judged:
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
 
     def value(self, index: int) -> float | None:
-        """Return a setting, None where the controller has none of that number."""
+        """Return a setting, None if the controller lacks that number."""
         return self.configuration.settings.get(index)
 
     def of_motor(self, axis: JudgedAxis, number: int) -> float:
@@ -171,7 +171,7 @@ class Judged:
 
 
 def differing_settings(machine: MachineProfile, found: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Return what was read and is not as in the profile, by name: stated and found value."""
+    """Return the settings that differ from the profile, by name: stated and found value."""
     stated = stated_settings(machine)
     both = {name: (stated[name], value) for name, value in found.items() if name in stated}
     return {name: (wanted, value) for name, (wanted, value) in both.items() if not same(wanted, value)}

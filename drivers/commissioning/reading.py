@@ -153,7 +153,7 @@ def order_of(name: str) -> tuple[str, int, int]:
 
 
 def _ranges(dialect: Dialect, pointers: Iterable[int]) -> Iterator[tuple[str, str, range]]:
-    """Yield what is kept: the system in front of the letter, the letter, and a range without a gap."""
+    """Yield the ranges of a backup: the system before the letter, the letter, and numbers without a gap."""
     every = dialect.highest_index + 1
     yield "", "P", range(OWN_VARIABLES.start)
     if OWN_VARIABLES.stop < every:
@@ -255,7 +255,7 @@ def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
 
 
 def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
-    """Return the data of a query, None where the controller has no such item."""
+    """Return the data of a query, None if the controller has no such item."""
     try:
         return client.question(line, timeout_s)
     except ControllerError as error:
@@ -308,7 +308,7 @@ def _pointers(client: Controller, ranges: Iterable[range]) -> Iterator[tuple[int
 
 
 def _reports(client: Controller, ranges: Iterable[range], form: str) -> Iterator[tuple[int, str]]:
-    """Query variables range by range; those that the controller does not have are left out."""
+    """Query variables range by range, without those that the controller lacks."""
     for whole in ranges:
         for start in range(whole.start, whole.stop, NUMBERS_A_LINE):
             yield from _part(client, range(start, min(start + NUMBERS_A_LINE, whole.stop)), form)
@@ -350,7 +350,7 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
 def _listings(
     client: Controller, kind: BufferKind, numbers: Iterable[int], timeout_s: float, locked: list[str]
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Yield the text of each buffer that has one; what is behind a password is named in `locked`."""
+    """Yield the text of each buffer that has one; buffers under a password are named in `locked`."""
     for number in numbers:
         kept = listed_lines(client, kind, number, timeout_s, locked)
         if kept:

@@ -100,7 +100,7 @@ class CutProgram:
         return self._tables.left()
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
-        """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
+        """Switch off compensation tables that add nothing to the tool, at rest; return the remaining problems.
 
         Raises DriverError: `machine.moving`, nothing was sent.
         """
@@ -225,7 +225,7 @@ class CutProgram:
         return BatchGather(self._client, self._machine, self._clock, lambda: self._poller.round_trip_s)
 
     def reports(self) -> ProgramReports | None:
-        """Return the reader of what the loaded program reports of itself, None where none is loaded."""
+        """Return the reader of the reports of the loaded program, None without a program."""
         loaded = self._loaded
         return None if loaded is None else ProgramReports(self._client, self._poller, loaded.program)
 

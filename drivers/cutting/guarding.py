@@ -73,7 +73,7 @@ class CutLength:
 
     @property
     def problem(self) -> Problem | None:
-        """Report a cut shorter than planned; None where the whole length was cut."""
+        """Report a cut shorter than planned; None if the whole length was cut."""
         if self._highest >= self._planned - LENGTH_MARGIN_MM * self._per_mm:
             return None
         cut, planned = (max(end - self._begin, 0.0) / self._per_mm for end in (self._highest, self._planned))

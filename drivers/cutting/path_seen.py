@@ -184,7 +184,7 @@ class PathSeen:
         )
 
     def _behind_face_mm(self, carriage: float) -> float:
-        """Return a place of the carriage as Z behind the face of the part, negative before it."""
+        """Return a carriage position as Z past the face of the part, negative before it."""
         return float(carriage - self._plan.setup.carriage_face) / self._machine.carriage.counts_per_mm
 
     def _spindle(self, turns: Floats, at_s: Floats, held_s: float) -> Iterator[Problem]:

@@ -41,7 +41,7 @@ class ProgramPlace:
 
 
 def place_of(reply: str, program: ProgramText) -> ProgramPlace | None:
-    """Return the place that a reply to `EXECUTED` names; None for one that names no line."""
+    """Return the place named by a reply to `EXECUTED`; None if it names no line."""
     found = _LISTED.fullmatch(reply.strip())
     if found is None or not found[3]:
         return None

@@ -261,7 +261,7 @@ FIGURES = tuple(
 
 
 def figures_of(result: HealthResult) -> dict[str, float]:
-    """Return the `FIGURES` of a test by name, without those that the tool did not reach."""
+    """Return the `FIGURES` of a test by name, except those that the tool did not reach."""
     return _named(result.step, result.parabola) | {
         "sine_gain": result.sine.gain,
         "sine_phase_deg": result.sine.phase_deg,
@@ -327,7 +327,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
 
 
 def _moved(rig: Rig, request: HealthRequest) -> GatheredData:
-    """Run step and parabola, and return what was gathered."""
+    """Run step and parabola, and return the gathered data."""
     moves, machine = request.moves, rig.machine
     word = axis_word(machine, machine.tool.motor)
     rig.lathe.program.load(read_program(health_text(machine, word, moves, 0.0)))

@@ -179,7 +179,7 @@ def restore_after(
     table: bool,
     table_before: tuple[str, ...] = (),
 ) -> None:
-    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step."""
+    """Leave the machine at rest, and restore the settings used, if they are ours and cause no step."""
     off = False
     try:
         _leave_at_rest(rig, error)

@@ -30,7 +30,7 @@ _SERVO_TIME = 10
 
 
 def names_of(motor: int) -> tuple[str, ...]:
-    """Return the names of what is written for a motor, as in a profile."""
+    """Return the names of the variables written for a motor, as in a profile."""
     return tuple(f"I{motor}{number}" for number in WRITTEN)
 
 
@@ -74,7 +74,7 @@ class ToolLoop:
 
     @property
     def gains(self) -> Mapping[str, float]:
-        """Return those that the model has."""
+        """Return the gains as the model has them."""
         modelled = {f"I{self.motor}{number:02d}" for number in MODELLED}
         return {name: value for name, value in self.names.items() if name in modelled}
 
@@ -84,7 +84,7 @@ class ToolLoop:
         return tuple(name for name, value in self.names.items() if name not in self.gains and value != 0.0)
 
     def on(self, machine: MachineProfile) -> MachineProfile:
-        """Return a machine with these gains and this servo period in the place of those of its profile."""
+        """Return a machine with these gains and this servo period instead of those of its profile."""
         variables = {**machine.controller.variables, **self.gains}
         controller = replace(machine.controller, variables=variables, servo_period_ms=self.servo_period_ms)
         return replace(machine, controller=controller)
@@ -111,7 +111,7 @@ class ToolGains:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of what is written, as in a profile."""
+        """The names of the variables written, as in a profile."""
         return names_of(self.motor)
 
     @property

@@ -107,7 +107,7 @@ class Heartbeat:
         self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
 
     def problems(self) -> tuple[Problem, ...]:
-        """Return what is wrong with a prepared heartbeat; before `prepare` nothing is queried."""
+        """Return the problems of a prepared heartbeat; before `prepare` nothing is queried."""
         return () if self._keeper is None else self._looked()[1]
 
     def jog(self, line: str) -> str:
@@ -165,7 +165,7 @@ class Heartbeat:
             self._clock.wait(max(min(end_s, due_s) - now_s, SHORTEST_WAIT_S))
 
     def lapse(self) -> DriverError:
-        """Stop guarding, and return the problem to report: the controller has ended what was guarded."""
+        """Stop guarding, and return the problem to report: the controller has ended the guarded motion."""
         self.guarding, self._lapsed = False, self._lapse_problem
         return DriverError(self._lapsed)
 

@@ -164,7 +164,7 @@ def signing_line(signature: Signature) -> str:
 
 
 def read_signature(client: Controller, holder: int) -> Signature | None:
-    """Return what the console `holder` has written, None where there is nothing of it. Errors as for `numbers`."""
+    """Return the signature of the console `holder`, None if it has written none. Errors as for `numbers`."""
     number, minute, *text = client.numbers(*ITEMS, again=True)
     if int(number) != holder or not 0 <= minute < 2**31:
         return None
@@ -178,7 +178,7 @@ def _packed(text: str) -> tuple[int, ...]:
 
 
 def _unpacked(values: Sequence[float]) -> str:
-    """Return the text of these variables; "" where they hold anything else."""
+    """Return the text of these variables; "" if they hold anything else."""
     if not all(0 <= value < 2 ** (8 * _PER_VARIABLE) and value == int(value) for value in values):
         return ""
     data = b"".join(int(value).to_bytes(_PER_VARIABLE, "big") for value in values)

@@ -20,7 +20,7 @@ class PassingLink:
 
     @property
     def checks_bytes(self) -> bool:
-        """Whether what arrives is what was sent."""
+        """Whether bytes arrive intact or not at all."""
         return self._link.checks_bytes
 
     @property

@@ -135,7 +135,7 @@ class ReplyReader:
 
     @property
     def presumed(self) -> FaultKind | None:
-        """The fault if nothing more comes soon; None where more may well be on its way."""
+        """The fault if nothing more comes soon; None if more is likely on its way."""
         if self.rest.endswith(bytes((BELL,))):
             return FaultKind.BARE_BELL
         # DATA CR LF, or LF alone, is the end of a reply with I3=1; with I3=2 no line begins like that.

@@ -76,7 +76,7 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
 
 
 def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str:
-    """Return the controller variable that a value is a copy of, "" where it is a number of ours."""
+    """Return the controller variable that a value is a copy of, "" for a number of ours."""
     if isinstance(expression, syntax.Variable) and isinstance(expression.index, syntax.Number):
         name = f"{expression.kind}{int(expression.index.value)}"
         return "" if name in known else name

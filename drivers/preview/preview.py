@@ -103,7 +103,7 @@ def all_asked(
 
 
 def program_of(asked: Asked) -> Program:
-    """Plan one program, simulate it, and predict what it leaves."""
+    """Plan one program, simulate it, and predict the residual."""
     job, machine, response = asked.job, asked.machine, asked.response
     # The moves would trigger one full garbage collection after the other, during which no key is handled. They
     # need none: they contain no reference cycles.

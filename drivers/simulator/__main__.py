@@ -66,7 +66,7 @@ def main() -> None:
 
 
 def _go_on(lathe: SimulatedLathe, channel: socket.socket) -> None:
-    """Serve a copy of the lathe, from its checkpoint on: its time stands still until it is told to continue."""
+    """Serve a copy of the lathe, from its checkpoint on; its time stands still until a pace is set."""
     lathe.disconnect_all()
     asyncio.run(_serve(lathe, channel, Pace(0.0)))
 

@@ -220,7 +220,7 @@ def fails(checks: list[Check]) -> bool:
 
 
 def _delay(bench: ProofRig, spindle: int, target: int) -> int | None:
-    """Return the delay that fits the gathered data best, None where none does."""
+    """Return the delay that best fits the gathered data, None if the spindle did not turn."""
     table = spindle_table(bench, target, bench.judged.machine.spindle.counts_per_rev, (CAM_COUNTS * ENTRY, 0))
     bench.define(table)
     bench.tell("I51=1")

@@ -239,7 +239,7 @@ class Guarded:
             self.starts[axis.name] = self._homed(axis)
 
     def back(self) -> None:
-        """Return tool and carriage to where they were homed, the tool first."""
+        """Return tool and carriage to their home positions, the tool first."""
         for axis in self.axes:
             if axis.name != "spindle":
                 self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)

@@ -267,7 +267,7 @@ def _longer(one_ms: float, other_ms: float) -> bool:
 
 
 def _rounded(subject: Subject, word: Set) -> dict[str, Value]:
-    """Return the commanded and the actual value, nothing where they are equal."""
+    """Return the commanded and the actual value, nothing if they are equal."""
     if word.word not in ("TA", "TS", "PVT"):
         return {}
     variables, dialect, step_ms = subject.walk.variables, subject.walk.variables.dialect, 1.0

@@ -293,7 +293,7 @@ def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
 
 
 def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
-    """Find a tool that ends further in than it started, whatever moved it there."""
+    """Find a tool that ends further in than it started, whichever motion did it."""
     walk = subject.walk
     deeper = walk.steps[-1].at[tool] - walk.start[tool]
     if deeper <= SAME_COUNTS:

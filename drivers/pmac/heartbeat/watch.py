@@ -268,7 +268,7 @@ def withhold(
 
 
 def proof_problems(proof: WatchdogProof) -> tuple[Problem, ...]:
-    """Return what the test has not shown. Only what is certainly late counts as late."""
+    """Return the failures of the test. Only a certainly late end counts as late."""
     allowed_s = WATCHDOG_MS / 1000.0
     limit = f"<= {allowed_s:g} s"
     if proof.ended_s is None:

@@ -42,7 +42,7 @@ class PythonText:
         }
 
     def executed(self, lines: Sequence[str], known: Mapping[str, object]) -> dict[str, Any] | None:
-        """Return what the text defines; None where it is too deep for Python."""
+        """Return the names that the text defines; None if it is nested too deep for Python."""
         try:
             code = _compiled("\n".join(lines))
         except (SyntaxError, RecursionError, MemoryError):
@@ -52,7 +52,7 @@ class PythonText:
         return found
 
     def values(self, expressions: Sequence[syntax.Expression]) -> list[Value] | None:
-        """Return functions as `compile_expression` makes them; None where Python cannot have them."""
+        """Return functions as `compile_expression` makes them; None if Python cannot compile them."""
         lines = [line for place, each in enumerate(expressions) for line in self._function(f"value_{place}", each)]
         found = self.executed(lines, {})
         return None if found is None else [found[f"value_{place}"] for place in range(len(expressions))]

@@ -80,7 +80,7 @@ def clear(controller: Controller) -> None:
 
 
 def close(controller: Controller) -> None:
-    """CLOSE whatever buffer is open, whoever opened it; without one this is no error."""
+    """CLOSE the open buffer, whichever host opened it; without one this is no error."""
     controller.open_buffer = None
 
 

@@ -199,7 +199,7 @@ class Controller:
         self.systems[system].define(motor, definition)
 
     def save(self) -> None:
-        """Keep what is there now, and begin the seconds of writing. Raises ProfileError: it cannot be written."""
+        """Save the present state, and begin the seconds of writing. Raises ProfileError: it cannot be written."""
         self.flash.save(self)
         self._saved_at_cycle = self.cycles + round(1000.0 * SAVE_S / self.servo_period_ms)
 
@@ -216,7 +216,7 @@ class Controller:
             system.define(motor, system.frame.definitions[motor])
 
     def each_system(self, act: Callable[[CoordinateSystem], None]) -> None:
-        """Apply a command to every coordinate system; one that refuses it is skipped."""
+        """Apply a command to every coordinate system that does not refuse it."""
         for system in self._all_systems:
             with suppress(PmacError):
                 act(system)

@@ -225,7 +225,7 @@ class MotorLoop:
         return self._poller > guard.polls and self._settled(abs(self.following_error), guard)
 
     def judged(self) -> tuple[bool, bool]:
-        """Return `warning` and `in_position`, from one look at the following error."""
+        """Return `warning` and `in_position`, from one sample of the following error."""
         error, guard = abs(self.following_error), self.guard
         settled = self._poller > guard.polls and self._settled(error, guard)
         return self.fatal_error or error > guard.warning_error, settled
@@ -384,7 +384,7 @@ class MotorLoop:
         )
 
     def _search(self, start: float, end: float) -> None:
-        """Capture the trigger, make it the home where it is one, and stop."""
+        """Capture the trigger, make it the home in a home search, and stop."""
         trigger = self.passed_index(start, end)
         if trigger is None:
             return

@@ -249,7 +249,7 @@ class ProgramMotion:
             self._player.forget_debt()
 
     def drop(self) -> None:
-        """Release the motors where they are; the program can be resumed from wherever they come to rest."""
+        """Release the motors at their present positions; the program can be resumed from where they rest."""
         self._event, self.homing = None, ()
         self.running = False
         self._rest(None)
@@ -296,7 +296,7 @@ class ProgramMotion:
         return self._by_motor(tracks)
 
     def uneventful(self, cycle_ms: float) -> int:
-        """Return for how many servo cycles a piece of motion certainly goes on in real time; 1 if it does not."""
+        """Return for how many servo cycles a piece of motion is certain to continue in real time; else 1."""
         player = self._player
         return 1 if player is None or not self._time_base.real_time else player.whole_cycles(cycle_ms)
 

@@ -51,7 +51,7 @@ def answer(lathe: SimulatedLathe, line: str) -> str:
 
 
 class _CannotBeDoneError(Exception):
-    """The lathe has no such thing, whatever the value."""
+    """The lathe has no such device, at any value."""
 
 
 def _obey(lathe: SimulatedLathe, line: str) -> list[str]:  # noqa: C901 - one branch a case

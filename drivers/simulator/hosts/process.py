@@ -280,7 +280,7 @@ class SimulatorProcess:
         return record(ClampReadings, self._ask("indicate", places=places))
 
     def truth(self) -> Truth:
-        """Return what is so at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""
+        """Return the true values at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""
         return Truth(**self._ask("truth"))
 
     def set_spindle(self, rpm: float | None) -> None:
