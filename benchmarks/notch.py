@@ -18,8 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks.measure import extent, print_table
-from profiles.axis.gain_proposal import GainProposal
-from profiles.axis.loop_design import designed_gains, unseen_hz
+from profiles.axis.loop_design import GainProposal, designed_gains, unseen_hz
 from profiles.axis.notch_design import design_with_notch
 from profiles.axis.plant_fit import LoopPoint, PlantFit, fitted_plant
 from profiles.axis.sampled_loop import FlexibleMode, SampledLoop, loop_of

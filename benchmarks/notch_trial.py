@@ -21,7 +21,7 @@ from console.session.data.health import kept_tests
 from console.session.tuning.known_loop import known_loop
 from console.session.tuning.notch_evidence import gathered
 from profiles.axis.notch import Reading
-from profiles.axis.notch_reading import left_by, reading_of
+from profiles.axis.step_figures import left_by, reading_of
 from profiles.store import load_machine
 
 SEED = 1

@@ -42,7 +42,7 @@ from drivers.lathe.stop import KILL_ALL, StopPath
 from drivers.link.address import SerialAddress, SimulatedAddress, parse_address
 from drivers.link.base import Link
 from drivers.link.opening import open_link
-from drivers.link.tapping import TappedLink
+from drivers.link.passing import TappedLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.gathering.gather_client import DataGathering
 from drivers.requests.side_line import SideLine

@@ -39,34 +39,24 @@ def cutting_force(
     depth_mm: float,
     feed_mm_per_rev: float,
     *,
-    lead_deg: float = 90.0,
     passive_fraction: float = PASSIVE_FRACTION,
     edge_n_per_mm: float = EDGE_N_PER_MM,
 ) -> CuttingForce:
-    """Return F_c = kc1.1 b h^(1 - mc), with b = ap / sin(kappa), h = f sin(kappa), and its components.
+    """Return F_c = kc1.1 b h^(1 - mc) and its components, of a tool square to the axis: b = ap, h = f.
 
     Below `THIN_CHIP_MM` the force of the edge is added, growing from nothing there to all of it at no feed.
     """
-    sine = math.sin(math.radians(lead_deg))
-    width_mm, chip_mm = depth_mm / sine, feed_mm_per_rev * sine
-    main_n: float = material.kc1_n_per_mm2 * width_mm * chip_mm ** (1 - material.chip_exponent)
-    main_n += edge_n_per_mm * width_mm * max(0.0, 1 - chip_mm / THIN_CHIP_MM)
+    main_n: float = material.kc1_n_per_mm2 * depth_mm * feed_mm_per_rev ** (1 - material.chip_exponent)
+    main_n += edge_n_per_mm * depth_mm * max(0.0, 1 - feed_mm_per_rev / THIN_CHIP_MM)
     return CuttingForce(main_n=main_n, passive_n=passive_fraction * main_n, feed_n=FEED_FRACTION * main_n)
 
 
-def radial_cutting_stiffness_n_per_mm2(
-    material: Material,
-    feed_mm_per_rev: float,
-    *,
-    lead_deg: float = 90.0,
-    passive_fraction: float = PASSIVE_FRACTION,
-) -> float:
+def radial_cutting_stiffness_n_per_mm2(material: Material, feed_mm_per_rev: float) -> float:
     """Return K_r: the additional passive force per mm of chip thickness and mm of width.
 
     Taken as the secant kc1.1 h^-mc of Kienzle's law, times the passive fraction.
     """
-    chip_mm = feed_mm_per_rev * math.sin(math.radians(lead_deg))
-    return float(passive_fraction * material.kc1_n_per_mm2 * chip_mm**-material.chip_exponent)
+    return float(PASSIVE_FRACTION * material.kc1_n_per_mm2 * feed_mm_per_rev**-material.chip_exponent)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

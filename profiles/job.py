@@ -2,11 +2,16 @@
 
 Plain values and their limits, no arithmetic beyond Eq 4 of Lee & Lee (2001). A job file is TOML; its keys
 may stand at the top or inside any tables, each key once.
+
+Note and tags are words for people, on which no cut depends: lines of the job's file, but no part of its hash. What
+was learned of a job, and its records, are found by that hash, and a note must not take them away.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import hashlib
+import re
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -19,6 +24,20 @@ NO_LOBE = "none"
 """Source of the lobe error of a job whose lobe is not known yet: the error is 0, only a plain cut can be made."""
 
 LOBE_ERROR_SOURCES = ("measured", "fitted", "model", "assumed", NO_LOBE)
+LABELS = ("note", "tags")
+
+_TEXT = rb'"(?:[^"\\\r\n]|\\[^\r\n])*"'
+# A label in a line of its own, as this package writes it. In a sound job such a line is nothing else: no text of a
+# job has a line break. A label that is spelled otherwise counts as content.
+_LINE = re.compile(
+    rb"^(\xef\xbb\xbf)?[ \t]*(?:note[ \t]*=[ \t]*"
+    + _TEXT
+    + rb"|tags[ \t]*=[ \t]*\[(?:[ \t]*"
+    + _TEXT
+    + rb"[ \t]*,?)*[ \t]*\])[ \t]*(?:\r?\n|\Z)",
+    re.MULTILINE,
+)
+_MARK = b"\xef\xbb\xbf"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,3 +211,29 @@ def job_from_table(table: Mapping[str, Any], *, where: str = "") -> Job:
         value = f"{job.lobe_error_um_pp:.6g} um"
         raise ProfileError(Problem(code="job.lobe_unknown", where=where, key="lobe_error_um_pp", value=value))
     return job
+
+
+def hash_of_job(content: bytes) -> str:
+    """Return the sha256, hexadecimal, of a job file without its labels: of the bytes, where it has none."""
+    return hashlib.sha256(without_labels(content)).hexdigest()
+
+
+def without_labels(content: bytes) -> bytes:
+    """Return the bytes of a job file without the lines of its labels."""
+    return _LINE.sub(rb"\1", content)
+
+
+def with_labels(content: bytes, note: str, tags: Sequence[str]) -> bytes:
+    """Return the bytes of a job file with these labels as its first lines; all other bytes stay."""
+    plain = without_labels(content)
+    mark = _MARK if plain.startswith(_MARK) else b""
+    lines = [f"note = {_spelled(note)}\n"] if note else []
+    lines += [f"tags = [{', '.join(map(_spelled, tags))}]\n"] if tags else []
+    return mark + "".join(lines).encode() + plain.removeprefix(mark)
+
+
+def _spelled(text: str) -> str:
+    """Return a text of printable characters as TOML writes it, which is as JSON does."""
+    import json  # not for the first page
+
+    return json.dumps(text, ensure_ascii=False)

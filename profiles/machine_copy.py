@@ -6,11 +6,22 @@ from pathlib import Path
 
 from profiles.files import parse_toml, write_atomically
 from profiles.machine import machine_from_table
-from profiles.problem import ProfileError
-from profiles.profile_names import unfit_name
+from profiles.problem import Problem, ProfileError
 from profiles.store import LoadedMachine, load_machine
 
 UNSIGNED = "simulator only: sign again for a real machine"
+MOST_CHARACTERS = 60
+_MOST_BYTES = 200
+
+
+def unfit_name(name: str) -> Problem | None:
+    """Return why nothing can be saved under this name: `file.name_unfit`, `file.name_long`."""
+    beyond = not name.strip() or not name.isprintable() or "/" in name or "\\" in name
+    if beyond or name.startswith((".", "-", "~")) or name.lower().endswith(".toml"):
+        return Problem(code="file.name_unfit", value=name or '""')
+    if len(name) > MOST_CHARACTERS or len(name.encode()) > _MOST_BYTES:
+        return Problem(code="file.name_long", value=str(len(name)), limit=f"<= {MOST_CHARACTERS}")
+    return None
 
 
 def copy_machine(loaded: LoadedMachine, name: str, folder: Path) -> LoadedMachine:

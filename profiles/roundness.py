@@ -18,7 +18,6 @@ from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats
 from profiles.metrology.circles import LEAST_SQUARES, ReferenceCircle, least_squares, limacon_circle
-from profiles.metrology.filters import POINTS_PER_UNDULATION, gaussian_filter
 from profiles.metrology.geometric import circles_about_axis, geometric_circle, polar
 from profiles.metrology.harmonics import (
     Feature,
@@ -32,8 +31,15 @@ from profiles.metrology.harmonics import (
     has_gap,
     suspects,
 )
-from profiles.metrology.points import angle_weights, checked, equally_spaced, largest_gap, largest_gap_deg
-from profiles.metrology.spikes import spike
+from profiles.metrology.points import (
+    POINTS_PER_UNDULATION,
+    angle_weights,
+    checked,
+    equally_spaced,
+    gaussian_filter,
+    largest_gap,
+    largest_gap_deg,
+)
 from profiles.problem import Problem, refused
 
 # The ovality, p-p, that the limacon model may add before the part is taken about its own centre.
@@ -49,6 +55,9 @@ MOST_INTERPOLATED_UM, MOST_INTERPOLATED_FRACTION = 0.5, 0.05
 _TRIALS = 36  # places where a gap like that of the trace is tried, to see its effect
 _ROOM = 1.25  # gaps, and a step: what is wider is such a gap beside that of the trace
 _TRIAL_POINTS = 1800  # of so many points: more make it no better known
+LEAST_SPIKE_UM = 5.0  # less makes no round part out of tolerance (choice)
+FAR_SD = 8.0  # of the scatter from point to point; of 3600 points with noise alone none is as far
+NEIGHBOURS = (-2, -1, 1, 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -328,6 +337,21 @@ def _from_axis(circle: ReferenceCircle, centred: _Centred) -> ReferenceCircle:
 def seen_oval_um_pp(eccentricity_um: float, radius_mm: float) -> float:
     """Return the ovality that a circle of a radius shows about an axis this far off its centre: e^2 / (2 R)."""
     return eccentricity_um**2 / (2000.0 * radius_mm)
+
+
+def spike(deviation_um: Floats) -> tuple[int, float, float] | None:
+    """Return the point of a closed turn, shape (M,), that is furthest outside the range of its four neighbours.
+
+    The result is its index, how far outside it is, um (positive outwards), and what is allowed, um; None where no
+    point is further outside than that. A step is no spike, and neither is a lobe, however few the points are.
+    """
+    around = np.stack([np.roll(deviation_um, places) for places in NEIGHBOURS])
+    outside = deviation_um - np.clip(deviation_um, around.min(axis=0), around.max(axis=0))
+    bent = deviation_um - 0.5 * (np.roll(deviation_um, 1) + np.roll(deviation_um, -1))
+    scatter_um = 1.4826 * float(np.median(np.abs(bent))) / math.sqrt(1.5)
+    allowed_um = max(LEAST_SPIKE_UM, FAR_SD * scatter_um)
+    worst = int(np.argmax(np.abs(outside)))
+    return (worst, float(outside[worst]), allowed_um) if abs(outside[worst]) > allowed_um else None
 
 
 def _spikes(angle_deg: Floats, deviation_um: Floats) -> tuple[Problem, ...]:

@@ -39,9 +39,8 @@ import math
 from functools import lru_cache
 
 from profiles.chucking.advice import force_span, wall_stress_mpa
-from profiles.chucking.force import force_as_measured
 from profiles.chucking.grip import MOST_GRIP_LOSS, centrifugal_loss_n, grip_margin_n, lobe_um_per_n, needed_grip_n
-from profiles.chucking.holding import holding_of
+from profiles.chucking.holding import force_as_measured, holding_of
 from profiles.findings import Finding, Severity, judged, refusals
 from profiles.job import NO_LOBE, Job
 from profiles.lobe.lobe_conditions import any_stated, lobe_differences, lobe_unstated

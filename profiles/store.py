@@ -18,8 +18,7 @@ from typing import Any
 
 from profiles.fields import spelled
 from profiles.files import parse_toml, printable, read_toml, write_atomically
-from profiles.job import JOB_FIELDS, Job, job_from_table
-from profiles.job_labels import LABELS, hash_of_job, with_labels
+from profiles.job import JOB_FIELDS, LABELS, Job, hash_of_job, job_from_table, with_labels
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.problem import ProfileError, refused
 
@@ -41,7 +40,7 @@ class LibraryEntry:
 class LoadedJob:
     """A job with the file it came from, the hash (sha256, hexadecimal) of that file's bytes, and its text.
 
-    Note and tags are no part of the hash (`profiles.job_labels`).
+    Note and tags are no part of the hash (`profiles.job`).
     """
 
     job: Job
@@ -85,7 +84,9 @@ def load_machine(reference: str | LibraryEntry, user_folder: Path | None = None)
     content, table = read_toml(path)
     machine = machine_from_table(table, where=printable(str(path)))
     _refuse_other_name("machine.name_differs", path, name, machine.name)
-    return LoadedMachine(machine=machine, path=path, sha256=_sha256(content), text=_text(content))
+    return LoadedMachine(
+        machine=machine, path=path, sha256=hashlib.sha256(content).hexdigest(), text=_text(content)
+    )
 
 
 def save_job(job: Job, path: Path, *, overwrite: bool = False, private: bool = False) -> None:
@@ -159,10 +160,6 @@ def _refuse_bundled(path: Path) -> None:
         raise refused("file.bundled", where=where)
 
 
-def _sha256(content: bytes) -> str:
-    return hashlib.sha256(content).hexdigest()
-
-
 def _text(content: bytes) -> str:
     return content.decode("utf-8")  # the parser has taken it as that
 
@@ -180,10 +177,6 @@ def _entries(bundled_folder: Path, user_folder: Path | None) -> tuple[LibraryEnt
     return tuple(entries[name] for name in sorted(entries))
 
 
-def _is_path(reference: str) -> bool:
-    return os.sep in reference or reference.endswith(".toml")
-
-
 def _refuse_other_name(code: str, path: Path, name: str | None, found: str) -> None:
     if name not in (None, found):
         raise refused(code, where=printable(str(path)), value=printable(name or ""), limit=found)
@@ -193,7 +186,7 @@ def _find(reference: str | LibraryEntry, entries: tuple[LibraryEntry, ...], code
     """Return the file of a profile, and the name that the profile in it must have, None for a path."""
     if isinstance(reference, LibraryEntry):
         return reference.path, reference.name
-    if _is_path(reference):
+    if os.sep in reference or reference.endswith(".toml"):
         return Path(reference), None
     for entry in entries:
         if entry.name == reference:

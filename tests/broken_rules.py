@@ -96,7 +96,7 @@ _STOPPING: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="A setting that changed while a response was measured is seen after it.",
-        file="drivers/identification/settings_comparison.py",
+        file="drivers/identification/measuring.py",
         old="        found = fingerprint_problems(self._before, self._read(), left_out)",
         new="        found = fingerprint_problems(self._before, self._before, left_out)",
         test=f"{DISTURBED}::test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end",
@@ -110,14 +110,14 @@ _STOPPING: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="A trim beyond what was judged is put back by the program.",
-        file="drivers/pmac/programs/live_trim.py",
+        file="drivers/pmac/programs/pvt.py",
         old="P53=P55 P54=P56\nENDIF",
         new="ENDIF",
         test="tests/drivers/test_live_trim.py::test_what_is_beyond_the_bounds_is_put_back_whole",
     ),
     Mutation(
         rule="Rest is proven by polls in which nothing drifts or swings.",
-        file="drivers/lathe/drift.py",
+        file="drivers/lathe/standstill.py",
         old="return drift <= limit and scatter",
         new="return drift <= math.inf and scatter",
         test="tests/drivers/test_rest_proof.py::test_an_axis_that_moves_is_not_at_rest",
@@ -326,7 +326,7 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="INT rounds down, also below zero.",
-        file="drivers/pmac/language/arithmetic.py",
+        file="drivers/pmac/language/evaluate.py",
         old='"INT": lambda value: float(math.floor(value))',
         new='"INT": lambda value: float(math.trunc(value))',
         test=f"{EXPRESSIONS}::test_the_examples_of_the_software_reference",
@@ -415,7 +415,7 @@ _SCIENCE: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="Eq 2: a lobe lags by the phase of mass, damping and spring.",
-        file="profiles/chucking/reaction.py",
+        file="profiles/paper/chuck.py",
         old="math.hypot(spring, dash), math.atan2(dash, spring)\n    even_n",
         new="math.hypot(spring, dash), math.atan2(spring, dash)\n    even_n",
         test="tests/profiles/test_reaction.py::test_integrating_eq_2_in_time_stays_on_the_steady_state",
@@ -471,14 +471,14 @@ _SCIENCE: tuple[Mutation, ...] = (
     ),
     Mutation(
         rule="The filter lets half of its cut-off through.",
-        file="profiles/metrology/filters.py",
+        file="profiles/metrology/points.py",
         old="_ALPHA = math.sqrt(math.log(2) / math.pi)",
         new="_ALPHA = math.sqrt(math.log(2)) / math.pi",
         test="tests/profiles/test_roundness.py::test_the_filter",
     ),
     Mutation(
         rule="A V-block adds where the lobes are odd and takes where they are even.",
-        file="profiles/metrology/v_block.py",
+        file="profiles/metrology/harmonics.py",
         old="sign = -1.0 if lobes % 2 else 1.0",
         new="sign = 1.0 if lobes % 2 else -1.0",
         test="tests/profiles/test_v_block_and_turns.py::test_factors",

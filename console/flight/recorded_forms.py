@@ -100,7 +100,7 @@ def names() -> Mapping[str, Any]:
     from console.session.station.progress import CutProgress
     from console.session.tuning.standing import StandingTrial
     from drivers.cutting.strategy import Strategy
-    from drivers.identification.tool_loop import ToolLoop
+    from drivers.identification.tool_gains import ToolLoop
     from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
     from profiles.roundness import RoundnessResult

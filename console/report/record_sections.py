@@ -20,8 +20,7 @@ from console.session.data.run_rows import How
 from console.session.learning.opened_run import OpenedRun
 from console.text.catalogue import Catalogue
 from console.text.recorded_words import Layout, fact_rows, part_words, stage_words
-from profiles.job import JOB_FIELDS, NO_LOBE, Job
-from profiles.job_labels import hash_of_job
+from profiles.job import JOB_FIELDS, NO_LOBE, Job, hash_of_job
 
 PART = ("material", "diameter_mm", "wall_thickness_mm", "overhang_mm", "jaws")
 CUT = ("chucking_force_n", "depth_of_cut_mm", "spindle_speed_rpm", "feed_mm_per_rev", "cut_length_mm")

@@ -11,8 +11,7 @@ from console.session.typed_number import plain_number
 from drivers.cutting.strategy import DEFAULT_STRATEGY, UNCOMPENSATED
 from profiles.fields import Field, Kind, fault, spelled
 from profiles.files import printable
-from profiles.job import JOB_FIELDS, NO_LOBE, Job, copy_of
-from profiles.job_labels import LABELS
+from profiles.job import JOB_FIELDS, LABELS, NO_LOBE, Job, copy_of
 from profiles.lobe.lobe_conditions import kept_condition
 from profiles.lobe.lobe_origin import MODEL, with_lobe_of, with_modelled_lobe, without_lobe
 from profiles.problem import Problem, ProfileError

@@ -7,13 +7,13 @@ tables are listed with the hash of their entries, and restored where the entries
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest
+from drivers.commissioning.reading import highest_of, read_value_line, value_lines
 from drivers.commissioning.setting_names import named
 from drivers.commissioning.user_buffer import UserBufferLines, definition, title, word_lines
-from drivers.commissioning.values import highest_of, read_value_line, value_lines
 from drivers.pmac.compensation.table_text import entry_lines
 from drivers.pmac.dialect import DIALECTS, Dialect, Scope
 from drivers.pmac.execution.kinematics import FORWARD, INVERSE
@@ -44,19 +44,7 @@ MOST_LINES = 300_000  # every setting, every pointer, and programs up to the mem
 MOST_CHARACTERS = 1000  # characters per line: a controller accepts a quarter of it
 MOST_WORDS = 8192  # words of the encoder conversion table, far more than any has
 _HEADER = ("family", "type", "version", "date", "sha256")
-_SETTING = re.compile(r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?")
-_POINTER = re.compile(r"M(\d+)(\.\.\d+)?->(.+)")
-_AXIS = re.compile(r"&(\d+)#(\d+)->(.+)")
-_WORDS = re.compile(r"WY:\$[0-9A-F]+,([$0-9A-F,]+)")
-_TABLE = re.compile(r"; #(\d+) COMP (\S+) (\d+) ([0-9a-f]{64})")
-_DELETE_TABLE = re.compile(r"#\d+(?:DELETE COMP)?")
-_DEFINE_TABLE = re.compile(r"#(\d+)DEFINE COMP (\S+)")
-_ENTRIES = re.compile(r"-?\d+(?: -?\d+)*")
 _TYPED = re.compile(r'(?:[^";]|"[^"]*"?)*')
-_LOCKED = re.compile(r"; locked (.+)")
-_NO_PROGRAMS = re.compile(r"; no program under (\d{1,5}(?:, \d{1,5})*)")
-_OPEN = re.compile(r"OPEN (PLC|PROG)(\d+)")
-_OPEN_KINEMATIC = re.compile(rf"&(\d+)OPEN ({INVERSE}|{FORWARD})")
 
 
 def backup_text(configuration: Configuration, date: str) -> str:
@@ -264,51 +252,50 @@ class _Gathered:
     highest: int = 0
     user_buffer: UserBufferLines = field(init=False)
     _open: list[str] | None = None
-    _table: list[int] = field(default_factory=list)
+    table: list[int] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.user_buffer = UserBufferLines(self.dialect)
 
-    def take(self, line: str) -> None:  # noqa: C901 - one branch a case
+    def take(self, line: str) -> None:
         """Parse one line. Raises ValueError: not a line of a backup."""
         if self._open is not None:
             if line == "CLOSE":
                 self._open = None
             elif line != "CLEAR" or self._open:
                 self._open.append(line)
-            return
-        if found := _SETTING.fullmatch(line):
-            self._setting(found)
-        elif found := _POINTER.fullmatch(line):
-            self.highest = max(self.highest, int(found[1]))
-            if found[2] is None:
-                self.pointers[int(found[1])] = found[3]
-        elif found := _AXIS.fullmatch(line):
-            self.axes[int(found[2])] = AxisEntry(int(found[1]), found[3])
-        elif self.user_buffer.take(line):
-            return
-        elif found := _WORDS.fullmatch(line):
-            self.conversion += [int(word.removeprefix("$"), 16) for word in found[1].split(",")]
-        elif found := _TABLE.fullmatch(line):
-            self.tables[int(found[1])] = TableEntry(found[2], int(found[3]), found[4])
-        elif found := _LOCKED.fullmatch(line):
-            self.locked.append(found[1])
-        elif found := _NO_PROGRAMS.fullmatch(line):
-            self.no_programs += map(int, found[1].split(", "))
-        elif found := _OPEN.fullmatch(line):
-            self._open = self.buffers[found[1]][int(found[2])] = []
-        elif found := _OPEN_KINEMATIC.fullmatch(line):
-            self._open = self.kinematics[int(found[1]), found[2]] = []
-        elif line and line != UNDEFINE and not line.startswith(";"):
-            self._table_line(line)
-
-    def _table_line(self, line: str) -> None:
-        if found := _DEFINE_TABLE.fullmatch(line):
-            self._table = self.entries[int(found[1])] = []
-        elif _ENTRIES.fullmatch(line):
-            self._table += map(int, line.split())
-        elif line != DELETE_GATHER and not _DELETE_TABLE.fullmatch(line):
+        elif not self.user_buffer.take(line):
+            for pattern, read in _LINES:
+                if found := re.fullmatch(pattern, line):
+                    read(self, found)
+                    return
             self._value(line)
+
+    def begin_text(self, found: re.Match[str]) -> None:
+        """Begin the text of a PLC or a program, up to its CLOSE."""
+        self._open = self.buffers[found[1]][int(found[2])] = []
+
+    def begin_kinematics(self, found: re.Match[str]) -> None:
+        """Begin the text of a kinematic program, up to its CLOSE."""
+        self._open = self.kinematics[int(found[1]), found[2]] = []
+
+    def begin_table(self, found: re.Match[str]) -> None:
+        """Begin the entries of a compensation table."""
+        self.table = self.entries[int(found[1])] = []
+
+    def take_pointer(self, found: re.Match[str]) -> None:
+        """Take the definition of an M-variable; that of a range is of undefined ones."""
+        self.highest = max(self.highest, int(found[1]))
+        if found[2] is None:
+            self.pointers[int(found[1])] = found[3]
+
+    def take_setting(self, found: re.Match[str]) -> None:
+        """Take the value of an I-variable, or of a range of them."""
+        value = float(int(found[3][1:], 16)) if found[3].startswith("$") else float(found[3])
+        first, last = int(found[1]), int(found[2] or found[1])
+        self.highest = max(self.highest, last)
+        if last <= self.dialect.highest_index:
+            self.settings.update(dict.fromkeys(range(first, last + 1), value))
 
     def _value(self, line: str) -> None:
         named = read_value_line(line)
@@ -339,9 +326,28 @@ class _Gathered:
             user_words=self.user_buffer.words,
         )
 
-    def _setting(self, found: re.Match[str]) -> None:
-        value = float(int(found[3][1:], 16)) if found[3].startswith("$") else float(found[3])
-        first, last = int(found[1]), int(found[2] or found[1])
-        self.highest = max(self.highest, last)
-        if last <= self.dialect.highest_index:
-            self.settings.update(dict.fromkeys(range(first, last + 1), value))
+
+# The lines of a backup: the first pattern that fits reads it. Only a host needs those that nothing reads.
+_LINES: tuple[tuple[str, Callable[[_Gathered, re.Match[str]], object]], ...] = (
+    (r"I(\d+)(?:\.\.(\d+))?=(-?[\d.]+|\$[0-9A-F]+)(?: ; no limit)?", _Gathered.take_setting),
+    (r"M(\d+)(\.\.\d+)?->(.+)", _Gathered.take_pointer),
+    (r"&(\d+)#(\d+)->(.+)", lambda to, at: to.axes.update({int(at[2]): AxisEntry(int(at[1]), at[3])})),
+    (
+        r"WY:\$[0-9A-F]+,([$0-9A-F,]+)",
+        lambda to, at: to.conversion.extend(int(word.removeprefix("$"), 16) for word in at[1].split(",")),
+    ),
+    (
+        r"; #(\d+) COMP (\S+) (\d+) ([0-9a-f]{64})",
+        lambda to, at: to.tables.update({int(at[1]): TableEntry(at[2], int(at[3]), at[4])}),
+    ),
+    (r"; locked (.+)", lambda to, at: to.locked.append(at[1])),
+    (
+        r"; no program under (\d{1,5}(?:, \d{1,5})*)",
+        lambda to, at: to.no_programs.extend(map(int, at[1].split(", "))),
+    ),
+    (r"OPEN (PLC|PROG)(\d+)", _Gathered.begin_text),
+    (rf"&(\d+)OPEN ({INVERSE}|{FORWARD})", _Gathered.begin_kinematics),
+    (r"#(\d+)DEFINE COMP (\S+)", _Gathered.begin_table),
+    (r"-?\d+(?: -?\d+)*", lambda to, at: to.table.extend(map(int, at[0].split()))),
+    (rf"|;.*|{UNDEFINE}|{DELETE_GATHER}|#\d+(?:DELETE COMP)?", lambda to, at: None),
+)

@@ -7,11 +7,10 @@ from collections.abc import Iterator, Mapping
 from itertools import zip_longest
 from typing import TypeVar
 
-from drivers.commissioning.amounts import amount
 from drivers.commissioning.backup import setting_text
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration
-from drivers.commissioning.judged import Judged, same, stated_settings_of
+from drivers.commissioning.judged import Judged, amount, same, stated_settings_of
 from drivers.commissioning.reading import read_settings
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller

@@ -9,9 +9,8 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from drivers.commissioning.amounts import amount
 from drivers.commissioning.configuration import Configuration, digest
-from drivers.commissioning.judged import same
+from drivers.commissioning.judged import amount, same
 from drivers.commissioning.reading import PROGRAM_NUMBERS, of_motors, read_configuration
 from drivers.commissioning.setting_names import named
 from drivers.controller import Controller
@@ -34,7 +33,7 @@ class Fingerprint:
     free: str
 
     def as_defined(self, definitions: Collection[str]) -> Fingerprint:
-        """Return what is read while only these axis definitions of the profile stand: a program took others."""
+        """Return the fingerprint with only these axis definitions of the profile: a program removes the others."""
         taken = set(self.machine.controller.axis_definitions) - set(definitions)
         gone = {each.motor for each in read_definitions(taken)}
         axes = {motor: axis for motor, axis in self.configuration.axes.items() if motor not in gone}

@@ -9,10 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from drivers.commissioning.amounts import digits
 from drivers.commissioning.card_state import read_state
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.judged import Judged, same
+from drivers.commissioning.judged import Judged, digits, same
 from drivers.commissioning.reading import number_in
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.controller import Controller

@@ -7,17 +7,19 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
-from drivers.commissioning.amounts import amount
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.configuration import Configuration, passing_settings
-from drivers.commissioning.setting_names import Named, named
+from drivers.commissioning.setting_names import Named, Quantity, named
+from drivers.pmac.analysis.units import unit_of
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.settings import named_settings
+from drivers.pmac.language.text import format_number
+from drivers.pmac.settings import PARTS_PER_COUNT, named_settings
 from profiles.axis.servo_gains import stated_settings
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
 
 SAME = 1e-6  # relative tolerance for equal numbers: a controller has fewer digits than a host
+_PLAIN_DIGITS = 1e5
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +31,75 @@ class JudgedAxis:
     group: Group
 
 
+def digits(value: float) -> str:
+    """Return a number with five digits, without an exponent; a large one with all digits before the point."""
+    if abs(value) >= _PLAIN_DIGITS:
+        return f"{value:.0f}"
+    short = f"{value:.5g}"
+    return format_number(value) if "e" in short else short
+
+
+def amount(value: float, of: Named, machine: MachineProfile) -> str:
+    """Return a value such as `40 counts/ms2 (8000 mm/s2)`."""
+    counted, motor = digits(value), of.motor
+    match of.name.quantity:
+        case Quantity.ADDRESS:
+            return f"${int(value):X}" if value == int(value) and value >= 0 else format_number(value)
+        case Quantity.NUMBER:
+            return format_number(value)
+        case Quantity.TIME_MS:
+            return f"{counted} ms"
+        case Quantity.DAC_BITS:
+            unit, converted = "bits", _current(value, motor, machine)
+        case Quantity.COUNTS:
+            unit, converted = "counts", _length(value, motor, machine)
+        case Quantity.SIXTEENTHS:
+            unit, converted = "/16 counts", _length(value / PARTS_PER_COUNT, motor, machine)
+        case Quantity.SPEED:
+            unit, converted = "counts/ms", _speed(value, motor, machine)
+        case Quantity.ACCELERATION:
+            unit, converted = "counts/ms2", _acceleration(value, motor, machine)
+    return f"{counted} {unit} ({converted})" if converted else f"{counted} {unit}"
+
+
+def length(counts: float, motor: int, machine: MachineProfile) -> str:
+    """Return a length or an angle in the unit of its axis, counts without one."""
+    return _length(counts, motor, machine) or f"{digits(counts)} counts"
+
+
+def speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
+    """Return a speed in the unit of its axis, counts/ms without one."""
+    return _speed(counts_per_ms, motor, machine) or f"{digits(counts_per_ms)} counts/ms"
+
+
+def _length(counts: float, motor: int, machine: MachineProfile) -> str:
+    unit = unit_of(machine, motor)
+    return "" if unit is None else f"{digits(counts * unit.per_count)} {unit.name}"
+
+
+def _speed(counts_per_ms: float, motor: int, machine: MachineProfile) -> str:
+    unit = unit_of(machine, motor)
+    return "" if unit is None else f"{digits(counts_per_ms * unit.velocity)} {unit.velocity_unit}"
+
+
+def _acceleration(counts_per_ms2: float, motor: int, machine: MachineProfile) -> str:
+    """Return the acceleration per second, in the unit of the speed: mm/s2 and rpm/s."""
+    unit = unit_of(machine, motor)
+    if unit is None:
+        return ""
+    per_second = "mm/s2" if unit.name == "mm" else f"{unit.velocity_unit}/s"
+    return f"{digits(counts_per_ms2 * 1e3 * unit.velocity)} {per_second}"
+
+
+def _current(bits: float, motor: int, machine: MachineProfile) -> str:
+    tool = machine.tool
+    current_a = bits * tool.v_per_bit * tool.amplifier_gain_a_per_v
+    return f"{digits(current_a)} A" if motor == tool.motor else ""
+
+
 @dataclass(frozen=True, kw_only=True)
 class Judged:
-    """What was read, and what it should be."""
+    """The settings read, and their wanted values."""
 
     configuration: Configuration
     machine: MachineProfile
@@ -43,7 +111,7 @@ class Judged:
 
     @cached_property
     def wanted(self) -> Mapping[int, float]:
-        """The settings that the profile states, without those that ordinary work changes."""
+        """The settings stated by the profile, except those that ordinary work changes."""
         return stated_settings_of(self.machine, self.dialect)
 
     @property
@@ -63,7 +131,7 @@ class Judged:
         return tuple(axis for axis in self.axes if not (followed and axis.name == "spindle"))
 
     def value(self, index: int) -> float | None:
-        """Return a setting, None where the controller has none of that number."""
+        """Return a setting, None if the controller lacks that number."""
         return self.configuration.settings.get(index)
 
     def of_motor(self, axis: JudgedAxis, number: int) -> float:
@@ -103,7 +171,7 @@ class Judged:
 
 
 def differing_settings(machine: MachineProfile, found: Mapping[str, float]) -> dict[str, tuple[float, float]]:
-    """Return what was read and is not as in the profile, by name: stated and found value."""
+    """Return the settings that differ from the profile, by name: stated and found value."""
     stated = stated_settings(machine)
     both = {name: (stated[name], value) for name, value in found.items() if name in stated}
     return {name: (wanted, value) for name, (wanted, value) in both.items() if not same(wanted, value)}

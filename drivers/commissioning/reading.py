@@ -1,6 +1,10 @@
 """Read the configuration of a controller through a client. Nothing is written and nothing moves.
 
 Everything here raises `DriverError` when the link breaks or the controller answers something unexpected.
+
+The values of P, Q and M are read range by range, and written to a backup as lines to be sent. A value of 0 is not
+written; before the others everything is set to 0. Left out are the P-variables that this program uses, and each M
+that points at memory: writing there may switch an output.
 """
 
 from __future__ import annotations
@@ -11,16 +15,17 @@ from dataclasses import dataclass
 
 from drivers.commissioning.configuration import AxisEntry, Configuration, TableEntry, digest, fleeting_settings
 from drivers.commissioning.user_buffer import BYTES_A_WORD, Seen, read_place, read_words
-from drivers.commissioning.values import VALUES_A_LINE, read_values
 from drivers.controller import Controller
 from drivers.errors import ControllerError, LinkError, RefusedError
 from drivers.pmac.buffer_text import BufferKind, in_full
 from drivers.pmac.dialect import Dialect, Scope
-from drivers.pmac.expected_replies import number_of
+from drivers.pmac.expected_replies import number_of, replied_number
 from drivers.pmac.language.errors import ErrorCode
 from drivers.pmac.language.expressions import HIGHEST_PLC
 from drivers.pmac.language.listing import without_end
-from drivers.pmac.programs.own_program import is_signed
+from drivers.pmac.language.text import format_number
+from drivers.pmac.programs.setup import is_signed
+from drivers.pmac.reserved import OWN_VARIABLES
 from drivers.pmac.status import decode
 from profiles.problem import Problem
 
@@ -39,6 +44,12 @@ BUFFERS_OPEN = ("motion_buffer_open", "plc_buffer_open", "rotary_open")  # a pro
 _SYSTEM_SHIFT = 20
 _FORM = re.compile(r"M\d+->")
 _ENTRY = re.compile(r"-?[0-9]{1,9}")  # of a compensation table, as LIST COMP has it
+VALUES_A_LINE = 200  # a third of a second at 9600 baud where most are 0
+VALUES_TIMEOUT_S = 20.0  # 200 long numbers take 4 s at 9600 baud
+
+_VALUE = re.compile(r"((?:&\d+)?[PQM]\d+)=(-?[\d.]+)")
+_ZERO = re.compile(r"(?:&\d+)?[PQM]\d+\.\.\d+=0")
+_NAME = re.compile(r"(?:&(\d+))?([PQM])(\d+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,6 +105,66 @@ def of_motors(dialect: Dialect, motors: Iterable[int], pointers: Iterable[int] =
         settings.append(range(first, first + TABLE_LINES))
     single = tuple(range(index, index + 1) for index in sorted(pointers))
     return Extent(settings=tuple(settings), pointers=single, motors=every_motor, programs=())
+
+
+def read_values(client: Controller, dialect: Dialect, pointers: Iterable[int]) -> dict[str, float]:
+    """Return all values that are not 0, by names such as `P7`, `&2Q5` and `M3`; `pointers` are those of M."""
+    found: dict[str, float] = {}
+    for before, kind, whole in _ranges(dialect, pointers):
+        for start in range(whole.start, whole.stop, VALUES_A_LINE):
+            part = range(start, min(start + VALUES_A_LINE, whole.stop))
+            line = f"{before}{kind}{part.start}..{part.stop - 1}"
+            texts = client.question(line, VALUES_TIMEOUT_S, lines=len(part))
+            values = (replied_number(each, client.link.address, line) for each in texts)
+            found.update(
+                {f"{before}{kind}{n}": value for n, value in zip(part, values, strict=True) if value != 0.0}
+            )
+    client.request("&1", lines=0)
+    return found
+
+
+def value_lines(values: Mapping[str, float], dialect: Dialect, pointers: Iterable[int]) -> Iterator[str]:
+    """Yield the lines that set them, and 0 wherever there is none."""
+    for before, kind, whole in _ranges(dialect, pointers):
+        yield f"{before}{kind}{whole.start}..{whole.stop - 1}=0"
+    yield from (f"{name}={format_number(values[name])}" for name in sorted(values, key=order_of))
+
+
+def read_value_line(line: str) -> tuple[str, float] | None:
+    """Return name and value of a line; None for one that sets a range to 0. Raises ValueError: neither."""
+    found = _VALUE.fullmatch(line)
+    if found is not None:
+        return found[1], float(found[2])
+    if _ZERO.fullmatch(line):
+        return None
+    raise ValueError(line)
+
+
+def highest_of(name: str) -> int:
+    """Return the index in the name of a value."""
+    return order_of(name)[2]
+
+
+def order_of(name: str) -> tuple[str, int, int]:
+    """Return what sorts the names of values: by letter, coordinate system and number."""
+    found = _NAME.fullmatch(name)
+    assert found is not None
+    return found[2], int(found[1] or 0), int(found[3])
+
+
+def _ranges(dialect: Dialect, pointers: Iterable[int]) -> Iterator[tuple[str, str, range]]:
+    """Yield the ranges of a backup: the system before the letter, the letter, and numbers without a gap."""
+    every = dialect.highest_index + 1
+    yield "", "P", range(OWN_VARIABLES.start)
+    if OWN_VARIABLES.stop < every:
+        yield "", "P", range(OWN_VARIABLES.stop, every)
+    for system in dialect.numbers(Scope.SYSTEM):
+        yield f"&{system}", "Q", range(every)
+    first = 0
+    for pointer in (*sorted(pointers), every):
+        if first < pointer:
+            yield "", "M", range(first, pointer)
+        first = pointer + 1
 
 
 def expected_work(dialect: Dialect, extent: Extent) -> int:
@@ -184,7 +255,7 @@ def refuse_open_buffer(client: Controller, dialect: Dialect) -> None:
 
 
 def ask_or_none(client: Controller, line: str, timeout_s: float = TIMEOUT_S) -> tuple[str, ...] | None:
-    """Return the data of a query, None where the controller has no such item."""
+    """Return the data of a query, None if the controller has no such item."""
     try:
         return client.question(line, timeout_s)
     except ControllerError as error:
@@ -237,7 +308,7 @@ def _pointers(client: Controller, ranges: Iterable[range]) -> Iterator[tuple[int
 
 
 def _reports(client: Controller, ranges: Iterable[range], form: str) -> Iterator[tuple[int, str]]:
-    """Query variables range by range; those that the controller does not have are left out."""
+    """Query variables range by range, without those that the controller lacks."""
     for whole in ranges:
         for start in range(whole.start, whole.stop, NUMBERS_A_LINE):
             yield from _part(client, range(start, min(start + NUMBERS_A_LINE, whole.stop)), form)
@@ -279,7 +350,7 @@ def _system_of(status: str, dialect: Dialect, where: str) -> int:
 def _listings(
     client: Controller, kind: BufferKind, numbers: Iterable[int], timeout_s: float, locked: list[str]
 ) -> Iterator[tuple[int, tuple[str, ...]]]:
-    """Yield the text of each buffer that has one; what is behind a password is named in `locked`."""
+    """Yield the text of each buffer that has one; buffers under a password are named in `locked`."""
     for number in numbers:
         kept = listed_lines(client, kind, number, timeout_s, locked)
         if kept:

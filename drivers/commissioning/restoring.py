@@ -15,8 +15,8 @@ from drivers.commissioning.check import Check, Group
 from drivers.commissioning.comparison import buffer_changes, changed, differences
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.gains import refuse_unready
+from drivers.commissioning.reading import order_of
 from drivers.commissioning.user_buffer import definition
-from drivers.commissioning.values import order_of
 from drivers.controller import Controller
 from drivers.errors import DriverError, RefusedError
 from drivers.pmac.buffer_text import BufferKind
@@ -188,7 +188,7 @@ def left_differing(wanted: Configuration, now: Configuration, machine: MachinePr
 
 
 def _differing_values(before: Mapping[str, float], now: Mapping[str, float]) -> Iterator[Check]:
-    """Yield the values of P, Q and M that differ, by number; what is not there is 0."""
+    """Yield the values of P, Q and M that differ, by number; a missing one is 0."""
     for name in sorted(before.keys() | now.keys(), key=order_of):
         old, new = before.get(name, 0.0), now.get(name, 0.0)
         if old != new:

@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check, Group, severity
-from drivers.commissioning.judged import Judged, JudgedAxis, same
+from drivers.commissioning.judged import Judged, JudgedAxis, digits, length, same
 from drivers.commissioning.setting_names import GAIN_NUMBERS
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.dialect import Scope, Setting

@@ -14,13 +14,13 @@ from drivers.cutting.program_reports import ProgramReports
 from drivers.cutting.sampling import BatchGather
 from drivers.cutting.watch_table import CutWatch, begin_watch, watch_table
 from drivers.errors import DriverError, LinkError, LinkTimeoutError, RefusedError
+from drivers.lathe.commands import Wiring
 from drivers.lathe.guards import Guard, unguarded
 from drivers.lathe.jogs import band_counts
 from drivers.lathe.motion import Motion
 from drivers.lathe.polling import POLL_TIMEOUT_S
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
 from drivers.lathe.standstill import REST_S, STILL_COUNTS, STILL_S, Settling
-from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.program_load import LoadedProgram, load_program, verify_loaded
 from drivers.pmac.program_text import ProgramText
@@ -100,7 +100,7 @@ class CutProgram:
         return self._tables.left()
 
     def switch_tables_off(self) -> tuple[Problem, ...]:
-        """Switch off compensation tables that add nothing to the tool, at rest; return what is left to fix.
+        """Switch off compensation tables that add nothing to the tool, at rest; return the remaining problems.
 
         Raises DriverError: `machine.moving`, nothing was sent.
         """
@@ -225,7 +225,7 @@ class CutProgram:
         return BatchGather(self._client, self._machine, self._clock, lambda: self._poller.round_trip_s)
 
     def reports(self) -> ProgramReports | None:
-        """Return the reader of what the loaded program reports of itself, None where none is loaded."""
+        """Return the reader of the reports of the loaded program, None without a program."""
         loaded = self._loaded
         return None if loaded is None else ProgramReports(self._client, self._poller, loaded.program)
 

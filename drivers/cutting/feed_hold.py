@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from enum import IntEnum
 
 from drivers.controller import Controller
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError, RefusedError
 from drivers.lathe.commands import Sending
 from drivers.lathe.polling import POLL_TIMEOUT_S
@@ -142,7 +142,7 @@ class HoldLedger:
         self._shift_s = 0.0
 
     def see(self, snapshot: Snapshot, report: HoldReport) -> Snapshot | None:
-        """Return a poll as it would have been without any hold; None of one that does not belong to the cut."""
+        """Return a poll as it would have been without any hold; None if it does not belong to the cut."""
         before = self._before
         if report.active:
             self._until = snapshot.spindle.position + self._turns_back * self._per_turn

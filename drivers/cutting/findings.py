@@ -10,7 +10,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from drivers.commissioning.amounts import length, speed
+from drivers.commissioning.judged import length, speed
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines
 from drivers.pmac.motor_settings import MotorSettings
 from drivers.pmac.program_text import ProgramText

@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.cutting.live_trim import commanded_amplitude
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.lathe.guards import AxisRange, ProgramGuard
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.programs.live_trim import MOST_GAIN_PERCENT
+from drivers.pmac.programs.pvt import MOST_GAIN_PERCENT
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
@@ -73,7 +73,7 @@ class CutLength:
 
     @property
     def problem(self) -> Problem | None:
-        """Report a cut shorter than planned; None where the whole length was cut."""
+        """Report a cut shorter than planned; None if the whole length was cut."""
         if self._highest >= self._planned - LENGTH_MARGIN_MM * self._per_mm:
             return None
         cut, planned = (max(end - self._begin, 0.0) / self._per_mm for end in (self._highest, self._planned))

@@ -7,7 +7,7 @@ from dataclasses import replace
 
 from drivers.controller import Controller
 from drivers.cutting.bounds import UNTRIMMED, Trim
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.cutting.program_reports import REPORT_TIMEOUT_S
 from drivers.errors import ControllerError, LinkError, LinkTimeoutError
 from drivers.lathe.commands import Sending
@@ -17,7 +17,7 @@ from drivers.lathe.stop import StopPath
 from drivers.link.base import is_gone
 from drivers.pmac.program_constants import assigned
 from drivers.pmac.program_text import ProgramText
-from drivers.pmac.programs.live_trim import (
+from drivers.pmac.programs.pvt import (
     ANGLE_IN_PATH,
     GAIN,
     GAIN_IN_PATH,
@@ -73,7 +73,7 @@ def commanded_amplitude(plan: CutPlan, machine: MachineProfile) -> float:
 
 
 def trimmed_path(path: LobedPath, trim: Trim) -> LobedPath:
-    """Return a path with a trim: an axis is linear, so what is true of its command is true of its motion."""
+    """Return a path with a trim: an axis is linear, so a factor of its command is one of its motion."""
     factor = 1.0 + trim.gain_percent / 100.0
     overtones = tuple(replace(each, amplitude_um=factor * each.amplitude_um) for each in path.overtones)
     grown = replace(path, amplitude_um=factor * path.amplitude_um, overtones=overtones)
@@ -152,7 +152,7 @@ class LiveTrim:
         self.problem = _differs(wanted, self.asked) if differs else None
 
     def astray(self) -> tuple[Problem, ...]:
-        """Return the trim in the path where it is none of those on the way to the one that was asked for.
+        """Return the current trim if it is not on the way to the requested one, else None.
 
         Nothing is written. Raises LinkError: the link broke.
         """

@@ -13,7 +13,7 @@ from dataclasses import replace
 from drivers.controller import Controller
 from drivers.cutting.bounds import REAL_TIME, UNCHANGEABLE, Bounds
 from drivers.cutting.live_trim import trim_bounds
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.errors import LinkTimeoutError
 from drivers.lathe.commands import Sending
 from drivers.lathe.guards import OVERRIDE_BAND_PERCENT
@@ -103,7 +103,7 @@ def inverse_left_um(plan: CutPlan, job: Job, response: ServoResponse, factor: fl
 
 
 class FeedOverride:
-    """The override of one program: what was commanded, and what a poll may show meanwhile."""
+    """The override of one program: the commanded value, and the values that a poll may show until then."""
 
     def __init__(self, client: Controller, sending: Sending, stop: StopPath) -> None:
         self.commanded = REAL_TIME
@@ -132,7 +132,7 @@ class FeedOverride:
             self._send()
 
     def expected(self, snapshot: Snapshot) -> tuple[float, float]:
-        """Take a poll; return between which percentages its override may be: on the way to what was commanded."""
+        """Take a poll; return the permitted range of its override, percent: on the way to the commanded value."""
         self._last = snapshot
         goal = float(self.commanded)
         arrived = abs(snapshot.override_percent - goal) <= OVERRIDE_BAND_PERCENT

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from drivers.pmac.programs.push import blend_turns
@@ -184,7 +184,7 @@ class PathSeen:
         )
 
     def _behind_face_mm(self, carriage: float) -> float:
-        """Return a place of the carriage as Z behind the face of the part, negative before it."""
+        """Return a carriage position as Z past the face of the part, negative before it."""
         return float(carriage - self._plan.setup.carriage_face) / self._machine.carriage.counts_per_mm
 
     def _spindle(self, turns: Floats, at_s: Floats, held_s: float) -> Iterator[Problem]:

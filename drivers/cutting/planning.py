@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import fields, replace
+from dataclasses import dataclass, field, fields, replace
 
 from drivers.cutting.corrected import with_spindle, with_table
 from drivers.cutting.findings import clock_findings, cut_findings, leaving_findings, speed_rpm, steady_moves
-from drivers.cutting.plan import CutPlan
-from drivers.cutting.planned_program import PlannedProgram, Planning
-from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, Strategy
+from drivers.cutting.strategy import BY_TABLE, TRIMMED, TURNED_BY_OTHERS, PlannedProgram, Planning, Strategy
 from drivers.errors import DriverError
 from drivers.identification.nominal import nominal_response, path_response
 from drivers.pmac.axes import DEFINITIONS_KEY, read_definitions
@@ -18,18 +16,52 @@ from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import ProgramText, read_program
 from drivers.pmac.programs.pvt import fits_whole_milliseconds
-from drivers.pmac.programs.setup import SERVO, cut_setup
+from drivers.pmac.programs.setup import SERVO, CutSetup, cut_setup
 from drivers.pmac.settings import settings_with
 from profiles.axis.friction import held_back_um
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, LobedPath, invert, path_problems, target_path
 from profiles.compensations.push import predicted_push_um
+from profiles.findings import Finding
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, refused
 
 __all__ = ["CutPlan", "Strategy", "first_spindle_counts", "nominal_command", "plan_cut"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CutPlan(PlannedProgram):
+    """A planned cut, known before anything moves: `command` is what it commands the tool to cut `target`.
+
+    `checked` is the whole motion of the program, move by move, with what a compensation table adds to it and with
+    a spindle that is not the program's own. A `trimmed` cut is corrected by the host while it cuts; one `in_air`
+    touches no part.
+    """
+
+    strategy: Strategy
+    target: LobedPath
+    command: LobedPath
+    setup: CutSetup
+    program: ProgramText
+    spindle_speed_rpm: float
+    segment_ms: float
+    duration_s: float
+    findings: tuple[Finding, ...]
+    checked: CheckedProgram = field(repr=False, compare=False)
+    trimmed: bool = False
+    in_air: bool = False
+
+    @property
+    def spindle_start(self) -> float:
+        """The spindle position at the start, counts from its index."""
+        return self.setup.spindle_start
+
+    @property
+    def carriage_start(self) -> float:
+        """The carriage position at the start, clear of the part, counts."""
+        return self.setup.carriage_start
 
 
 def plan_cut(

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from drivers.clock import Clock
 from drivers.controller import Controller
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.errors import ControllerError, DriverError, LinkTimeoutError
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.dialect import DIALECTS

@@ -1,21 +1,72 @@
-"""The strategies, in the order in which they are offered: each by its name, with its descriptor.
+"""The strategies in the order in which they are offered: the descriptor of each, and what it makes of a plan.
 
-What makes a program is imported when it is made: the command line reads the descriptors.
+A descriptor has everything that other modules need to know of a strategy. The command line reads all descriptors
+at every start, so whatever makes a program (and the numeric libraries) is imported when the program is made.
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
-from enum import StrEnum
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from enum import Enum, StrEnum, auto
 from typing import TYPE_CHECKING, Self
 
-from drivers.cutting.traits import AngleZero, Traits
-
 if TYPE_CHECKING:
-    from drivers.cutting.planned_program import PlannedProgram, Planning
+    from drivers.pmac.compensation.table import CompensationTable
+    from drivers.pmac.dialect import Dialect
+    from drivers.pmac.programs.setup import CutSetup
+    from drivers.pmac.programs.timebase import SpindleClock
     from profiles.compensations.path import LobedPath
     from profiles.job import Job
     from profiles.machine import MachineProfile
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Planning:
+    """The input of planning: a job on a machine, the position of the cut, and the target path of the part.
+
+    `command` is the tool command: the inverse of `target` where the strategy inverts the servo, else `target`
+    itself. `ts_ms` is the requested TS, in whole ms. A `trimmed` cut accepts corrections from the host while it
+    cuts.
+    """
+
+    job: Job
+    machine: MachineProfile
+    dialect: Dialect
+    setup: CutSetup
+    target: LobedPath
+    command: LobedPath
+    ts_ms: int | None = None
+    trimmed: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedProgram:
+    """The output of a strategy: the program, and where the tool is before it, counts.
+
+    `axis_definitions` are those of the controller once the program is loaded; `restore` are the lines that
+    restore the machine profile's settings once the cut is over, however it ended, and everything is at rest.
+    `table` is the compensation table that the program switches on. Before it is loaded, and once it has ended,
+    `Tables.left` finds nothing. After a stop the tool retracts, the carriage moves to `zero_row_z`
+    (counts), and the table is switched off there. `clock` is the spindle where it is the program's time base.
+    `hold_from` is where the carriage (counts) has room behind it to come back from a feed hold, None where the
+    tool would not come in again at the same angle and place.
+    """
+
+    text: str
+    tool_start: float
+    axis_definitions: tuple[str, ...]
+    restore: tuple[str, ...] = ()
+    table: CompensationTable | None = field(default=None, repr=False)
+    correction_register: str = ""
+    zero_row_z: float | None = None
+    clock: SpindleClock | None = None
+    hold_from: float | None = None
+
+    @property
+    def holds(self) -> bool:
+        """Whether a feed hold brings the tool back in at the same angle and place."""
+        return self.hold_from is not None
 
 
 def _hold_from(planning: Planning) -> float:
@@ -30,7 +81,6 @@ def _hold_from(planning: Planning) -> float:
 
 def _by_pvt(planning: Planning, command: LobedPath) -> PlannedProgram:
     """Make segments of PVT, with the spindle turned by the program."""
-    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs.pvt import pvt_program
 
     return PlannedProgram(
@@ -43,9 +93,7 @@ def _by_pvt(planning: Planning, command: LobedPath) -> PlannedProgram:
 
 def _cam(planning: Planning) -> PlannedProgram:
     """Make a compensation table by the angle of the spindle."""
-    from drivers.cutting.planned_program import PlannedProgram
-    from drivers.pmac.programs.cam import cam_program, correction_register
-    from drivers.pmac.programs.cam_table import make_cam
+    from drivers.pmac.programs.cam import cam_program, correction_register, make_cam
     from drivers.pmac.programs.setup import SERVO
 
     job, machine, setup = planning.job, planning.machine, planning.setup
@@ -64,7 +112,6 @@ def _cam(planning: Planning) -> PlannedProgram:
 
 def _timebase(planning: Planning) -> PlannedProgram:
     """Make the segments of `pvt`; in each servo cycle time advances by the spindle's turn in the cycle before."""
-    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs import timebase
 
     job, machine, setup, dialect = planning.job, planning.machine, planning.setup, planning.dialect
@@ -81,7 +128,6 @@ def _timebase(planning: Planning) -> PlannedProgram:
 
 def _paper(planning: Planning) -> PlannedProgram:
     """Make Prog. 1 of Lee and Lee (2001), as printed."""
-    from drivers.cutting.planned_program import PlannedProgram
     from drivers.pmac.programs.paper import DEFAULT_TS_MS, paper_program
     from drivers.pmac.programs.setup import refuse_endless
 
@@ -97,6 +143,43 @@ def _paper_begins_at(job: Job, machine: MachineProfile) -> float:
     from drivers.pmac.programs.paper import spindle_start_counts
 
     return spindle_start_counts(job, machine)
+
+
+class AngleZero(Enum):
+    """From where a strategy counts the angle of an external spindle that was never homed."""
+
+    SWITCH_ON = auto()
+    INDEX = auto()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Traits:
+    """One strategy: how its program is made, what it requires, and its options.
+
+    `make` returns the program. Without `follows_lobe` the tool keeps its depth. `inverts`: its command is the
+    inverse of a response, so it follows any single-lobe path, and can be learned; `late_cycles` are the servo
+    cycles by which that path reads the spindle late.
+
+    `by_table`: the command is a compensation table, so it may have any harmonics, and grow along the cut.
+    `spindle_time`: the spindle is the time base of its program. `counts_from` is where the angle of an external
+    spindle begins; None if the program must turn the spindle itself. `trims`: the host may correct it within
+    the cut; `live_trim`: an operator may change gain and phase of its compensation. `takes_ts`: the segment time
+    may differ from the printed one.
+
+    `begins_at` is where the spindle begins, in counts from its index; None means at the index.
+    """
+
+    make: Callable[[Planning], PlannedProgram]
+    follows_lobe: bool = True
+    inverts: bool = False
+    late_cycles: Callable[[MachineProfile], int] = lambda _: 0
+    by_table: bool = False
+    spindle_time: bool = False
+    counts_from: AngleZero | None = None
+    trims: bool = False
+    live_trim: bool = False
+    takes_ts: bool = False
+    begins_at: Callable[[Job, MachineProfile], float] | None = None
 
 
 class Strategy(StrEnum):

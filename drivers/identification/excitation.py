@@ -1,21 +1,34 @@
-"""The interface of every way to excite the tool: a program per frequency, gathered channels, the reference."""
+"""The ways to excite the tool: a program per frequency, gathered channels, and the reference of the response.
+
+`pvt`: a program commands the sine in segments, as it commands the lobe in a cut. The reference is the controller's
+commanded tool position, so interpolation losses of the segments are not part of the response.
+
+`cam`: a compensation table driven by the carriage, in place of the spindle at standstill. The table has one sine
+period over a short travel of the carriage and repeats, so the carriage speed sets the frequency. The carriage
+position is gathered; the reference is the table's value at that position, at that instant. So the response
+includes everything in between: the one-cycle delay of the source, and whether the controller feeds a correction
+forward.
+"""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from drivers.cutting.corrected import source_is_late
 from drivers.pmac.axes import read_definitions
-from drivers.pmac.compensation.table import CompensationTable
+from drivers.pmac.compensation.table import PARTS_PER_COUNT, CompensationTable, TableDefinition, TableSource
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.own_program import signed
-from drivers.pmac.programs.setup import END_FLAG
+from drivers.pmac.programs.pvt import longest_segment_ms, point_scales
+from drivers.pmac.programs.setup import END_FLAG, signed
+from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 
@@ -70,7 +83,7 @@ def program_text(form: str, machine: MachineProfile, word: AxisWord, **values: f
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AxisWord:
-    """One motor with an axis of its own: `scale` counts per unit, zero at `offset` counts."""
+    """The axis of a single motor: `scale` counts per unit, zero at `offset` counts."""
 
     letter: str
     scale: float
@@ -86,10 +99,195 @@ class AxisWord:
 
 
 def axis_word(machine: MachineProfile, motor: int) -> AxisWord:
-    """Return the axis of a motor. Raises ProfileError: `identify.axis`, the motor has none of its own."""
+    """Return the axis of a motor. Raises ProfileError: `identify.axis`, the motor shares its axis."""
     definitions = read_definitions(machine.controller.axis_definitions)
     found = [each for each in definitions if each.motor == motor]
     if not found or len(found[0].terms) != 1 or not found[0].scale:
         value = str(found[0]) if found else "-"
         raise ProfileError(Problem(code="identify.axis", key="axis_definitions", where=f"#{motor}", value=value))
     return AxisWord(letter=found[0].axis, scale=found[0].scale, offset=found[0].offset)
+
+
+_PVT_TEXT = """\
+; the tool swings at {hz} Hz by {amplitude_um} um, in segments of {segment} ms
+P11={amplitude} ; amplitude at the points
+P13={step_deg} ; angle of one segment, deg
+P15={slope} ; greatest speed at the points, a second
+P20={centre} ; where it swings about
+P23={most} ; segments until it ends by itself
+P24={ramp} ; segments in which the swing grows, and in which it fades
+CLOSE
+OPEN PROG {program}
+CLEAR
+ABS
+{flag}=0 ; the host sets it to end the swing
+P25=0
+PVT{segment}
+WHILE(P25<P24)
+P25=P25+1
+{letter}(P20+P11*P25/P24*SIN(P13*P25)):(P15*P25/P24*COS(P13*P25))
+ENDWHILE
+WHILE(P25<P23 AND {go_on})
+P25=P25+1
+{letter}(P20+P11*SIN(P13*P25)):(P15*COS(P13*P25))
+ENDWHILE
+P26=P24
+WHILE(P26>0)
+P26=P26-1
+P25=P25+1
+{letter}(P20+P11*P26/P24*SIN(P13*P25)):(P15*P26/P24*COS(P13*P25))
+ENDWHILE
+CLOSE
+"""
+
+
+class PvtPath:
+    """The tool swings about `centre_counts`, commanded by its own program."""
+
+    table: CompensationTable | None = None
+    late_cycles = 0
+
+    def __init__(self, machine: MachineProfile, amplitude_um: float, centre_counts: float = 0.0) -> None:
+        """Raises ProfileError: `identify.axis`."""
+        motor = machine.tool.motor
+        self._machine, self._amplitude_um, self._centre = machine, amplitude_um, centre_counts
+        self._word = axis_word(machine, motor)
+        self.channels = (f"#{motor} commanded", f"#{motor} actual")
+
+    def sweep(self, frequency_hz: float, periods: int) -> Sweep:
+        """Return the program for one frequency."""
+        sine = LobedPath(mean_um=0.0, amplitude_um=self._amplitude_um, lobes=1, phase_deg=0.0)
+        segment_ms = longest_segment_ms(sine, frequency_hz)
+        step_rad = 2.0 * math.pi * frequency_hz * segment_ms / 1000.0
+        scales = point_scales(step_rad)
+        amplitude = self._word.length(self._amplitude_um / self._machine.tool.count_um)
+        ramp = math.ceil(RAMP_MS / segment_ms)
+        steady = math.ceil((periods / frequency_hz + SETTLE_S + SLACK_S) * 1000.0 / segment_ms)
+        text = program_text(
+            _PVT_TEXT,
+            self._machine,
+            self._word,
+            hz=frequency_hz,
+            amplitude_um=self._amplitude_um,
+            amplitude=amplitude * scales.position,
+            step_deg=math.degrees(step_rad),
+            slope=amplitude * scales.velocity * 2.0 * math.pi * frequency_hz,
+            centre=self._word.position(self._centre),
+            most=ramp + steady,
+            ramp=ramp,
+            segment=segment_ms,
+        )
+        ramp_s = ramp * segment_ms / 1000.0
+        longest_s = 2.0 * ramp_s + steady * segment_ms / 1000.0
+        return Sweep(text=text, steady_s=ramp_s + SETTLE_S, longest_s=longest_s)
+
+    def reference_counts(self, data: GatheredData) -> Floats:
+        """Return the commanded position."""
+        return data.values[self.channels[0]]
+
+
+COLUMNS = 40  # linear segments per period: within 0.3 % of the amplitude
+WAVE_COUNTS = 400  # travel per period where speeds leave the choice: a count is a hundredth of the swing
+SHARE_OF_SPEED = 0.5  # fraction of Ix16 of the carriage, for the highest frequency
+CAM_RAMP_MS, STEP_MS, HOME_IN_MS = 200, 50, 400
+
+_CAM_TEXT = """\
+; the carriage goes along the table at {hz} Hz of {wave} counts
+P17={speed} ; its speed, a second
+P21={start} ; where it begins, at a zero of the table
+P22={period} ; one wave
+P23={most} ; segments until it ends by itself
+CLOSE
+OPEN PROG {program}
+CLEAR
+ABS
+{flag}=0 ; the host sets it to end the way
+P25=0
+PVT{ramp}
+{letter}(P21+P17*{ramp}/2000):(P17)
+PVT{step}
+WHILE(P25<P23 AND {go_on})
+P25=P25+1
+{letter}(P21+P17*({ramp}/2000+P25*{step}/1000)):(P17)
+ENDWHILE
+P26=P17*({ramp}/1000+P25*{step}/1000)
+PVT{ramp}
+{letter}(P21+P26):0
+PVT{home_in} ; to rest at a zero of the table
+{letter}(P21+P22*(INT(P26/P22)+1)):0
+CLOSE
+"""
+
+
+def wave_counts(machine: MachineProfile, most_hz: float) -> int:
+    """Return the carriage travel per period of the table.
+
+    Long enough that a jog back does not exceed the highest requested frequency, and short enough that half the
+    speed of the carriage suffices.
+    """
+    motor, variables = machine.carriage.motor, machine.controller.variables
+    shortest = variables[f"I{motor}22"] * 1000.0 / most_hz
+    longest = SHARE_OF_SPEED * variables[f"I{motor}16"] * 1000.0 / most_hz
+    return max(COLUMNS, math.floor(min(max(shortest, WAVE_COUNTS), longest)))
+
+
+def return_hz(machine: MachineProfile, most_hz: float) -> float:
+    """Return the frequency at which the tool swings while the carriage is jogged back."""
+    return machine.controller.variables[f"I{machine.carriage.motor}22"] * 1000.0 / wave_counts(machine, most_hz)
+
+
+def way_counts(machine: MachineProfile, most_hz: float, frequency_hz: float, periods: int) -> float:
+    """Return the maximum travel of the carriage."""
+    seconds = periods / frequency_hz + SETTLE_S + SLACK_S + 2.0 * (CAM_RAMP_MS + STEP_MS) / 1000.0
+    return wave_counts(machine, most_hz) * (frequency_hz * seconds + 1.0)
+
+
+class CamPath:
+    """The tool swings about its position, by the table, while the carriage moves along it from its zero."""
+
+    def __init__(self, machine: MachineProfile, amplitude_um: float, most_hz: float) -> None:
+        """Raises ProfileError: `identify.axis`."""
+        self._machine, self._wave = machine, wave_counts(machine, most_hz)
+        self._word = axis_word(machine, machine.carriage.motor)
+        self.table: CompensationTable | None = _sine_table(machine, self._wave, amplitude_um)
+        self.channels = (f"#{machine.carriage.motor} actual", f"#{machine.tool.motor} actual")
+
+    def sweep(self, frequency_hz: float, periods: int) -> Sweep:
+        """Return the program for one frequency."""
+        word, steady_s = self._word, periods / frequency_hz + SETTLE_S + SLACK_S
+        steps = math.ceil(steady_s * 1000.0 / STEP_MS)
+        text = program_text(
+            _CAM_TEXT,
+            self._machine,
+            word,
+            hz=frequency_hz,
+            wave=self._wave,
+            speed=word.length(self._wave * frequency_hz),
+            start=word.position(0.0),
+            period=word.length(self._wave),
+            most=steps,
+            ramp=CAM_RAMP_MS,
+            step=STEP_MS,
+            home_in=HOME_IN_MS,
+        )
+        longest_s = (2 * CAM_RAMP_MS + HOME_IN_MS + steps * STEP_MS) / 1000.0
+        return Sweep(text=text, steady_s=CAM_RAMP_MS / 1000.0 + SETTLE_S, longest_s=longest_s)
+
+    def reference_counts(self, data: GatheredData) -> Floats:
+        """Return the table's value for each carriage position."""
+        assert self.table is not None  # this path consists of it
+        places = data.values[self.channels[0]]
+        return np.array([self.table.correction(float(place)) for place in places])
+
+    @property
+    def late_cycles(self) -> int:
+        """Delay of the carriage as a source, in servo cycles; the spindle's may differ."""
+        return int(self.table is not None and source_is_late(self.table, 0))
+
+
+def _sine_table(machine: MachineProfile, wave: int, amplitude_um: float) -> CompensationTable:
+    motor, source = machine.tool.motor, TableSource(motor=machine.carriage.motor, span_counts=wave)
+    definition = TableDefinition(motor=motor, sources=(source,), target=motor, columns=COLUMNS)
+    parts = PARTS_PER_COUNT * amplitude_um / machine.tool.count_um
+    turns = (k / COLUMNS for k in range(1, COLUMNS + 1))
+    return definition.filled([round(parts * math.sin(2.0 * math.pi * turn)) for turn in turns])

@@ -9,18 +9,17 @@ from __future__ import annotations
 import cmath
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 
 from drivers.commissioning.reading import read_gathering
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.excitation import AxisWord, Sweep, axis_word, program_text
-from drivers.identification.health_result import HealthModel, HealthResult
+from drivers.identification.excitation import AxisWord, PvtPath, Sweep, axis_word, program_text
 from drivers.identification.identify import restore_after
-from drivers.identification.measuring import SPARE_SAMPLES, measure, run_gathered
-from drivers.identification.pvt_path import PvtPath
+from drivers.identification.measuring import SPARE_SAMPLES, SettingsComparison, measure, run_gathered
 from drivers.identification.request import (
     AMPLITUDE_UM,
     CLEAR_MM,
@@ -30,7 +29,6 @@ from drivers.identification.request import (
 )
 from drivers.identification.result import IdentifiedPoint, Origin
 from drivers.identification.rig import Rig, card_problems, put_back, standing_problems
-from drivers.identification.settings_comparison import SettingsComparison
 from drivers.identification.standstill import Standstill, link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.gathering.gather import GatherError
@@ -39,9 +37,10 @@ from drivers.pmac.program_text import read_program
 from profiles.arrays import Floats, floats
 from profiles.axis.sampled_loop import SampledLoop, loop_of
 from profiles.axis.servo_gains import error_limit_um
-from profiles.axis.step_figures import error_figures, modelled, step_figures
+from profiles.axis.step_figures import ErrorFigures, StepFigures, error_figures, modelled, step_figures
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
+from profiles.strict_values import positive, read_own
 
 SINE_HZ, SINE_PERIODS = 40.0, 20
 SETTLED_COUNTS = 2.0  # what the encoder shows at rest
@@ -91,6 +90,7 @@ PVT{half}
 ENDIF
 {after}CLOSE
 """
+SCHEMA = 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,6 +228,82 @@ def refuse_health(rig: Rig, request: HealthRequest) -> None:
         raise RefusedError(*problems)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthModel:
+    """What the loop of the profile would have made of the same reference, with the gains that were read."""
+
+    step: StepFigures
+    parabola: ErrorFigures
+    gain: float
+    phase_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HealthResult:
+    """One test. `date` is UTC; the samples are those about the step: ms from its beginning, and um."""
+
+    origin: Origin
+    date: str
+    step_um: float
+    step: StepFigures
+    parabola: ErrorFigures
+    sine: IdentifiedPoint
+    model: HealthModel
+    times_ms: tuple[float, ...]
+    reference_um: tuple[float, ...]
+    position_um: tuple[float, ...]
+
+
+FIGURES = tuple(
+    "rise_ms overshoot_percent settling_ms end_um peak_um rms_um sine_gain sine_phase_deg coherence".split()
+)
+"""Names of what is compared from test to test."""
+
+
+def figures_of(result: HealthResult) -> dict[str, float]:
+    """Return the `FIGURES` of a test by name, except those that the tool did not reach."""
+    return _named(result.step, result.parabola) | {
+        "sine_gain": result.sine.gain,
+        "sine_phase_deg": result.sine.phase_deg,
+        "coherence": result.sine.coherence,
+    }
+
+
+def model_figures_of(result: HealthResult) -> dict[str, float]:
+    """Return the same of the model; it has no coherence."""
+    model = result.model
+    return _named(model.step, model.parabola) | {"sine_gain": model.gain, "sine_phase_deg": model.phase_deg}
+
+
+def _named(step: StepFigures, parabola: ErrorFigures) -> dict[str, float]:
+    """Return figures by name; what the tool did not reach is left out."""
+    found = {
+        "rise_ms": step.rise_ms,
+        "overshoot_percent": step.overshoot_percent,
+        "settling_ms": step.settling_ms,
+        "end_um": step.end_um,
+        "peak_um": parabola.peak_um,
+        "rms_um": parabola.rms_um,
+    }
+    return {key: value for key, value in found.items() if value is not None}
+
+
+def as_table(result: HealthResult) -> dict[str, Any]:
+    """Return the result as plain values for a file."""
+    return {"schema": SCHEMA, **asdict(result)}
+
+
+def from_table(table: Any, where: str = "") -> HealthResult:
+    """Read the output of `as_table`. Raises ProfileError: `schema.unsupported`; `health.file`, anything else."""
+    return read_own(HealthResult, table, schema=SCHEMA, code="health.file", where=where, judge=_judge)
+
+
+def _judge(result: HealthResult) -> None:
+    positive(result.step_um)
+    if not len(result.times_ms) == len(result.reference_um) == len(result.position_um):
+        raise ValueError(f"{len(result.times_ms)} times, {len(result.position_um)} positions")
+
+
 def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) -> HealthResult:
     """Test the tool, with the drives enabled, homed, and everything at rest; the tool ends at its zero.
 
@@ -251,7 +327,7 @@ def check_health(rig: Rig, request: HealthRequest, origin: Origin, date: str) ->
 
 
 def _moved(rig: Rig, request: HealthRequest) -> GatheredData:
-    """Run step and parabola, and return what was gathered."""
+    """Run step and parabola, and return the gathered data."""
     moves, machine = request.moves, rig.machine
     word = axis_word(machine, machine.tool.motor)
     rig.lathe.program.load(read_program(health_text(machine, word, moves, 0.0)))

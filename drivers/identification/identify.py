@@ -16,14 +16,11 @@ from dataclasses import replace
 
 from drivers.commissioning.reading import LISTING_TIMEOUT_S, ask_or_none, read_gathering, read_settings
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.cam_path import CamPath
-from drivers.identification.excitation import Excitation
-from drivers.identification.measuring import measure
-from drivers.identification.pvt_path import PvtPath
+from drivers.identification.excitation import CamPath, Excitation, PvtPath
+from drivers.identification.measuring import GAINS, SERVO_TIME, SettingsComparison, measure
 from drivers.identification.request import IdentificationRequest, request_problems
 from drivers.identification.result import COMPOSED, MEASURED, IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.identification.rig import Rig, card_problems, homed, put_back, standing_problems
-from drivers.identification.settings_comparison import GAINS, SERVO_TIME, SettingsComparison
 from drivers.identification.standstill import link_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
@@ -182,7 +179,7 @@ def restore_after(
     table: bool,
     table_before: tuple[str, ...] = (),
 ) -> None:
-    """Leave the machine at rest, and restore what was used, as far as it is ours and causes no step."""
+    """Leave the machine at rest, and restore the settings used, if they are ours and cause no step."""
     off = False
     try:
         _leave_at_rest(rig, error)

@@ -1,21 +1,33 @@
-"""Measure one sine on the machine: run the program under the watchdog, gather in the middle, fit."""
+"""Measure one sine on the machine: run the program under the watchdog, gather in the middle, fit.
+
+A measurement during which a setting changed is refused: settings are compared when it begins and when it ends. A
+response or a health test is stored with the settings that were read before it, and is valid for these alone. A fit
+cannot tell that another host has changed them: with other gains throughout, it is as smooth as before. While a
+program runs, the settings that shape its path are read in turn as in a cut (`drivers.cutting.watch_table`).
+"""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
-from drivers.errors import DriverError
+from drivers.commissioning.fingerprint import Fingerprint, fingerprint_problems, ours
+from drivers.commissioning.judged import amount, same
+from drivers.commissioning.reading import of_motors, read_configuration
+from drivers.commissioning.setting_names import named
+from drivers.errors import DriverError, RefusedError
 from drivers.identification.excitation import PROGRAM, Excitation, Sweep
 from drivers.identification.request import IdentificationRequest
-from drivers.identification.result import IdentifiedPoint
+from drivers.identification.result import IdentifiedPoint, Origin
 from drivers.identification.rig import Rig
-from drivers.identification.settings_comparison import changes_in
 from drivers.identification.standstill import Standstill
 from drivers.lathe.snapshot import Snapshot
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatheredData, GatherPlan
+from drivers.pmac.program_constants import IN_THE_CUT
 from drivers.pmac.program_text import read_program
+from drivers.pmac.settings import servo_cycle_ms
 from profiles.axis.identification import frequency_response, reference_swing
 from profiles.problem import Problem
 
@@ -23,6 +35,9 @@ SPARE_SAMPLES = 2  # samples beyond the whole periods
 GATHER_MARGIN_S = 0.05  # how much longer than its samples the gathering is waited for
 END_S = 5.0  # how long after its program the tool may take to be in position
 STEADY_FRACTION = 0.02  # relative variation of the reference amplitude above which it is no steady sine
+CHANGED = "measurement.changed"
+SERVO_TIME = 10
+GAINS = range(30, 40)  # Ix30 to Ix35, and the notch filter: what an origin has
 
 
 @dataclass(kw_only=True)
@@ -72,6 +87,48 @@ def measure(
     except GatherError as error:
         raise DriverError(Problem(code="identify.gather", where=rig.where, value=str(error))) from error
     return _point(rig, excitation, data, frequency_hz)
+
+
+class SettingsComparison:
+    """The settings that arming compares, as they were when a measurement began, without programs and PLCs."""
+
+    def __init__(self, rig: Rig, origin: Origin) -> None:
+        """Read them. Raises RefusedError: `measurement.changed`, they are no longer those of `origin`."""
+        self._rig = rig
+        self._before = self._read()
+        if problems := tuple(self._unlike(origin)):
+            raise RefusedError(*problems)
+
+    def refuse_changed(self) -> None:
+        """Read them once more. Raises DriverError: `measurement.changed`; the link broke."""
+        left_out = ours(self._rig.machine, self._rig.dialect)
+        found = fingerprint_problems(self._before, self._read(), left_out)
+        if found:
+            raise DriverError(*(replace(problem, code=CHANGED) for problem in found))
+
+    def _read(self) -> Fingerprint:
+        rig, machine = self._rig, self._rig.machine
+        motors = machine.tool.motor, machine.spindle.motor, machine.carriage.motor
+        extent = replace(of_motors(rig.dialect, motors), plcs=(), tables=())
+        read = read_configuration(rig.client, rig.dialect, extent)
+        return Fingerprint(machine=machine, configuration=read, free="")
+
+    def _unlike(self, origin: Origin) -> Iterator[Problem]:
+        motor, now, dialect = self._rig.machine.tool.motor, self._before.configuration.standing, self._rig.dialect
+        for index in (dialect.motor_index(motor, number) for number in GAINS):
+            values, of = (now[index], origin.gains[f"I{index}"]), named(index, dialect)
+            if not same(*values):
+                value, limit = (amount(each, of, self._rig.machine) for each in values)
+                yield Problem(code=CHANGED, key=f"I{index}", value=value, limit=limit)
+        periods_ms = servo_cycle_ms(now[SERVO_TIME]), origin.servo_period_ms
+        if periods_ms[0] != periods_ms[1]:
+            value, limit = (f"{each:.7g} ms" for each in periods_ms)
+            yield Problem(code=CHANGED, key=f"I{SERVO_TIME}", value=value, limit=limit)
+
+
+def changes_in(error: DriverError) -> tuple[Problem, ...]:
+    """Return the settings that changed while a program ran, in the words of a measurement; else nothing."""
+    return tuple(replace(each, code=CHANGED) for each in error.problems if each.code == IN_THE_CUT)
 
 
 def run_gathered(rig: Rig, sweep: Sweep, plan: GatherPlan, standstill: Standstill) -> None:

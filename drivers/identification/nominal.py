@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Callable
 
 from drivers.cutting.strategy import Strategy
-from profiles.axis.response import ServoResponse, model_response
+from profiles.axis.response import ServoResponse, Source, model_response, model_spread
 from profiles.axis.servo import sampled_response
+from profiles.compensations.certificate import Follows
 from profiles.compensations.path import delayed
 from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
 
 
 def nominal_response(path: Strategy, machine: MachineProfile, frequency_hz: float) -> complex:
@@ -35,3 +38,34 @@ def phase_difference_deg(phase_deg: float, response: complex) -> float:
     """Return the lead of a phase over that of a response, within half a turn."""
     turned = cmath.rect(1.0, math.radians(phase_deg)) * response.conjugate()
     return math.degrees(cmath.phase(turned))
+
+
+UNMODELLED_DELAY_S = 0.0005
+"""Delay that a machine profile knows nothing of: current loop, a bending slide. Assumed, about a servo cycle."""
+
+
+def model_follows(path: Strategy, machine: MachineProfile, frequency_hz: float) -> Follows:
+    """Return the response by the profile: masses and gains may be off, and something else may be late."""
+    late = 2.0 * math.sin(min(math.pi * frequency_hz * UNMODELLED_DELAY_S, math.pi / 2.0))
+    return Follows(
+        response=nominal_response(path, machine, frequency_hz), spread=model_spread(machine, frequency_hz) + late
+    )
+
+
+def follows_by_order(
+    path: Strategy, machine: MachineProfile, spindle_speed_rpm: float, identified: ServoResponse | None = None
+) -> Callable[[int], Follows]:
+    """Return a function of the order of a turn: as `identified` within its band, else by the profile."""
+
+    def follows(order: int) -> Follows:
+        frequency_hz = order * spindle_speed_rpm / 60.0
+        if identified is not None and identified.source is Source.IDENTIFIED:
+            try:
+                response, spread = identified.at(frequency_hz), identified.relative_95(frequency_hz)
+            except ProfileError:  # outside of its band
+                pass
+            else:
+                return Follows(response=response, spread=spread)
+        return model_follows(path, machine, frequency_hz)
+
+    return follows

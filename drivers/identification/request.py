@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from drivers.cutting.strategy import INVERTING, Strategy
-from drivers.identification.cam_path import return_hz, way_counts
+from drivers.identification.excitation import return_hz, way_counts
 from drivers.pmac.settings import PARTS_PER_COUNT
 from profiles.axis.servo import drive_need, following_error_um
 from profiles.machine import MachineProfile

@@ -15,7 +15,7 @@ from drivers.identification.request import clearance_mm
 from drivers.identification.rig import Rig
 from drivers.lathe.motion import CUT_POLL_S
 from drivers.lathe.snapshot import Snapshot
-from drivers.pmac.master.following import COUNT_PARTS
+from drivers.pmac.master.time_base import COUNT_PARTS
 from drivers.pmac.memory import WORD_BITS
 from profiles.axis.servo_gains import gains_from_variables
 from profiles.machine import MachineProfile

@@ -7,14 +7,18 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import dataclass
 
+from drivers.clock import Clock
 from drivers.controller import Controller
+from drivers.cutting.tables import Tables
 from drivers.errors import ControllerError, DriverError, LinkError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.ownership import Ownership
 from drivers.lathe.polling import Poller
 from drivers.lathe.safety import device_problems
 from drivers.lathe.stop import StopPath
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
 IN_PART = "link.line_in_part"  # code: a line did not arrive as it was sent, and part of it was executed
@@ -142,3 +146,18 @@ class Sending:
 
     def _problem(self, code: str, key: str = "") -> Problem:
         return Problem(code=code, where=self._client.link.address, key=key)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wiring:
+    """One controller, and everything sent to it or read from it."""
+
+    client: Controller
+    machine: MachineProfile
+    clock: Clock
+    stop: StopPath
+    heartbeat: Heartbeat | None
+    ownership: Ownership | None
+    poller: Poller
+    sending: Sending
+    tables: Tables

@@ -9,10 +9,10 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, replace
 
-from drivers.lathe.drift import FEWEST_POLLS, all_rest, rest_limits
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.safety import device_problems
 from drivers.lathe.snapshot import REAL_TIME_PERCENT, AxisName, Snapshot
+from drivers.lathe.standstill import FEWEST_POLLS, all_rest, rest_limits
 from profiles.problem import Problem
 
 Guard = Callable[[Snapshot], tuple[Problem, ...]]  # returns what is wrong with the one motion that it belongs to

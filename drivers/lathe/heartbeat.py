@@ -25,8 +25,8 @@ from drivers.pmac.heartbeat.arming import (
     read_heartbeat,
     silent,
 )
-from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.plc import OUT_LIMIT_MS, RUN_DOWN_MS, Policy, set_up_lines
+from drivers.pmac.heartbeat.watch import LOSS_SEEN, NOTHING_GUARDED, EchoWatch, Keeper
 from drivers.pmac.heartbeat.watchdog import (
     ENDING,
     PERIOD_MS,
@@ -107,7 +107,7 @@ class Heartbeat:
         self._keeper = Keeper(dialect=self._dialect, i10=look.i10)
 
     def problems(self) -> tuple[Problem, ...]:
-        """Return what is wrong with a prepared heartbeat; before `prepare` nothing is queried."""
+        """Return the problems of a prepared heartbeat; before `prepare` nothing is queried."""
         return () if self._keeper is None else self._looked()[1]
 
     def jog(self, line: str) -> str:
@@ -165,7 +165,7 @@ class Heartbeat:
             self._clock.wait(max(min(end_s, due_s) - now_s, SHORTEST_WAIT_S))
 
     def lapse(self) -> DriverError:
-        """Stop guarding, and return the problem to report: the controller has ended what was guarded."""
+        """Stop guarding, and return the problem to report: the controller has ended the guarded motion."""
         self.guarding, self._lapsed = False, self._lapse_problem
         return DriverError(self._lapsed)
 

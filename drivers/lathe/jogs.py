@@ -6,12 +6,12 @@ from collections.abc import Collection
 from functools import partial
 
 from drivers.errors import DriverError, RefusedError
+from drivers.lathe.commands import Wiring
 from drivers.lathe.guards import JogGuard, OthersStill
 from drivers.lathe.lengths import Lengths, motor_of, settings_of
 from drivers.lathe.motion import Motion, refuse_beyond_travel
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot, driven_axes
 from drivers.lathe.standstill import ARRIVED_COUNTS, HomeSearch, Settling, nearly_arrived
-from drivers.lathe.wiring import Wiring
 from drivers.pmac.language.text import format_number
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -17,22 +17,18 @@ from drivers.controller import Controller
 from drivers.cutting.cut_program import STOPPED_BY_ITEM, CutProgram
 from drivers.cutting.tables import Tables
 from drivers.errors import DriverError, RefusedError
-from drivers.lathe.commands import Sending
-from drivers.lathe.drift import rest_limits
+from drivers.lathe.commands import Sending, Wiring
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.held_positions import HeldPositions
 from drivers.lathe.jogs import Jogs
 from drivers.lathe.lengths import motor_of
 from drivers.lathe.motion import Motion
-from drivers.lathe.ownership import Ownership
-from drivers.lathe.polling import POLL_TIMEOUT_S, Poller
-from drivers.lathe.signature import read_signature, sign
+from drivers.lathe.ownership import Ownership, read_signature, sign
+from drivers.lathe.polling import POLL_TIMEOUT_S, Poller, SnapshotItems
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes
-from drivers.lathe.snapshot_items import SnapshotItems
 from drivers.lathe.standing import NOBODY, Signature, Standing
-from drivers.lathe.standstill import prove_rest
+from drivers.lathe.standstill import prove_rest, rest_limits
 from drivers.lathe.stop import StopPath
-from drivers.lathe.wiring import Wiring
 from drivers.pmac.dialect import DIALECTS, dialect_of
 from drivers.pmac.witness import Witness
 from profiles.machine import MachineProfile
@@ -135,7 +131,7 @@ class Lathe:
 
     @property
     def ends_within_s(self) -> float:
-        """How long the controller may take to end what its host no longer guards; 0 where it ends nothing."""
+        """How long the controller may take to end a motion that its host no longer guards; 0 if it ends none."""
         return 0.0 if self._heartbeat is None else self._heartbeat.ends_within_s
 
     def is_ending(self) -> bool:
@@ -171,7 +167,7 @@ class Lathe:
                 sign(self._client, mark)
 
     def signed_by(self, holder: int) -> Signature | None:
-        """Return who works at the console of this number; None where it has not written that."""
+        """Return who works at the console of this number; None if it has not signed."""
         return read_signature(self._client, holder)
 
     def release(self) -> None:
@@ -182,7 +178,7 @@ class Lathe:
 
     @property
     def as_set(self) -> MachineProfile:
-        """The machine with the gains on trial, `on_trial` by their names, in the place of those of its profile."""
+        """The machine with the gains on trial, `on_trial` by their names, instead of those of its profile."""
         if not self.on_trial:
             return self.machine
         controller = self.machine.controller
@@ -287,7 +283,7 @@ class Lathe:
 
     @property
     def unguarded(self) -> Problem | None:
-        """Return what is wrong with the guard of the present motion: `heartbeat.plc_silent`, or None."""
+        """Return the fault of the guard of the present motion: `heartbeat.plc_silent`, or None."""
         return None if self._heartbeat is None else self._heartbeat.silent
 
     def in_doubt(self) -> None:

@@ -6,22 +6,33 @@ An observer may stop the machine, and nothing else.
 Consoles on different computers may claim simultaneously, so read-then-write would race. The controller compares
 and writes in one line (compare-and-swap), which it executes completely before the next line of any host: the
 number changes only if it still is the expected one.
+
+The number alone has control; the signature beside it explains it in words: a name, a computer, and since when. It
+is written by the console that has just claimed the machine, and belongs to its number: with any other number in
+control it means nothing. A P-variable holds integers of three bytes exactly in every family, so each takes three
+bytes of UTF-8.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from random import Random, SystemRandom
 
 from drivers.controller import Controller
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.lathe.standing import NOBODY, Standing
+from drivers.lathe.standing import MOST_OF_A_HOST, NOBODY, Signature, Standing
 from drivers.link.base import is_gone
 from drivers.pmac.language.text import format_number
-from drivers.pmac.reserved import OWNER
+from drivers.pmac.reserved import OWNER, SIGNATURE
 from profiles.problem import Problem
 
 OWNER_ITEM = f"P{OWNER}"  # the variable with the owner's number
 HIGHEST = 2**31 - 1  # a P-variable holds it exactly in every family
+BYTES = MOST_OF_A_HOST  # of the name, and of the computer; what is longer is cut at a character
+_PER_VARIABLE = 3
+_EACH = BYTES // _PER_VARIABLE
+ITEMS = tuple(f"P{SIGNATURE + place}" for place in range(2 + 2 * _EACH))
+"""Number, minute, name, computer."""
 
 
 def exchange_line(before: float, after: int) -> str:
@@ -139,3 +150,36 @@ class Ownership:
 
     def _problem(self, code: str, value: str = "", limit: str = "") -> Problem:
         return Problem(code=code, where=self._client.link.address, value=value, limit=limit)
+
+
+def sign(client: Controller, signature: Signature) -> None:
+    """Write it, in one line. Nothing depends on it. Errors as for `request`."""
+    client.request(signing_line(signature), lines=0)
+
+
+def signing_line(signature: Signature) -> str:
+    """Return the line that writes a signature."""
+    values = (signature.number, signature.minute, *_packed(signature.name), *_packed(signature.host))
+    return " ".join(f"{item}={value}" for item, value in zip(ITEMS, values, strict=True))
+
+
+def read_signature(client: Controller, holder: int) -> Signature | None:
+    """Return the signature of the console `holder`, None if it has written none. Errors as for `numbers`."""
+    number, minute, *text = client.numbers(*ITEMS, again=True)
+    if int(number) != holder or not 0 <= minute < 2**31:
+        return None
+    name, host = _unpacked(text[:_EACH]), _unpacked(text[_EACH:])
+    return Signature(number=holder, name=name, host=host, minute=int(minute)) if name else None
+
+
+def _packed(text: str) -> tuple[int, ...]:
+    data = text.encode("utf-8", "replace")[:BYTES].decode("utf-8", "ignore").encode("utf-8").ljust(BYTES, b"\0")
+    return tuple(int.from_bytes(data[at : at + _PER_VARIABLE], "big") for at in range(0, BYTES, _PER_VARIABLE))
+
+
+def _unpacked(values: Sequence[float]) -> str:
+    """Return the text of these variables; "" if they hold anything else."""
+    if not all(0 <= value < 2 ** (8 * _PER_VARIABLE) and value == int(value) for value in values):
+        return ""
+    data = b"".join(int(value).to_bytes(_PER_VARIABLE, "big") for value in values)
+    return data.rstrip(b"\0").decode("utf-8", "replace")

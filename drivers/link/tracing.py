@@ -21,8 +21,7 @@ from typing import Protocol
 
 from drivers.errors import DriverError, LinkError
 from drivers.link.base import Link
-from drivers.link.passing import PassingLink
-from drivers.link.tapping import Tap, TappedLink
+from drivers.link.passing import PassingLink, Tap, TappedLink
 from profiles.problem import Problem
 
 CR, ACK, NUL = 0x0D, 0x06, 0x00

@@ -15,11 +15,10 @@ from drivers.clock import Clock
 from drivers.controller import REPLY_TIMEOUT_S
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import GONE, Link
-from drivers.pmac.checksums import LineCheck
 from drivers.pmac.dialect import DIALECTS, Dialect, dialect_of
 from drivers.pmac.exchange import DRAIN_LIMIT_S, Exchange
 from drivers.pmac.expected_replies import expected_replies, replied_number
-from drivers.pmac.framing import QUIET_S, LinkFaults
+from drivers.pmac.framing import QUIET_S, LineCheck, LinkFaults
 from drivers.pmac.language.errors import ErrorCode
 from profiles.problem import Problem
 

@@ -14,11 +14,13 @@ from drivers.clock import Clock
 from drivers.controller import REPLY_TIMEOUT_S
 from drivers.errors import LinkError, LinkTimeoutError, RefusedError
 from drivers.link.base import Link
-from drivers.pmac.checksums import ASK, PROBE, ChecksumForm, form_of, like_an_answer, shown, unmistakable
 from drivers.pmac.expected_replies import expected_replies, opens_buffer
 from drivers.pmac.framing import (
+    ASK,
+    PROBE,
     QUIET_S,
     SILENCE_S,
+    ChecksumForm,
     FaultError,
     FaultKind,
     FramingError,
@@ -26,6 +28,10 @@ from drivers.pmac.framing import (
     Reply,
     ReplyReader,
     awaited,
+    form_of,
+    like_an_answer,
+    shown,
+    unmistakable,
 )
 from drivers.pmac.reserved import MARKER
 from drivers.pmac.saving import SAVE_TIMEOUT_S, saves

@@ -76,7 +76,7 @@ def constants_of(program: ProgramText, dialect: Dialect) -> tuple[Constant, ...]
 
 
 def _source(expression: syntax.Expression, known: Mapping[str, Constant]) -> str:
-    """Return the controller variable that a value is a copy of, "" where it is a number of ours."""
+    """Return the controller variable that a value is a copy of, "" for a number of ours."""
     if isinstance(expression, syntax.Variable) and isinstance(expression.index, syntax.Number):
         name = f"{expression.kind}{int(expression.index.value)}"
         return "" if name in known else name
@@ -122,10 +122,6 @@ def _differing(planned: Mapping[str, float], actual: Mapping[str, float], code: 
             yield Problem(code=code, key=name, value=found, limit=limit)
 
 
-def _values(constants: Iterable[Constant], copied: Mapping[str, float]) -> dict[str, float]:
-    return {each.name: copied[each.name] if each.value is None else each.value for each in constants}
-
-
 def constant_problems(
     client: Controller,
     constants: Sequence[Constant],
@@ -137,8 +133,8 @@ def constant_problems(
     found = read_values(client, (*(each.name for each in constants), *sources))
     if copied is None:
         copied = {each.name: found[each.copied_from] for each in constants if each.copied_from}
-    actual = {each.name: found[each.name] for each in constants}
-    return tuple(_differing(_values(constants, copied), actual, code))
+    planned = {each.name: copied[each.name] if each.value is None else each.value for each in constants}
+    return tuple(_differing(planned, {name: found[name] for name in planned}, code))
 
 
 def pointers_of(program: ProgramText) -> dict[str, str]:

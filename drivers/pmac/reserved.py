@@ -36,7 +36,7 @@ STOPPED_BY = 1011
 """P-variable: the number of a monitoring console that has stopped the machine; written after its stop."""
 
 SIGNATURE = 1012
-"""P-variables up to P1023: who controls the machine, in words (`drivers/lathe/signature.py`)."""
+"""P-variables up to P1023: who controls the machine, in words (`drivers/lathe/ownership.py`)."""
 
 OWN_VARIABLES = range(WITNESS.start, 1024)
 """P-variables: those, and those of the heartbeat and of the witness."""

@@ -6,18 +6,22 @@ import gc
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 
+import numpy as np
+
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import DEFAULT_STRATEGY, Strategy
-from drivers.preview.outlook import Demand, Outlook, Response, outlook
-from drivers.preview.program_prediction import Prediction, predict
-from profiles.axis.response import ServoResponse
-from profiles.axis.servo import Eq9Summary, eq9_summary
-from profiles.compensations.path import CutPath
+from drivers.identification.nominal import loop_response, nominal_response
+from drivers.preview.outlook import Demand, Outlook, Response, demands_of, outlook, response_of
+from drivers.preview.program_prediction import TURN_POINTS, FloatArray, Prediction, left_by, predict
+from profiles.axis.response import ServoResponse, Source
+from profiles.axis.servo import Eq9Summary, drive_need, eq9_summary
+from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 
 __all__ = ["Demand", "Prediction", "Response"]  # beside what is defined here
+_TURN_DEG: FloatArray = np.linspace(0.0, 360.0, TURN_POINTS, endpoint=False)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +103,7 @@ def all_asked(
 
 
 def program_of(asked: Asked) -> Program:
-    """Plan one program, simulate it, and predict what it leaves."""
+    """Plan one program, simulate it, and predict the residual."""
     job, machine, response = asked.job, asked.machine, asked.response
     # The moves would trigger one full garbage collection after the other, during which no key is handled. They
     # need none: they contain no reference cycles.
@@ -132,3 +136,65 @@ def whole(seen: Outlook, eq9_loop: Eq9Summary, programs: Mapping[Strategy, Progr
     """Return an outlook with all programs."""
     complete = underway(seen, eq9_loop, programs)
     return Preview(**{field.name: getattr(complete, field.name) for field in fields(Preview)})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClosedForm:
+    """A cut at the speed of the job, with the nominal or the identified axis.
+
+    The arrays have the shape (TURN_POINTS,), as those of a program, so that plots of both look alike.
+    `angle_deg` are spindle angles, `command_um` is the commanded infeed there, `residual_um` the
+    deviation of the released part, positive where it is high, mean 0. `response` is that of the loop at
+    `lobe_frequency_hz`, `demands` are the needs of a sine with the amplitude of the command.
+    """
+
+    angle_deg: FloatArray
+    command_um: FloatArray
+    residual_um: FloatArray
+    lobe_frequency_hz: float
+    response: Response
+    demands: dict[str, Demand]
+
+    @property
+    def stroke_um(self) -> float:
+        """Tool travel, peak to peak."""
+        return float(np.ptp(self.command_um))
+
+
+def closed_form(seen: Outlook, strategy: Strategy) -> ClosedForm | None:
+    """Predict a strategy; return None where only its program can tell.
+
+    Of a lobe E the inverse of T_hat leaves E |1 - T / T_hat| (inverse feedforward at the lobe frequency), a plain
+    cut all of it.
+    """
+    if not strategy.traits.follows_lobe:
+        command = replace(seen.target, amplitude_um=0.0, overtones=())
+    elif strategy.traits.inverts and strategy is seen.strategy:
+        command = seen.command
+    else:
+        return None
+    job, machine = seen.job, seen.machine
+    path_um = np.full(TURN_POINTS, command.mean_um)
+    identified = strategy is seen.strategy and seen.response.source is Source.IDENTIFIED
+    for harmonic in command.harmonics:
+        frequency_hz = harmonic.lobes * job.spindle_speed_rpm / 60.0
+        if identified and harmonic.lobes == job.jaws:
+            answer = seen.response.at(frequency_hz)
+        else:
+            answer = nominal_response(strategy, machine, frequency_hz)
+        path_um += PathHarmonic.of(harmonic.lobes, answer * harmonic.coefficient).at_um(_TURN_DEG)
+    response = seen.sampled
+    if identified:
+        response = response_of(job, loop_response(strategy, machine, seen.response, job.lobe_frequency_hz))
+    # The command belongs to the angle that the controller read, which the spindle has left since.
+    late_deg = (
+        strategy.traits.late_cycles(machine) * machine.controller.servo_period_ms * job.spindle_speed_rpm * 0.006
+    )
+    return ClosedForm(
+        angle_deg=_TURN_DEG,
+        command_um=command.at_um(_TURN_DEG - late_deg),
+        residual_um=left_by(job, _TURN_DEG, path_um),
+        lobe_frequency_hz=job.lobe_frequency_hz,
+        response=response,
+        demands=demands_of(machine, drive_need(machine, command.amplitude_um, job.lobe_frequency_hz)),
+    )

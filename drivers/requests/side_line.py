@@ -1,17 +1,23 @@
-"""Requests of other threads, sent by the thread of the link between two polls.
+"""Requests of other threads, sent by the thread of the link between two polls; and a record of what went over it.
 
 A worker thread asks and waits; the link thread serves after each poll: several requests at rest, for a part of the
 time between two polls; one short request in motion, as a batch of a cut is fetched; none while an axis homes or a
 stop is being proven. The watchdog is renewed with the poll. Every line is judged again here, so that no fault of a
 worker sends anything that could move something.
+
+The record is for an engineer who wants to see what a key of the console sends. The link's threads append, a signal
+handler among them; a screen reads. Polls come ten times a second and would push everything else out, so they are
+kept apart.
 """
 
 from __future__ import annotations
 
+import itertools
 import threading
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from queue import Empty, SimpleQueue
 
 from drivers.clock import Clock
@@ -20,7 +26,6 @@ from drivers.link.base import Link
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.expected_replies import expected_replies
-from drivers.requests.heard import Heard
 from drivers.requests.permitted import Kind, gathers, permission
 from profiles.problem import Problem, ProblemError
 
@@ -33,6 +38,8 @@ SLICE_S = 0.1
 ASK_S = 20.0  # after which a worker gives up: nobody polls any more
 
 Lines = tuple[str, ...]
+KEPT, POLLS_KEPT = 3000, 120  # pieces: a request and its reply are two or more
+SENT, RECEIVED, STOP, FAILED = ">", "<", "!", "*"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,7 +54,7 @@ class Moment:
 
 
 class CancelledError(Exception):
-    """The worker was told to end."""
+    """The worker was asked to end."""
 
 
 @dataclass(eq=False)
@@ -60,6 +67,92 @@ class Asked:
     timeout_s: float
     answer: SimpleQueue[Lines | BaseException] = field(default_factory=SimpleQueue)
     dropped: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Piece:
+    """Bytes in one direction, in order `number`; `mark` as in a trace."""
+
+    number: int
+    at_s: float
+    mark: str
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spoken:
+    """One line of the list: a request with its data, a stop, or a failure, the text with its control characters.
+
+    `number` is that of its last piece, `poll` whether it is a status poll.
+    """
+
+    number: int
+    at_s: float
+    mark: str
+    text: str
+    poll: bool
+
+
+class Heard:
+    """The newest pieces. A line that ends with `poll_line` is a status poll."""
+
+    def __init__(self, now_s: Callable[[], float]) -> None:
+        self.poll_line = b""
+        self.began_s = now_s()
+        self._now_s = now_s
+        self._kept: deque[Piece] = deque(maxlen=KEPT)
+        self._polls: deque[Piece] = deque(maxlen=POLLS_KEPT)
+        self._numbers = itertools.count(1)
+        self._target = self._kept
+
+    def tap(self, mark: str, data: bytes) -> None:
+        """Take bytes as they pass; returns at once, never raises."""
+        if mark == SENT:
+            self._target = self._polls if self._polls_with(data) else self._kept
+        target = self._target if mark in (SENT, RECEIVED) else self._kept
+        target.append(Piece(next(self._numbers), self._now_s(), mark, data))
+
+    def _polls_with(self, data: bytes) -> bool:
+        return bool(self.poll_line) and data.rstrip(b"\r").endswith(self.poll_line)
+
+    def newest(self, *, polls: bool) -> int:
+        """Return the number of the newest piece, with the status polls or without; 0 before the first."""
+        kept = (self._kept, self._polls) if polls else (self._kept,)
+        return max((pieces[-1].number for pieces in kept if pieces), default=0)
+
+    def spoken(self, *, polls: bool) -> tuple[Spoken, ...]:
+        """Return what went over the link in its order, with the status polls or without."""
+        kept = [(piece, False) for piece in _copied(self._kept)]
+        if polls:
+            kept += [(piece, True) for piece in _copied(self._polls)]
+            kept.sort(key=lambda each: each[0].number)
+        return tuple(_joined(kept))
+
+
+def _copied(pieces: deque[Piece]) -> list[Piece]:
+    """Return a copy, safe against entries appended meanwhile."""
+    while True:
+        try:
+            return list(pieces)
+        except RuntimeError:
+            continue
+
+
+def _joined(pieces: list[tuple[Piece, bool]]) -> list[Spoken]:
+    """Join pieces of one direction: a line goes out in parts where the link paces it, and comes in as many."""
+    found: list[Spoken] = []
+    for piece, poll in pieces:
+        text = piece.data.decode("latin-1")
+        last = found[-1] if found else None
+        joins = last is not None and piece.mark in (SENT, RECEIVED) and last.mark == piece.mark
+        if last is not None and joins and last.poll == poll and not last.text.endswith(_ENDS[piece.mark]):
+            found[-1] = replace(last, number=piece.number, text=last.text + text)
+        else:
+            found.append(Spoken(number=piece.number, at_s=piece.at_s, mark=piece.mark, text=text, poll=poll))
+    return found
+
+
+_ENDS = {SENT: ("\r",), RECEIVED: ("\x06",)}
 
 
 class SideLine:
@@ -122,7 +215,7 @@ class SideLine:
         """Return the reply to a line; for a worker thread, which waits.
 
         Raises:
-            CancelledError: the worker was told to end; the line is not sent any more.
+            CancelledError: the worker was asked to end; the line is not sent.
             RefusedError: the line is not permitted now.
             LinkError: `beside.silent`, nobody polls; or as `PmacClient.request`.
         """

@@ -21,10 +21,9 @@ from drivers.simulator.card.watchdog import Background
 from drivers.simulator.commands.line import commands
 from drivers.simulator.commands.status import ACTIONS
 from drivers.simulator.context import ALL_CARDS, Context
-from drivers.simulator.faults.board import FaultBoard
+from drivers.simulator.faults.board import FaultBoard, inject_words, words_of
 from drivers.simulator.faults.catalogue import AXES, refusal
 from drivers.simulator.faults.effects import FaultTarget
-from drivers.simulator.faults.fault_line import inject_words, words_of
 from drivers.simulator.faults.lines import Lines
 from drivers.simulator.hosts import replies
 from drivers.simulator.hosts.port import WORK_PER_TURN, Port

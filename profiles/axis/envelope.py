@@ -7,7 +7,7 @@ taken off first. Speeds in rpm, amplitudes in um (half of peak to peak).
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -61,17 +61,11 @@ class Envelope:
     plain_sine_rpm: float | None
 
 
-def envelope(
-    job: Job,
-    machine: MachineProfile,
-    *,
-    amplitudes_um: Sequence[float] = AMPLITUDES_UM,
-    reserved_n: float = RESERVED_N,
-) -> Envelope:
+def envelope(job: Job, machine: MachineProfile) -> Envelope:
     """Return the envelope of a machine for the jaws of a job."""
-    rows = tuple(envelope_row(machine, each, job.jaws, reserved_n=reserved_n) for each in amplitudes_um)
+    rows = tuple(envelope_row(machine, each, job.jaws) for each in AMPLITUDES_UM)
     amplitude_um = max(job.lobe_amplitude_um, _LEAST_AMPLITUDE_UM)
-    at_job = envelope_row(machine, amplitude_um, job.jaws, reserved_n=reserved_n)
+    at_job = envelope_row(machine, amplitude_um, job.jaws)
     fraction = job.roundness_tolerance_um / job.lobe_error_um_pp if job.lobe_error_um_pp > 0 else math.inf
     plain_hz = first_beyond(lambda f: np.abs(1 - sampled_response(machine, f)), fraction, nyquist_hz(machine))
     return Envelope(

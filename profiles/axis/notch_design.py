@@ -19,17 +19,20 @@ from itertools import islice, product
 import numpy as np
 
 from profiles.arrays import Complexes, Floats, complexes
-from profiles.axis.gain_candidates import (
+from profiles.axis.loop_design import (
     Candidates,
+    GainProposal,
     all_candidates,
+    holds_everywhere,
+    in_order,
+    limited_plants,
     phase_margin_deg,
+    rounded_proposal,
     search_hz,
     seem_stable,
     sensitivity,
     yields,
 )
-from profiles.axis.gain_proposal import GainProposal, rounded_proposal
-from profiles.axis.loop_design import holds_everywhere, in_order, limited_plants
 from profiles.axis.margins import LEAST_PHASE_MARGIN_DEG, is_stable, loop_margins, sensitivity_peak
 from profiles.axis.notch import OTHER_READINGS, Notch, Reading, placed_notch
 from profiles.axis.plant_fit import PlantFit
@@ -52,7 +55,6 @@ _MOST_EACH, _MOST_TRIED = 3, 30
 class _Search:
     """What is the same for each filter: frequencies, plants at them, gains, and how far gains alone yield."""
 
-    machine: MachineProfile
     loop: SampledLoop
     fit: PlantFit
     lobe_hz: float
@@ -80,7 +82,7 @@ def design_with_notch(
     """
     if not fit.plant.modes:
         return None
-    search = _search(machine, loop, fit, lobe_hz, alone, allowed)
+    search = _search(loop, fit, lobe_hz, alone, allowed)
     found = sorted(
         (
             (cost, gains)
@@ -102,7 +104,6 @@ def design_with_notch(
 
 
 def _search(
-    machine: MachineProfile,
     loop: SampledLoop,
     fit: PlantFit,
     lobe_hz: float,
@@ -114,7 +115,6 @@ def _search(
     if alone is not None:
         most = LEAST_STIFFER * lobe_yield(replace(loop, gains=alone.gains), lobe_hz)
     return _Search(
-        machine=machine,
         loop=loop,
         fit=fit,
         lobe_hz=lobe_hz,
@@ -153,13 +153,12 @@ def _best(search: _Search, notch: Notch, *, proven: bool) -> Iterator[tuple[floa
         found = _safe_otherwise(search, notch, found)
     plant = complexes(filtered * search.plants[0][0])
     cost = yields(found, plant, search.loop, hz, search.lobe_hz)
-    ordered = ((place, _filtered(found.gains(place), notch)) for place in in_order(cost, found.ki))
+    ordered = (
+        (place, replace(found.gains(place).scaled(1.0 / notch.at_rest), notch=notch))
+        for place in in_order(cost, found.ki)
+    )
     for place, gains in islice((each for each in ordered if search.allowed(each[1])), _MOST_EACH):
         yield float(cost[place]), gains
-
-
-def _filtered(at_rest: PidGains, notch: Notch) -> PidGains:
-    return replace(at_rest.scaled(1.0 / notch.at_rest), notch=notch)
 
 
 def fails_otherwise(loop: SampledLoop, gains: PidGains, plants: Sequence[AxisPlant]) -> Reading | None:

@@ -82,7 +82,8 @@ def fitted_plant(loop: SampledLoop, points: Sequence[LoopPoint]) -> PlantFit | N
     if np.unique(hz).size < LEAST_POINTS:
         return None
     problem = _Problem(loop, hz, ordered)
-    best = problem.solved(_start(loop.plant))
+    start = [math.log(loop.plant.acceleration_per_v), 0.8 * loop.plant.damping_per_s, 0.1, 0.1]
+    best = problem.solved(floats(start))
     problem.doubt_friction(best.values)
     best = problem.solved(best.values)
     if np.unique(hz).size >= MODE_POINTS:
@@ -200,10 +201,6 @@ def _best_mode(problem: _Problem, rigid: _Solution) -> _Solution:
         for fraction in (0.1, -0.1)
     ]
     return min((problem.solved(start) for start in starts), key=lambda each: each.cost)
-
-
-def _start(plant: AxisPlant) -> Floats:
-    return floats([math.log(plant.acceleration_per_v), 0.8 * plant.damping_per_s, 0.1, 0.1])
 
 
 def _bounds(count: int, highest_hz: float) -> tuple[Floats, Floats]:

@@ -19,11 +19,10 @@ from profiles.files import printable
 from profiles.job import SIMULATED_SOURCE, Job
 from profiles.lobe.lobe_conditions import CONDITIONS
 from profiles.lobe.lobe_fit import LobeFit, fit_lobe
-from profiles.metrology.filters import gaussian_transmission
+from profiles.metrology.points import gaussian_transmission
 from profiles.problem import Problem
 from profiles.roundness import centred_profile, seen_oval_um_pp
-from profiles.trace_files.header import DIRECTIONS, TraceHeader, header_of
-from profiles.trace_files.plausible import size_doubt, unit_doubt
+from profiles.trace_files.header import DIRECTIONS, TraceHeader, header_of, size_doubt, unit_doubt
 from profiles.traces import Trace
 
 # Value of the header line `start_mark` when the angles of the trace begin at the spindle index.

@@ -9,10 +9,9 @@ line, all problems (up to a cap) at once.
 
 from __future__ import annotations
 
-import csv
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
@@ -25,6 +24,7 @@ from profiles.files import printable, read_regular_file
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.limits import text_of
 from profiles.trace_files.number_marks import DECIMAL_SIGNS, SPOILING, NumberMarks, describe_readings
+from profiles.trace_files.table import split_cells
 
 CAP_BYTES = 10_000_000
 MOST_ROWS = 10_000  # a year of clampings, one every hour
@@ -157,7 +157,7 @@ class _Reader:
 
     def _take_header(self, number: int, line: str) -> None:
         for separator in _SEPARATORS:
-            names = [column_name(cell) for cell in _cells(line, separator)]
+            names = [column_name(cell) for cell in split_cells(line, separator)]
             for kind in self._kinds:
                 target = [field.key for field in COLUMNS[kind]]
                 if all(names.count(key) == 1 for key in target):
@@ -176,7 +176,7 @@ class _Reader:
                 "calibration.too_large", number, value=f"> {MOST_ROWS} rows", limit=f"<= {MOST_ROWS} rows"
             )
             return
-        cells = _cells(line, self._separator)
+        cells = split_cells(line, self._separator)
         while len(cells) > len(self._names) and not cells[-1]:
             cells.pop()
         if len(cells) != len(self._names):
@@ -208,11 +208,3 @@ class _Reader:
     def _refuse(self, code: str, number: int, *, key: str = "", value: str = "", limit: str = "") -> None:
         where, shown = f"{self._where}:{number}", printable(value, 60)
         self.problems.append(Problem(code=code, where=where, key=key, value=shown or '""', limit=limit))
-
-
-def _cells(line: str, separator: str) -> list[str]:
-    try:
-        cells: Iterable[str] = next(csv.reader([line], delimiter=separator, skipinitialspace=True))
-    except csv.Error:  # then the quotes are not quotes, and the cells are refused as they are
-        cells = line.split(separator)
-    return [cell.strip() for cell in cells]

@@ -9,8 +9,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from profiles.findings import Finding, Severity, judged
+from profiles.job import Job
+from profiles.lobe.lobe_conditions import force_as_found
 from profiles.machine import MachineProfile
-from profiles.problem import refused
+from profiles.problem import Problem, refused
 
 JAW_LENGTH_MM = 40.0
 JAW_STIFFNESS_N_PER_UM = 50.0
@@ -18,6 +21,7 @@ REFERENCE_FORCE_N = 1000.0  # force on one jaw at which its stiffness is given
 CONTACT_EXPONENT = 0.5  # alpha of k ~ F^alpha: 1/3 for Hertz's smooth bodies, 1/2 for rough surfaces
 FRICTION = 0.12  # smooth jaws: 0.1 to 0.15
 FORCE_SD_PERCENT = 5.0  # scatter between clampings with a wrench at its best
+SAME_FORCE = 0.005  # relative difference at which two chucking forces are still the same setting of the wrench
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,3 +109,15 @@ def holding_of(machine: MachineProfile) -> Holding:
         ),
         assumed=tuple(f"chuck.{key}" for key, (said, _) in given.items() if said is None),
     )
+
+
+def same_force(one_n: float, other_n: float) -> bool:
+    """Whether two chucking forces are the same setting of the wrench."""
+    return abs(one_n - other_n) <= SAME_FORCE * max(one_n, other_n)
+
+
+def force_as_measured(job: Job) -> Finding:
+    """Return whether the part is held as when its lobe error was found: the error depends on the force."""
+    value, limit = f"{job.chucking_force_n:.6g} N", f"{job.error_force_n:.6g} N"
+    problem = Problem(code="rule.force_differs", key="chucking_force_n", value=value, limit=limit)
+    return judged(force_as_found(job), problem, Severity.WARNING)

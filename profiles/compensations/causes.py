@@ -108,9 +108,9 @@ def causes(
 
 
 def _of_lobe(part: PartHarmonics, cut: AppliedPath, job: Job, tool_um: complex) -> Cause | None:
-    """Return the cause of what is left of the lobe beyond the tool's own error, None where that is noise.
+    """Return the cause of the residual lobe beyond the tool's own error, None if it is noise.
 
-    It explains no more than what is left: the tool may have hidden a part of it.
+    It explains no more than the residual: the tool may have hidden a part of it.
     """
     lobes, path_um = job.jaws, cut.path.target.harmonics[0].coefficient
     left_um = part.coefficients_um[lobes] - (1.0 - cut.fraction) * path_um
@@ -133,7 +133,7 @@ def _of_lobe(part: PartHarmonics, cut: AppliedPath, job: Job, tool_um: complex) 
 
 
 def _unplaced(part: PartHarmonics, job: Job) -> Cause | None:
-    """Return what is left of the lobe by its height alone, None where that is noise."""
+    """Return the residual lobe by its height alone, None if it is noise."""
     left_um = abs(part.coefficients_um[job.jaws])
     if left_um <= SIGNIFICANT * _seen_sd_um(part, job):
         return None

@@ -78,7 +78,7 @@ def is_promised(follows: Follows, least_response: float) -> bool:
 def promised_orders(
     follows: Callable[[int], Follows], least_response: float, most: int = MOST_HARMONICS
 ) -> tuple[int, ...]:
-    """Return the orders from 2 on, up to one that the tool hardly follows or of which nothing is promised."""
+    """Return the orders from 2 on, up to the first that the tool hardly follows or that has no promise."""
     orders = []
     for order in range(2, most + 1):
         if not is_promised(follows(order), least_response):
@@ -89,7 +89,7 @@ def promised_orders(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Shown:
-    """What a part has shown of an order, um: what is on it, what that teaches, and the tool's error in its cut."""
+    """One order on a measured part, um: its amplitude, the learning step from it, the tool's error in its cut."""
 
     on_part_um: complex | None = None
     left_um: complex | None = None

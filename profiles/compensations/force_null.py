@@ -188,7 +188,7 @@ class _Window:
 
 
 def _air(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
-    """Return the last turns before the face in which the amplitude is steady, None where there are too few."""
+    """Return the last turns before the face with a steady amplitude, None if they are too few."""
     most = math.floor(-float(turns.min()) - BEFORE_FACE_TURNS)
     firsts = [-turn - BEFORE_FACE_TURNS for turn in range(1, most + 1)]
     amplitudes_um = [abs(_window(record, turns, lobes, first, 1).infeed.value) for first in firsts]
@@ -198,7 +198,7 @@ def _air(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
 
 
 def _cut(record: ForceRecord, turns: Floats, lobes: int) -> _Window | None:
-    """Return all whole turns with a full chip, None where there are too few."""
+    """Return all whole turns with a full chip, None if they are too few."""
     count = math.floor(float(turns.max()) - FULL_CHIP_TURNS)
     return None if count < LEAST_TURNS else _window(record, turns, lobes, FULL_CHIP_TURNS, count)
 
@@ -248,7 +248,7 @@ def _widened(freedom: int) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Force:
-    """The harmonic of the force with the standard deviation of each component, and what friction changes of it."""
+    """The harmonic of the force with the standard deviation of each component, and the effect of friction."""
 
     value_n: complex
     sd_n: float
@@ -261,6 +261,7 @@ def _force_at_lobe(air: _Window, cut: _Window, expected: ExpectedForce, onwards:
     omega_rad_s = onwards * 2.0 * math.pi * expected.lobes * expected.turns_hz
     mass_n_per_um = -1e-6 * expected.mass_kg * omega_rad_s**2
     moved_n_per_um = complex(mass_n_per_um, 1e-6 * expected.damping_n_s_per_m * omega_rad_s)
+    # The output is applied one servo cycle after it was gathered, and held for a cycle: half a cycle more.
     delayed = cmath.exp(-1.5j * omega_rad_s * expected.cycle_s)
     ratio = cut.infeed.value / air.infeed.value
     turned, more = ratio / abs(ratio), abs(ratio) - 1.0
@@ -307,7 +308,7 @@ def _judged(
 
 
 def _verdict(ratio: float, noise: float, lobe_deg: float, sd_deg: float) -> tuple[Sign, Why]:
-    """Return what is said, by the size of the lobe that the tool met and its angle against the path's."""
+    """Return the verdict, from the size of the lobe that the tool met and its angle against the path's."""
     if noise > LEAST_RATIO / (2.0 * SURE):
         return Sign.UNKNOWN, Why.NOISE
     if ratio < LEAST_RATIO:

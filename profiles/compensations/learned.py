@@ -77,7 +77,7 @@ _DEFAULTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClampingReading:
-    """The fingerprint of a part's clamping: the change of its lobe, and the reading of the indicator.
+    """The fingerprint of a part's clamping: the factor of its lobe, and the deflection that the indicator showed.
 
     The lobe became `height` times as high, and was turned by `turn_deg` of spindle. `felt` is the lobe at rest
     that corresponds to the deflection, with the standard deviation of each of its components.
@@ -139,7 +139,7 @@ class LearnedCompensation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExpectedPart:
-    """The predicted part: cut with the compensation learned from a measured one.
+    """The result that a measured part predicts for a cut with the compensation learned from it.
 
     `ront_um` is its roundness, None if not recorded; `lobe` that of the released part, outwards.
     """

@@ -222,7 +222,7 @@ class Watch:
         )
 
     def released(self, orders: frozenset[int]) -> Watch:
-        """Return the watch without what it knows of these harmonics: they are learned again, and watched anew."""
+        """Return the watch with these harmonics forgotten: they are learned again, and watched anew."""
         return Watch(
             best={n: each for n, each in self.best.items() if n not in orders},
             grown=tuple(each for each in self.grown if each.order not in orders),

@@ -14,6 +14,7 @@ the learned step is recorded: their e is the step of the path over the gain.
 
 from __future__ import annotations
 
+import cmath
 import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -34,7 +35,6 @@ from profiles.compensations.learning import (
 from profiles.compensations.order_steps import STEP_UM, OrderRules, OrderSeen, OrderSteps, order_steps
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath, PathHarmonic, fraction_of, free_state_lobe, target_path
-from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.lobe.lobe_conditions import found_on_a_part
 from profiles.problem import Problem, refused
@@ -43,6 +43,9 @@ from profiles.problem import Problem, refused
 FIRST_GAIN, LATER_GAIN = 1.0, 0.7
 
 _NONE = Deviation(coefficients_um={})
+IN_PLACE_DEG = 30.0
+"""Tolerance of its position in degrees of lobe: a choice. That is half of what makes a
+part worse than none, 10 degrees of spindle with three jaws; dry friction of 3 N makes 12 of it at 50 Hz."""
 
 
 class Verdict(StrEnum):
@@ -75,7 +78,7 @@ class Contraction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AppliedPath:
-    """The path with which the part was cut: the whole path, its cut fraction, and the version, None for the model.
+    """The compensation of the part: the whole path, the fraction of it that was cut, the version (None: model).
 
     `parent` is the path of the previous part, from which the version was learned: without it only the
     convergence of the lobe can be judged. `history` are the versions that led to this one, which is the last.
@@ -135,7 +138,7 @@ class LearningStep:
 
     @property
     def expected_ront_um(self) -> float:
-        """The roundness of the trace without what was learned."""
+        """The roundness of the trace with the learned harmonics removed."""
         found = self.next.expected_ront_um
         assert found is not None
         return found
@@ -144,6 +147,76 @@ class LearningStep:
     def contraction(self) -> Contraction | None:
         """The contraction of the lobe."""
         return self.contractions.get(self.next.path.target.lobes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Uncompensated:
+    """A part as it would have been: coefficients in um, positive outwards, of the lobe alone.
+
+    `whole_um` is what all of the path would leave, `without_um` what no compensation would, `expected_um` the
+    lobe by job and jaw 1; `sd_um` is the standard error of each. `found`: seen on a part before.
+    """
+
+    whole_um: complex
+    without_um: complex
+    expected_um: complex
+    sd_um: float
+    lobes: int
+    found: bool
+
+    @property
+    def off_deg(self) -> float:
+        """How far past its expected position the lobe is, degrees of spindle, if the tool followed its path."""
+        if not self.expected_um or not self.without_um:
+            return 0.0
+        return -math.degrees(cmath.phase(self.without_um / self.expected_um)) / self.lobes
+
+    @property
+    def in_place(self) -> bool:
+        """Whether the lobe stands where it was expected."""
+        return self.lobes * abs(self.off_deg) <= IN_PLACE_DEG
+
+    @property
+    def plain_um(self) -> float:
+        """The amplitude of the lobe without compensation."""
+        return abs(self.expected_um if self.found else self.without_um)
+
+    def reasons(self) -> tuple[Problem, ...]:
+        """Return why nothing may be learned from the part: its compensation makes it worse than none would."""
+        if self.found and self.in_place:
+            return ()
+        if abs(self.whole_um) - self.plain_um <= self._noise_um or self._trivial:
+            return ()
+        value, limit = f"{2 * abs(self.whole_um):.1f} um", f"{2 * self.plain_um:.1f} um"
+        return (Problem(code="learned.worse", key=f"{self.off_deg:+.0f} deg", value=value, limit=limit),)
+
+    def warnings(self) -> tuple[Problem, ...]:
+        """Return what the operator should know before this learning step is kept."""
+        if self.in_place or self._trivial or self.reasons():
+            return ()
+        limit = f"± {IN_PLACE_DEG / self.lobes:.0f} deg"
+        return (Problem(code="learned.lobe_elsewhere", value=f"{self.off_deg:+.0f} deg", limit=limit),)
+
+    @property
+    def _noise_um(self) -> float:
+        return SIGNIFICANT * math.hypot(self.sd_um, REPEATS_SD_UM)
+
+    @property
+    def _trivial(self) -> bool:
+        return min(abs(self.without_um - self.whole_um), self.plain_um) <= 2.0 * self._noise_um
+
+
+def uncompensated(left_um: complex, sd_um: float, path_um: complex, fraction: float, job: Job) -> Uncompensated:
+    """Compare a part that has `left_um` of its lobe, cut with `fraction` of `path_um`."""
+    without_um = left_um + fraction * path_um
+    return Uncompensated(
+        whole_um=without_um - path_um,
+        without_um=without_um,
+        expected_um=free_state_lobe(job).harmonics[0].coefficient,
+        sd_um=sd_um,
+        lobes=job.jaws,
+        found=found_on_a_part(job),
+    )
 
 
 def next_version(
@@ -169,7 +242,9 @@ def next_version(
     lobe's amplitude from clamping to clamping. Raises `ProfileError` (`learned.gain`).
     """
     parts = [_seen(n, cut, part, job) for n in sorted((*orders, *beside)) if n in part.coefficients_um]
-    rules = _rules(cut, job, orders, asked, _judged(gain), follows, scatter_um)
+    if gain is not None and not 0.0 < gain <= 1.0:
+        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
+    rules = _rules(cut, job, orders, asked, gain, follows, scatter_um)
     gains = order_steps(parts, rules).gains
     read, path_um = _read(cut, part, job.jaws, parts), cut.path.target.harmonics[0].coefficient
     plain = uncompensated(read.lobe.coefficient, read.lobe_sd_um, path_um, cut.fraction, job)
@@ -224,7 +299,7 @@ def _step(
     reasons: tuple[Problem, ...],
     warnings: tuple[Problem, ...],
 ) -> LearningStep:
-    """Return a learning step, and what is expected of the next part: lower by the additional depth of the tool."""
+    """Return a learning step, and the expected next part: lower by the additional depth of the tool."""
     deeper = {n: cut.spared_um.get(n, 0j) + changes.get(n, 0j) for n in {*cut.spared_um, *changes}}
     lobes, placed = following.path.target.lobes, part.is_placed
     return LearningStep(
@@ -255,12 +330,6 @@ def _seen(n: int, cut: AppliedPath, part: PartHarmonics, job: Job) -> OrderSeen:
         steps_um=[abs(after - first) for first, after in pairwise(paths)],
         on_part_um=part.coefficients_um[n],
     )
-
-
-def _judged(gain: float | None) -> float | None:
-    if gain is not None and not 0.0 < gain <= 1.0:
-        raise refused("learned.gain", key="--gain", value=f"{gain:g}", limit="> 0, <= 1")
-    return gain
 
 
 def _read(cut: AppliedPath, part: PartHarmonics, lobes: int, parts: Sequence[OrderSeen]) -> PartReading:

@@ -54,10 +54,10 @@ def lobe_prior_um(amplitude_um: float, lobes: int) -> float:
 def optimal_gain(scatter: Scatter, steps_um: Sequence[float] = (), error_um: float = 0.0) -> float:
     """Return the gain for the next step, after `steps_um` of the path since the model, one for each part.
 
-    `error_um` is what the last part shows: far beyond what was to be expected it counts for itself.
+    `error_um` is that of the last part; if far beyond the expected scatter, it is taken as a change of its own.
     """
     variance, part = scatter.prior_um**2, scatter.part_um**2 + REPEATS_SD_UM**2
-    for step_um in steps_um:
+    for step_um in steps_um:  # the variance of a Kalman filter: a part tells, the step that follows it blurs
         variance *= part / (variance + part)
         variance += (scatter.response * step_um) ** 2 + REPEATS_SD_UM**2
     if error_um**2 > SURPRISE * (variance + part):
@@ -72,7 +72,8 @@ def repeats(parts_um: Sequence[complex]) -> bool:
         return False
     mean = sum(parts_um) / count
     scatter = scatter_um(parts_um) ** 2 + REPEATS_SD_UM**2
-    return count * abs(mean) ** 2 > _fisher(count - 1) * scatter
+    pairs = count - 1  # the 95 % point of Fisher's F of 2 and 2 `pairs` degrees of freedom has a closed form
+    return count * abs(mean) ** 2 > pairs * (math.pow(1.0 - _CONFIDENCE, -1.0 / pairs) - 1.0) * scatter
 
 
 def scatter_um(parts_um: Sequence[complex]) -> float:
@@ -82,8 +83,3 @@ def scatter_um(parts_um: Sequence[complex]) -> float:
         return 0.0
     mean = sum(parts_um) / count
     return math.sqrt(sum(abs(each - mean) ** 2 for each in parts_um) / (count - 1))
-
-
-def _fisher(pairs: int) -> float:
-    """Return the 95 % point of Fisher's F of 2 and 2 `pairs` degrees of freedom, which has a closed form."""
-    return pairs * (math.pow(1.0 - _CONFIDENCE, -1.0 / pairs) - 1.0)

@@ -3,16 +3,21 @@
 The lobe, its overtones and what was asked for are learned from the first part on: the chuck makes them, and
 holds the next part like this one. The other orders may be of the blank, so two parts have to show the same. One
 that was learned and turns out to vary leaves the path again.
+
+An order that comes with each blank, as through dry friction, is another one on each part: the path that removes
+it from one part adds it to the next. Without learning, a part would have shown its error plus whatever the learned
+motion removed. Over the parts the mean of that has to exceed its scatter, as for `console learn`; else the order
+returns to the path of the first part, and may be learned again once it repeats.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
 
 from profiles.compensations.certificate import Certified, Follows, Shown, Standing, certified
-from profiles.compensations.learning import SIGNIFICANT
+from profiles.compensations.learning import REPEATS_SD_UM, SIGNIFICANT, coefficient_of
 from profiles.compensations.optimal_gain import (
     PRIOR_OTHERS_UM,
     PROCESS_LOSS_SD,
@@ -22,13 +27,19 @@ from profiles.compensations.optimal_gain import (
     repeats,
     scatter_um,
 )
+from profiles.compensations.path import CutPath, LobedPath
 
 STEP_UM = 1e-6  # a path step below this is only the rounding of its file
+ENOUGH_PARTS = 3
+"""Parts from which an order is judged: two that agree by less than F = 19 are no evidence that it varies."""
+
+LEAST_UM = SIGNIFICANT * REPEATS_SD_UM
+"""Scatter of an order from which it varies: less than that no lathe repeats, and to learn it does no harm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderSeen:
-    """One order as parts show it, in um: what was not expected of this part, and how well a trace shows it.
+    """One order over the parts, um: its unexpected error on this part, and the standard deviation of a trace.
 
     `on_part_um` is what is on the part, None where that is the error. `path_um` is the order of the whole target.
     `shown_um` is what a path has to remove by each part so far, this one last; `steps_um` are those of the path
@@ -118,7 +129,45 @@ def order_steps(parts: Sequence[OrderSeen], rules: OrderRules) -> OrderSteps:
         gains[seen.order] = gain = rules.gain_of(seen)
         if standing is Standing.LEARNED:
             changes[seen.order] = gain * seen.error_um
-        elif standing is Standing.VARIES and abs(seen.path_um) > STEP_UM:
+        elif standing is Standing.VARIES and abs(seen.path_um) > STEP_UM:  # it would be cut into the next part
             changes[seen.order] = -seen.path_um
         certificate.append(certified(seen.order, gain, seen.shown, rules.follows(seen.order), standing))
     return OrderSteps(changes_um=changes, gains=gains, certificate=tuple(certificate))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeating:
+    """The path that the first part was `begun` with, and what each part has shown of each order since, in um."""
+
+    begun: CutPath
+    shown_um: Mapping[int, tuple[complex, ...]] = field(default_factory=dict)
+
+    def seen(self, shown_um: Mapping[int, complex]) -> Repeating:
+        """Return this with one more part, by its harmonics without the learned motion."""
+        every = {n: (*self.shown_um.get(n, ()), c) for n, c in shown_um.items()}
+        return Repeating(begun=self.begun, shown_um={**self.shown_um, **every})
+
+    def target_moved_um(self, path: CutPath, order: int) -> complex:
+        """Return by how much the target of an order was learned, in um."""
+        return coefficient_of(path.target, order) - coefficient_of(self.begun.target, order)
+
+    def command_moved_um(self, path: CutPath, order: int) -> complex:
+        """Return by how much the command of an order was learned, in um."""
+        return coefficient_of(path.command, order) - coefficient_of(self.begun.command, order)
+
+    def varying(self, lobes: int) -> frozenset[int]:
+        """Return the orders that do not repeat; multiples of the lobe are of the chuck, which holds each part."""
+        judged = {n: parts for n, parts in self.shown_um.items() if n % lobes and len(parts) >= ENOUGH_PARTS}
+        return frozenset(n for n, parts in judged.items() if scatter_um(parts) > LEAST_UM and not repeats(parts))
+
+    def withdrawn(self, path: CutPath, orders: Iterable[int]) -> CutPath:
+        """Return a path with each of these orders as the first part had it."""
+        back = tuple(orders)
+        return CutPath(
+            target=_without(path.target, {n: self.target_moved_um(path, n) for n in back}),
+            command=_without(path.command, {n: self.command_moved_um(path, n) for n in back}),
+        )
+
+
+def _without(path: LobedPath, less_um: Mapping[int, complex]) -> LobedPath:
+    return path.plus({n: -c for n, c in less_um.items()})

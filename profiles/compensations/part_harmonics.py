@@ -56,7 +56,7 @@ class PartHarmonics:
         return not any(reason.code in _UNPLACED for reason in self.reasons)
 
     def ront_um(self, less_um: Mapping[int, complex] | None = None) -> float:
-        """Return RONt of the part, or of one that is lower by Re(c exp(j n angle)) for each n of `less_um`."""
+        """Return RONt of the part, lowered by Re(c exp(j n angle)) for each n of `less_um`."""
         spindle_deg = (-1.0 if self.against_spindle else 1.0) * self.angle_deg + self.begins_deg
         left_um = np.array(self.deviation_um)
         for n, coefficient in (less_um or {}).items():
@@ -100,7 +100,8 @@ def part_harmonics(
     for harmonic in fitted.values():
         own = complex(harmonic.cos_um, -harmonic.sin_um)
         if harmonic.n == OVAL:
-            own -= _oval_off_axis(fitted[1], header.radius_of(job))
+            # A circle off the gauge's axis by c has a second harmonic of c^2 / (4 R), which is not of the part.
+            own -= complex(fitted[1].cos_um, -fitted[1].sin_um) ** 2 / (4000.0 * header.radius_of(job))
         seen = own.conjugate() if header.against_spindle else own
         placed[harmonic.n] = seen * cmath.exp(-1j * harmonic.n * math.radians(begins_deg))
     return PartHarmonics(
@@ -116,11 +117,6 @@ def part_harmonics(
         reasons=tuple(reasons),
         warnings=found.warnings,
     )
-
-
-def _oval_off_axis(once: FittedHarmonic, radius_mm: float) -> complex:
-    """Return the second harmonic, um, of a circle this far off the gauge's axis: c^2 / (4 R), not of the part."""
-    return complex(once.cos_um, -once.sin_um) ** 2 / (4000.0 * radius_mm)
 
 
 def _beside(trace: Trace, job: Job, orders: Sequence[int], *, robust: bool) -> Sequence[FittedHarmonic]:

@@ -41,7 +41,7 @@ class PathHarmonic:
 
     @classmethod
     def of(cls, lobes: int, coefficient: complex) -> PathHarmonic:
-        """Return Re(c exp(j lobes angle)), c in um, as a wave."""
+        """Return Re(c exp(j lobes angle)), c in um, as a harmonic."""
         phase_deg = -math.degrees(cmath.phase(coefficient)) / lobes
         return cls(lobes=lobes, amplitude_um=abs(coefficient), phase_deg=phase_deg)
 
@@ -56,7 +56,7 @@ class PathHarmonic:
         return floats(self.amplitude_um * np.cos(self.lobes * np.radians(angle - self.phase_deg)))
 
     def turned(self, by_deg: float) -> PathHarmonic:
-        """Return the wave so many degrees of spindle further on: at angle + by_deg it has its value at angle."""
+        """Return the harmonic turned by degrees of spindle: at angle + by_deg it has its value at angle."""
         return replace(self, phase_deg=self.phase_deg + by_deg)
 
 
@@ -200,7 +200,7 @@ def _inverted(harmonic: PathHarmonic, response: complex | Callable[[int], comple
 
 
 def residual_um_pp(error_um_pp: float, compensation: complex) -> float:
-    """Return E |1 - c|: what is left of the lobe E when the tool makes c times the target motion."""
+    """Return the residual E |1 - c| of the lobe E when the tool makes c times the target motion."""
     return error_um_pp * abs(1 - compensation)
 
 

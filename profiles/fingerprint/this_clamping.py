@@ -106,17 +106,16 @@ def felt(readings: ClampReadings, job: Job) -> Felt:
             raise refused("clamping.finger_force", value=value, limit=limit)
     shown = deflection_of(readings, job)
     blank = (1.0 - finger) * blank_over_part(job)  # over the lobe that all of the force at rest would make
-    found = {n: _as_lobe(c / blank, shown.sd_um[n] / blank) for n, c in shown.coefficients_um.items()}
+    found = {
+        n: Seen(value=c / blank, sd_um=math.hypot(shown.sd_um[n] / blank, FINGER_SD * abs(c / blank)))
+        for n, c in shown.coefficients_um.items()
+    }
     seen = found.pop(job.jaws)
     return Felt(
         seen=replace(seen, along=seen.value if shown.upright else None),
         deflection=shown,
         others={n: each for n, each in found.items() if n != ONCE},
     )
-
-
-def _as_lobe(value: complex, sd_um: float) -> Seen:
-    return Seen(value=value, sd_um=math.hypot(sd_um, FINGER_SD * abs(value)))
 
 
 def blank_over_part(job: Job) -> float:

@@ -15,16 +15,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats
 from profiles.least_squares import Fit, fit, harmonic_columns, huber_distances, phasors
-from profiles.metrology.points import HANDFUL, angle_weights, largest_gap
+from profiles.metrology.points import HANDFUL, angle_weights, checked, equally_spaced, largest_gap
 from profiles.problem import refused
 
 HIGHEST_HARMONIC = 15
 # Above this ratio of singular values the angles leave a gap in which harmonics cannot be separated.
 _WORST_CONDITION = 100.0
+SMALLEST_FACTOR = 0.5
+TWO_POINT_DEG = 180.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -193,3 +195,49 @@ def bridged(angle_deg: Floats, profile_um: Floats, widest_deg: float) -> tuple[F
     pieces = zip(turned[wide], gaps[wide], counts, strict=True)
     added = np.concatenate([first + gap * np.arange(1, count) / count for first, gap, count in pieces])
     return np.append(angle_deg, np.mod(added, 360.0)), np.append(profile_um, between(angle_deg, profile_um, added))
+
+
+def spectrum_um_pp(angle_deg: ArrayLike, profile_um: ArrayLike) -> Floats:
+    """Return peak to peak um of each order, shape (M // 2 + 1,), index 0 for the mean.
+
+    M points at equal angles, in any order; an empty array for unequal ones, whose orders are not separate.
+    Raises as `profiles.metrology.points.checked`.
+    """
+    angle, profile = checked(angle_deg, profile_um)
+    if not equally_spaced(angle):
+        return np.zeros(0)
+    amplitude = 2.0 / profile.size * np.abs(np.fft.rfft(profile[np.argsort(np.mod(angle, 360.0), kind="stable")]))
+    amplitude[0] /= 2.0
+    return np.asarray(2.0 * amplitude, dtype=np.float64)
+
+
+def v_block_factor(lobes: int, included_deg: float) -> float:
+    """Return F_n, the reading's amplitude over the lobe's; the sign is that of a maximum under the indicator.
+
+    The part turns in a V of included angle 2 h, the indicator is on the bisector opposite the V:
+    F_n = 1 + (-1)^n cos(n (90 deg - h)) / sin h. A V of 180 deg is the measurement of a diameter: 0 for odd n.
+    Raises `ProfileError`: `value.out_of_range`, fewer than 2 lobes, or an angle outside of 0 to 180 deg.
+    """
+    if lobes < 2:
+        raise refused("value.out_of_range", key="lobes", value=str(lobes), limit=">= 2")
+    if not 0.0 < included_deg <= TWO_POINT_DEG:
+        value, limit = f"{included_deg:g}", "> 0, < 180 deg"
+        raise refused("value.out_of_range", key="vblock", value=value, limit=limit)
+    half = math.radians(included_deg / 2)
+    sign = -1.0 if lobes % 2 else 1.0
+    return 1.0 + sign * math.cos(lobes * (math.pi / 2 - half)) / math.sin(half)
+
+
+def usable_factor(lobes: int, included_deg: float) -> float:
+    """Return the factor by which a reading must be divided.
+
+    Raises as `v_block_factor`; `trace.two_point`; `trace.v_block_blind`, the factor is below `SMALLEST_FACTOR`, so
+    that the lobes would hardly be read.
+    """
+    factor = v_block_factor(lobes, included_deg)
+    if included_deg == TWO_POINT_DEG:
+        raise refused("trace.two_point", key="vblock", value=f"{included_deg:g} deg")
+    if abs(factor) < SMALLEST_FACTOR:
+        key, limit = f"{lobes}, {included_deg:g} deg", f">= {SMALLEST_FACTOR:g}"
+        raise refused("trace.v_block_blind", key=key, value=f"{abs(factor):.3f}", limit=limit)
+    return factor

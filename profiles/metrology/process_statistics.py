@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats
+from profiles.least_squares import CONFIDENCE, student
 
 D2 = 1.128
 """Mean range of two normal values, in standard deviations."""
@@ -27,7 +28,6 @@ LEAST_CHART = 8
 """Fewest parts for run chart limits: fewer moving ranges say too little of the scatter."""
 
 LEAST_TREND = 5
-CONFIDENCE = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,19 +98,17 @@ def capability_below(values: ArrayLike, upper: float, confidence: float = CONFID
     return Capability(parts=found.size, mean=mean, sd=sd, cpk=cpk, cpk_low=low, cpk_high=high)
 
 
-def capability_within(
-    values: ArrayLike, lower: float, upper: float, confidence: float = CONFIDENCE
-) -> Capability | None:
+def capability_within(values: ArrayLike, lower: float, upper: float) -> Capability | None:
     """Return the capability between two limits, such as those of a diameter; None as `capability_below`."""
-    from scipy.stats import chi2, norm
+    from scipy.stats import chi2
 
     found = _enough(values)
     if found is None:
         return None
     count, mean, sd = found.size, float(found.mean()), float(found.std(ddof=1))
     cp, cpk = (upper - lower) / (6.0 * sd), min(upper - mean, mean - lower) / (3.0 * sd)
-    tail, free = 0.5 * (1.0 - confidence), count - 1
-    half = float(norm.ppf(1.0 - tail)) * math.sqrt(1.0 / (9.0 * count) + cpk**2 / (2.0 * free))
+    tail, free = 0.5 * (1.0 - CONFIDENCE), count - 1
+    half = student(math.inf) * math.sqrt(1.0 / (9.0 * count) + cpk**2 / (2.0 * free))
     return Capability(
         parts=count,
         mean=mean,
@@ -124,10 +122,8 @@ def capability_within(
     )
 
 
-def trend(values: ArrayLike, confidence: float = CONFIDENCE) -> Trend | None:
+def trend(values: ArrayLike) -> Trend | None:
     """Return the trend of values in the order of manufacture, shape (M,); None below `LEAST_TREND`."""
-    from scipy.stats import t
-
     found = _checked(values)
     if found.size < LEAST_TREND:
         return None
@@ -136,8 +132,7 @@ def trend(values: ArrayLike, confidence: float = CONFIDENCE) -> Trend | None:
     slope = float(place @ found) / spread
     residual = found - found.mean() - slope * place
     sd = math.sqrt(float(residual @ residual) / (found.size - 2) / spread)
-    half = float(t.ppf(0.5 + 0.5 * confidence, found.size - 2)) * sd
-    return Trend(per_part=slope, half_width=half, parts=found.size)
+    return Trend(per_part=slope, half_width=student(found.size - 2) * sd, parts=found.size)
 
 
 def _one_sided(cpk: float, count: int, confidence: float) -> tuple[float, float]:

@@ -10,18 +10,25 @@ import numpy as np
 
 from profiles.arrays import floats
 from profiles.axis.servo import tool_compliance_um_per_n
-from profiles.chucking.reaction import Reaction, eq3_um
 from profiles.chucking.ring import Ring, spring_back_um_pp
 from profiles.compensations.path import compensated_depth_um, removed_depth_um, spindle_speed_rpm
 from profiles.cutting import cutting_force
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
-from profiles.paper.causes_left import FULL_BLEND, cause_records, models
-from profiles.paper.chuck import LENGTH_MM, RATIO, RPM, SWINGING
-from profiles.paper.experiments import Experiments
-from profiles.paper.record import Basis, Curve, Figure, Record, Section
-from profiles.paper.residual import SINE, Ramps, fundamental_fraction, left_um, stroke_fraction, zigzag
+from profiles.paper.causes_left import (
+    FULL_BLEND,
+    SINE,
+    Ramps,
+    cause_records,
+    fundamental_fraction,
+    left_um,
+    models,
+    stroke_fraction,
+    zigzag,
+)
+from profiles.paper.chuck import LENGTH_MM, RATIO, RPM, SWINGING, Reaction, eq3_um
+from profiles.paper.record import Basis, Curve, Experiments, Figure, Record, Section
 from profiles.roundness import evaluate
 
 _TURN_DEG = np.arange(0.0, 360.0, 0.5)

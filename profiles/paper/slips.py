@@ -10,8 +10,7 @@ from typing import Any
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.paper import table_5
-from profiles.paper.experiments import COMPENSATED_UM, Experiments
-from profiles.paper.record import Basis, Record, Relation, Section
+from profiles.paper.record import COMPENSATED_UM, Basis, Experiments, Record, Relation, Section
 
 _CONCLUDED_PERCENT = 51.0  # improvement of experiment 1 in the conclusion, section 6
 _SECOND_PERCENT = 57.0  # improvement of experiment 2, section 5.2.3

@@ -12,8 +12,7 @@ import pytest
 
 from console.cli.measured.comparison import ACCEPTANCE, counted, head, title
 from console.screens.paper_figures import figure_lines
-from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Section
+from profiles.paper.record import Section, lee_2001
 from profiles.paper.reproduction import sections
 from tests.acceptance.document import (
     DOCUMENT,

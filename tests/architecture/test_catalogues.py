@@ -243,7 +243,7 @@ def test_no_problem_is_shown_as_its_bare_code() -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_whatever_forbids_to_arm_by_the_stop_record_has_words_for_doctor_too(language: str) -> None:
-    source = (ROOT / "drivers" / "commissioning" / "stop_record_check.py").read_text(encoding="utf-8")
+    source = (ROOT / "drivers" / "commissioning" / "stop_record.py").read_text(encoding="utf-8")
     codes = re.findall(r"\"stops\.(\w+)\"", source)
     assert len(codes) > 4
     missing = [f"check.stops_{code}" for code in codes if f"check.stops_{code}" not in catalogue(language)]

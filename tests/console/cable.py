@@ -18,7 +18,7 @@ from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
-from drivers.link.renewable import RenewableLink
+from drivers.link.passing import RenewableLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import Problem

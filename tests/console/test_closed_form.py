@@ -12,9 +12,8 @@ import pytest
 from drivers.cutting.planning import Strategy
 from drivers.cutting.strategy import INVERTING
 from drivers.identification.nominal import path_response
-from drivers.preview.closed_form import closed_form
 from drivers.preview.outlook import outlook
-from drivers.preview.preview import preview
+from drivers.preview.preview import closed_form, preview
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.problem import ProblemError

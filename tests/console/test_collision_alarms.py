@@ -15,7 +15,7 @@ from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient
-from drivers.simulator.plant.collision_kind import CollisionKind
+from drivers.simulator.plant.workshop_view import CollisionKind
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.drivers.test_collisions import printed_program

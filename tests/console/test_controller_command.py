@@ -18,7 +18,7 @@ from console.session.data.kept_files import data_folder
 from drivers.commissioning.check import Group
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
-from drivers.commissioning.stops import StoppingDistance
+from drivers.commissioning.verification import StoppingDistance
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
 from tests.console.typed_answer import answers

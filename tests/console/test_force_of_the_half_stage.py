@@ -22,7 +22,7 @@ from console.session.station.commands import Arm, Start
 from console.session.station.state import StationState
 from console.session.work import Work, opened
 from drivers.controller import Controller
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import BatchGather
 from drivers.cutting.strategy import Strategy
 from drivers.errors import LinkTimeoutError

@@ -9,8 +9,7 @@ from typing import Any
 import pytest
 
 from console.cli.measured import comparison
-from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Record, Section
+from profiles.paper.record import Record, Section, lee_2001
 from profiles.paper.reproduction import sections
 
 Console = Callable[..., Any]

@@ -19,8 +19,7 @@ from drivers.errors import LinkError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
-from drivers.requests.scope_gather import Record
-from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, ScopeSetup, Trigger
+from drivers.requests.scope_gather import ANGLE, Axis, Channel, Quantity, Record, ScopeSetup, Trigger
 from drivers.requests.side_line import CancelledError
 from profiles.problem import Problem
 from tests.compact import compact_machine

@@ -16,10 +16,9 @@ from console.session.station.state import Activity
 from drivers.commissioning.verification import verify
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.requests.heard import Heard
 from drivers.requests.permitted import Kind
 from drivers.requests.side_controller import SideController
-from drivers.requests.side_line import CancelledError, SideLine
+from drivers.requests.side_line import CancelledError, Heard, SideLine
 from drivers.requests.status_words import read_status
 from profiles.problem import Problem
 from tests.compact import compact_machine

@@ -11,7 +11,7 @@ from console.session.station.owning import Owning
 from console.session.terminal_place import UNKNOWN, remote_client, signed_host
 from console.text.catalogue import load
 from console.tui.frame import observing
-from drivers.lathe.signature import BYTES
+from drivers.lathe.ownership import BYTES
 from drivers.lathe.standing import BY_SSH
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine

@@ -7,9 +7,8 @@ import time
 from collections.abc import Callable
 from typing import Any
 
-from drivers.link.tapping import TappedLink
-from drivers.requests.heard import Heard
-from drivers.requests.side_line import SideLine
+from drivers.link.passing import TappedLink
+from drivers.requests.side_line import Heard, SideLine
 from tests.console.floor import Floor
 
 MOST_STEPS = 20_000

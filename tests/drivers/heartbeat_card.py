@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from drivers.pmac.dialect import Dialect
-from drivers.pmac.heartbeat.keeper import Keeper
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.watch import Keeper
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from profiles.machine import MachineProfile
 from tests.drivers.plc_card import plc_card, run_for, values

@@ -19,8 +19,8 @@ from drivers.simulator.plant.collision import (
     Track,
     clamped,
 )
-from drivers.simulator.plant.collision_kind import CollisionKind
 from drivers.simulator.plant.true_parameters import ideal
+from drivers.simulator.plant.workshop_view import CollisionKind
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker
 

@@ -8,8 +8,8 @@ import re
 import pytest
 
 from drivers.lathe.snapshot import AxisName
-from drivers.simulator.hosts.channel import answer as answer_on_channel
-from drivers.simulator.hosts.control_line import answer
+from drivers.simulator.__main__ import answer as answer_on_channel
+from drivers.simulator.hosts.control_socket import answer
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile

@@ -10,7 +10,7 @@ from console.text.catalogue import load
 from console.text.checks import check_lines
 from drivers.commissioning.card_state import CardState, state_checks
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.stops import after_abort, after_jog_stop
+from drivers.commissioning.verification import after_abort, after_jog_stop
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.pmac.dialect import Setting
 from drivers.pmac.trajectory.jog import JogSettings

@@ -17,7 +17,7 @@ from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.program_text import read_program
-from drivers.pmac.programs.cam_table import CHORD_LIMIT_UM, Cam, make_cam
+from drivers.pmac.programs.cam import CHORD_LIMIT_UM, Cam, make_cam
 from drivers.pmac.programs.setup import cut_setup
 from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing

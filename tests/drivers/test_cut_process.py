@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.simulator.plant.cut_process import CutProcess
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.simulator.plant.workpiece import ROUND, Blank, Form, Workpiece
+from drivers.simulator.plant.workpiece import ROUND, Blank, CutProcess, Form, Workpiece
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
 from tests.drivers.conftest import JobMaker, TrueBenchMaker

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from drivers.pmac.settings import settings_with
-from drivers.simulator.hosts.control_line import answer
+from drivers.simulator.hosts.control_socket import answer
 from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal

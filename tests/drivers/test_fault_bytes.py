@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.simulator.faults.line_effects import (
+from drivers.simulator.faults.lines import (
     SPOILERS,
     Piece,
     Reply,

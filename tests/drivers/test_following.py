@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.master.following import (
+from drivers.pmac.master.time_base import (
     Following,
     FollowingMode,
     FollowingSetup,

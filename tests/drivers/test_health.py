@@ -8,8 +8,14 @@ import pytest
 
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.errors import RefusedError
-from drivers.identification.health import HealthRequest, check_health, health_problems
-from drivers.identification.health_result import HealthResult, as_table, from_table
+from drivers.identification.health import (
+    HealthRequest,
+    HealthResult,
+    as_table,
+    check_health,
+    from_table,
+    health_problems,
+)
 from drivers.lathe.stop import StoppedError
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile

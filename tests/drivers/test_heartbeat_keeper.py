@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
-from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
+from drivers.pmac.heartbeat.watch import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.watchdog import cycles_of, watchdog_condition, watchdog_line
 
 FACTORY_I10 = 3_713_707

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.dialect import DIALECTS
-from drivers.pmac.heartbeat.keeper import Keeper
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.watch import Keeper
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from profiles.compensations.path import target_path
 from tests.drivers.close_together import machine as machine

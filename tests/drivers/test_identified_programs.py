@@ -8,9 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from drivers.identification.cam_path import COLUMNS, CamPath, wave_counts
-from drivers.identification.excitation import PROGRAM
-from drivers.identification.pvt_path import PvtPath
+from drivers.identification.excitation import COLUMNS, PROGRAM, CamPath, PvtPath, wave_counts
 from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.gathering.gather_client import GatheredData
 from drivers.pmac.program_text import read_program

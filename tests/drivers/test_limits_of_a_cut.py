@@ -17,11 +17,10 @@ from drivers.cutting.planning import Strategy, plan_cut
 from drivers.cutting.program_reports import POLLS_A_REPORT, ProgramReports
 from drivers.cutting.sampling import Batch, BatchGather
 from drivers.errors import DriverError, LinkError, LinkTimeoutError
-from drivers.lathe.drift import rest_limits
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.polling import SLOW_LINE_S
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
-from drivers.lathe.standstill import HomeSearch, Settling, prove_rest
+from drivers.lathe.standstill import HomeSearch, Settling, prove_rest, rest_limits
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.axes import read_definitions

@@ -19,10 +19,9 @@ from drivers.lathe.ownership import Ownership
 from drivers.lathe.snapshot import AxisName
 from drivers.lathe.stop import ABORT_ALL, KILL_ALL, StopPath, StoppedError
 from drivers.link.memory import MemoryLink
-from drivers.pmac.checksums import ASK, ChecksumForm, LineCheck, checksum, form_of, shown, unmistakable
 from drivers.pmac.client import PmacClient
 from drivers.pmac.exchange import CHECKSUM_TIMEOUT_S
-from drivers.pmac.framing import FaultKind
+from drivers.pmac.framing import ASK, ChecksumForm, FaultKind, LineCheck, checksum, form_of, shown, unmistakable
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.system.lathe_sites import compact

@@ -12,7 +12,7 @@ import pytest
 from drivers.cutting.bounds import UNTRIMMED, Trim
 from drivers.cutting.live_trim import LiveTrim, trim_bounds, trimmed_path
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.pmac.programs.live_trim import live_trim_line
+from drivers.pmac.programs.pvt import live_trim_line
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from tests.drivers.close_together import machine as machine
 from tests.drivers.cut_floor import CutFloor, of_family, until

@@ -10,12 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
-from drivers.identification.excitation import PROGRAM, axis_word
+from drivers.identification.excitation import PROGRAM, PvtPath, axis_word
 from drivers.identification.health import HealthMoves, health_text
 from drivers.identification.identify import identify
-from drivers.identification.pvt_path import PvtPath
 from drivers.pmac.client import LINE_LIMIT
-from drivers.pmac.programs.own_program import is_signed, signed
+from drivers.pmac.programs.setup import is_signed, signed
 from profiles.machine import MachineProfile
 from tests.drivers.families import ON_ONE
 from tests.drivers.families import machine as machine  # both families

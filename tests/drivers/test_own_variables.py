@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.commissioning.downloadable import OwnVariables
-from drivers.lathe.signature import ITEMS
+from drivers.lathe.ownership import ITEMS
 from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.reserved import OWN_VARIABLES

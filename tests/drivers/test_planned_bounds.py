@@ -14,9 +14,9 @@ from drivers.cutting.live_trim import trim_um, untrimmed
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.identification.nominal import path_response
-from drivers.lathe.drift import rest_limits
 from drivers.lathe.heartbeat import cut_condition
 from drivers.lathe.snapshot import AxisName
+from drivers.lathe.standstill import rest_limits
 from profiles.problem import ProblemError
 from tests.drivers.cut_floor import with_inverter
 from tests.drivers.families import ON_ONE

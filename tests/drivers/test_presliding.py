@@ -11,10 +11,9 @@ import pytest
 
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.servo import ServoAxis
-from drivers.simulator.plant.driven_mass import linear_motor
+from drivers.simulator.plant.driven_mass import Presliding, linear_motor
 from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.presets import plant_named
-from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import t as student
 
-from drivers.lathe.drift import STUDENT_T, drift_and_scatter, rest_is_proven, rest_limits
 from drivers.lathe.guards import ProgramGuard
+from drivers.lathe.standstill import STUDENT_T, drift_and_scatter, rest_is_proven, rest_limits
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import TrueBenchMaker

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.gathering.sample_block import packed
+from drivers.pmac.gathering.gather import packed
 
 
 def test_a_register_holds_the_nearest_integer_halves_up_below_zero_as_a_complement() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.clock import Clock
-from drivers.lathe.signature import ITEMS, read_signature, sign
+from drivers.lathe.ownership import ITEMS, read_signature, sign
 from drivers.lathe.standing import Signature
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient

@@ -11,8 +11,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, stop_key
-from drivers.commissioning.stop_record_check import StopsNow, record_problems
+from drivers.commissioning.stop_record import (
+    Origin,
+    StopEntry,
+    StopRecord,
+    StopsNow,
+    Way,
+    needed_stops,
+    record_problems,
+    stop_key,
+)
 from drivers.link.base import StopWay
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from drivers.pmac.language.syntax import VariableKind
-from drivers.simulator.hosts.control_line import answer
+from drivers.simulator.hosts.control_socket import answer
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import CYCLE_S, Wire, wire

@@ -11,7 +11,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from drivers.pmac.dialect import PMAC, TURBO
-from drivers.pmac.master.following import parts_of
 from drivers.pmac.master.time_base import (
     UNITS_PER_MS,
     TimeBaseEntry,
@@ -20,6 +19,7 @@ from drivers.pmac.master.time_base import (
     entry_of,
     increment_units,
     nearest_factor,
+    parts_of,
 )
 from drivers.pmac.settings import servo_cycle_ms
 

@@ -11,8 +11,7 @@ from scipy import signal
 
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.axis import IdealAxis
-from drivers.simulator.plant.driven_mass import linear_motor
-from drivers.simulator.plant.flexible_mode import FlexibleMode
+from drivers.simulator.plant.driven_mass import FlexibleMode, linear_motor
 from drivers.simulator.plant.servo_gains import ServoGains
 
 CYCLE_S = 3_713_707 / 8_388_608_000

@@ -25,12 +25,6 @@ def test_kienzle(depth: float, feed: float, main_n: float) -> None:
     assert 0.3 * main_n < force.passive_n < 0.5 * main_n
 
 
-def test_a_slanted_edge_cuts_wider_and_thinner() -> None:
-    """b = ap / sin(kappa), h = f sin(kappa): the force goes with sin(kappa)^-mc."""
-    straight, slanted = cutting_force(AL, 0.1, 0.1), cutting_force(AL, 0.1, 0.1, lead_deg=45.0)
-    assert slanted.main_n / straight.main_n == pytest.approx(2**0.125)
-
-
 def test_the_edge_comes_in_below_a_fiftieth_of_a_millimetre() -> None:
     for feed, edge_n in ((0.02, 0.0), (0.01, 0.375), (1e-9, 0.75)):
         assert cutting_force(AL, 0.1, feed).main_n - 70 * feed**0.75 == pytest.approx(edge_n, abs=1e-6)

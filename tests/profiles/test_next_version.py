@@ -17,10 +17,9 @@ from profiles.calibration.lobe import find_lobe
 from profiles.compensations.certificate import Follows
 from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
 from profiles.compensations.learning import coefficient_of
-from profiles.compensations.next_version import AppliedPath, LearningStep, Verdict, next_version
+from profiles.compensations.next_version import AppliedPath, LearningStep, Verdict, next_version, uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath, expected, fraction_of, invert, target_path
-from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import ProfileError
 from profiles.store import load_job

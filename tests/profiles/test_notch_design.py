@@ -9,8 +9,7 @@ import control
 import numpy as np
 import pytest
 
-from profiles.axis.gain_proposal import GainProposal
-from profiles.axis.loop_design import designed_gains
+from profiles.axis.loop_design import GainProposal, designed_gains
 from profiles.axis.margins import loop_margins
 from profiles.axis.notch import OTHER_READINGS, RESOLUTION, Notch, Reading, damped_pair, placed_notch
 from profiles.axis.notch_design import LEAST_STIFFER, design_with_notch, fails_otherwise, lobe_yield

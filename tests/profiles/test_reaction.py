@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import ArrayLike
 
 from profiles.arrays import Floats
-from profiles.chucking.reaction import (
+from profiles.paper.chuck import (
     Reaction,
     amplification,
     eq3_um,

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from profiles.compensations.learning import coefficient_of
+from profiles.compensations.order_steps import Repeating
 from profiles.compensations.path import CutPath, LobedPath
-from profiles.compensations.repeating import Repeating
 
 WANTED = LobedPath(mean_um=100.0, amplitude_um=27.5, lobes=3, phase_deg=90.0)
 BEGUN = CutPath(target=WANTED.plus({2: 1.0 + 0j}), command=WANTED.plus({2: 1.5 + 0j, 5: 0.3j}))

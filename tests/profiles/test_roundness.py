@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
 from profiles.metrology.circles import limacon_circle
-from profiles.metrology.filters import gaussian_filter, gaussian_transmission
 from profiles.metrology.geometric import polar
-from profiles.metrology.points import equally_spaced
+from profiles.metrology.points import equally_spaced, gaussian_filter, gaussian_transmission
 from profiles.problem import ProfileError
 from profiles.roundness import centred_profile, evaluate
 

@@ -7,7 +7,7 @@ import pytest
 
 from profiles.arrays import Floats, floats
 from profiles.metrology.circles import CIRCLES
-from profiles.metrology.spectrum import spectrum_um_pp
+from profiles.metrology.harmonics import spectrum_um_pp
 from profiles.problem import ProfileError
 from profiles.roundness import centred_profile, evaluate, profile_of
 

@@ -7,8 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from profiles.metrology.spikes import spike
-from profiles.roundness import evaluate
+from profiles.roundness import evaluate, spike
 
 ANGLES_DEG = np.arange(3600) / 10.0
 

@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from profiles.metrology.harmonics import Harmonic
+from profiles.metrology.harmonics import Harmonic, usable_factor, v_block_factor
 from profiles.metrology.turns import mean_diameter_mm, several_turns, tool_offset_um
-from profiles.metrology.v_block import usable_factor, v_block_factor
 from profiles.problem import ProfileError
 
 # Amplitude of the reading over that of the lobe, n = 2 to 12, by included angle.

@@ -42,8 +42,8 @@ from console.tui.pages import jobs
 from console.tui.records import background_reader
 from console.tui.theme import COLOUR, Palette
 from drivers.cutting.bounds import Adjusted, Bounds
-from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import Strategy
+from drivers.cutting.program_reports import ProgramPlace
 from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
 from drivers.preview.preview import Preview, preview
 from drivers.requests.side_line import SideLine

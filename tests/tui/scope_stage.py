@@ -7,8 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from console.tui.further.scope import FOLDER, record_text
-from drivers.requests.scope_gather import Record
-from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, Trigger
+from drivers.requests.scope_gather import ANGLE, Axis, Channel, Quantity, Record, Trigger
 
 NAME = "lee-2001-lathe-20260102T085000.000Z.csv"
 COMMANDED, ACTUAL, ERROR = (

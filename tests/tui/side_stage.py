@@ -6,10 +6,9 @@ import threading
 from collections.abc import Callable
 
 from drivers.link.memory import MemoryLink
-from drivers.link.tapping import TappedLink
+from drivers.link.passing import TappedLink
 from drivers.pmac.client import PmacClient
-from drivers.requests.heard import Heard
-from drivers.requests.side_line import Asked, CancelledError, Lines, Moment, SideLine
+from drivers.requests.side_line import Asked, CancelledError, Heard, Lines, Moment, SideLine
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 

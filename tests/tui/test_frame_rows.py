@@ -33,7 +33,7 @@ from console.tui.list_panel import message_lines
 from console.tui.theme import Token
 from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
 from drivers.lathe.standing import Standing
-from drivers.simulator.plant.collision_kind import CollisionKind
+from drivers.simulator.plant.workshop_view import CollisionKind
 from profiles.machine import SAFETY_DEVICES
 from profiles.problem import Problem
 from profiles.store import load_machine

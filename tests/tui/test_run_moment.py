@@ -27,7 +27,7 @@ from console.tui.pages.run import RunPage, reading_s
 from console.tui.run.error_band import band_series, error_band
 from console.tui.ui_context import View
 from drivers.cutting.feed_hold import HoldReport, HoldState
-from drivers.cutting.place import ProgramPlace
+from drivers.cutting.program_reports import ProgramPlace
 from drivers.lathe.snapshot import AxisName
 from tests.tui.run_stage import STATES, cut, cutting, shown, state, stopped
 from tests.tui.stage import LANGUAGES, FixedControl, experiment, ui_for

@@ -17,7 +17,7 @@ from console.tui.further.scope_pictures import over_turns
 from console.tui.further.scope_setup import ROWS, changed
 from console.tui.keymap import PageName
 from drivers.lathe.standing import Standing
-from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
+from drivers.requests.scope_gather import ANGLE, CHANNELS, ScopeSetup
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family
 from tests.tui import scope_stage

@@ -24,7 +24,7 @@ from console.tui.further.tune import TunePage
 from console.tui.lines import plain
 from console.tui.records import background_reader
 from drivers.cutting.strategy import Strategy
-from drivers.identification.tool_loop import ToolLoop
+from drivers.identification.tool_gains import ToolLoop
 from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage, tune_stage

@@ -13,9 +13,9 @@ import numpy as np
 from console.session.data.health import store as store_test
 from console.session.data.identified import store
 from drivers.cutting.strategy import Strategy
-from drivers.identification.health_result import HealthModel, HealthResult
+from drivers.identification.health import HealthModel, HealthResult
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
-from drivers.identification.tool_loop import MODELLED, UNMODELLED, ToolLoop
+from drivers.identification.tool_gains import MODELLED, UNMODELLED, ToolLoop
 from profiles.axis.sampled_loop import FlexibleMode, SampledLoop, loop_of, profile_plant
 from profiles.axis.servo_gains import with_variables
 from profiles.axis.step_figures import ErrorFigures, StepFigures, modelled

@@ -16,12 +16,11 @@ from console.text.catalogue import Catalogue
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.proofs.bench import names_of, unproven
 from drivers.commissioning.proofs.proving import Proven, prove
-from drivers.commissioning.stop_record import StopRecord, stop_key
-from drivers.commissioning.stop_record_check import VALID_DAYS, StopsNow, record_problems
+from drivers.commissioning.stop_record import VALID_DAYS, StopRecord, StopsNow, record_problems, stop_key
 from drivers.commissioning.verification import Verification
 from drivers.lathe.ownership import Ownership
 from drivers.link.base import StopWay
-from drivers.pmac.checksums import LineCheck
+from drivers.pmac.framing import LineCheck
 from profiles.findings import Severity
 from profiles.machine import MACHINE, real_machine_problems
 from profiles.problem import Problem, ProfileError

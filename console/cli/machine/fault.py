@@ -13,8 +13,7 @@ from console.cli.output import print_json
 from console.cli.parser import Parser
 from console.text.catalogue import Catalogue
 from drivers.errors import LinkError
-from drivers.simulator.hosts.control_address import REFUSED, ControlAddress
-from drivers.simulator.hosts.control_client import connected, unreachable
+from drivers.simulator.hosts.control_address import REFUSED, ControlAddress, connected, unreachable
 from profiles.problem import Problem
 
 TIMEOUT_S = 5.0

@@ -16,8 +16,16 @@ from console.session.signals import Interruption
 from console.session.station.reaching import guard
 from console.text.catalogue import Catalogue
 from console.text.columns import table
-from drivers.identification.health import HealthRequest, check_health, health_problems, refuse_health
-from drivers.identification.health_result import FIGURES, HealthResult, figures_of, model_figures_of
+from drivers.identification.health import (
+    FIGURES,
+    HealthRequest,
+    HealthResult,
+    check_health,
+    figures_of,
+    health_problems,
+    model_figures_of,
+    refuse_health,
+)
 from drivers.identification.identify import take_up
 from drivers.identification.result import Origin
 from drivers.link.tracing import Tracing

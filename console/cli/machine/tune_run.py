@@ -18,8 +18,8 @@ from console.session.tuning.trial import TrialPlace, air_doubts, apply_trial, re
 from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from drivers.commissioning.judged import differing_settings
-from drivers.identification.tool_loop import ToolLoop
-from profiles.axis.gain_proposal import GainProposal, scaled_gains
+from drivers.identification.tool_gains import ToolLoop
+from profiles.axis.loop_design import GainProposal, scaled_gains
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.machine import MachineProfile
 from profiles.problem import Problem

@@ -11,8 +11,7 @@ from console.cli.output import fields_of, show
 from console.session.reproduction.numbers import NUMBERS
 from console.text.catalogue import Catalogue
 from console.text.columns import broken, table
-from profiles.paper.experiments import Experiments, lee_2001
-from profiles.paper.record import Basis, Figure, Record, Relation, Section
+from profiles.paper.record import Basis, Experiments, Figure, Record, Relation, Section, lee_2001
 from profiles.paper.reproduction import sections
 
 ACCEPTANCE = "acceptance"

@@ -11,8 +11,8 @@ from console.session.learning.evaluated_part import EvaluatedPart
 from console.text.catalogue import Catalogue
 from console.text.columns import table
 from profiles.metrology.circles import ReferenceCircle
-from profiles.metrology.filters import gaussian_transmission
-from profiles.metrology.v_block import usable_factor
+from profiles.metrology.harmonics import usable_factor
+from profiles.metrology.points import gaussian_transmission
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult
 from profiles.trace_files.header import TraceHeader

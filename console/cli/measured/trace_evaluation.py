@@ -13,8 +13,7 @@ from profiles.files import printable
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import OFF_AXIS, RoundnessResult, evaluate
-from profiles.trace_files.header import TraceHeader, header_of
-from profiles.trace_files.plausible import size_doubt, unit_doubt
+from profiles.trace_files.header import TraceHeader, header_of, size_doubt, unit_doubt
 from profiles.traces import Trace, read_trace
 
 

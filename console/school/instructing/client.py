@@ -7,8 +7,7 @@ from console.school.instructing.dispatcher import ANSWER_S
 from console.school.instructing.server import ONCE, STAYS
 from console.session.errors import SessionError
 from drivers.errors import LinkError
-from drivers.simulator.hosts.control_address import ControlAddress
-from drivers.simulator.hosts.control_client import connected, unreachable
+from drivers.simulator.hosts.control_address import ControlAddress, connected, unreachable
 from profiles.problem import Problem
 
 TIMEOUT_S = ANSWER_S + 5.0  # the console says itself that it has no answer

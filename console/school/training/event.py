@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from drivers.errors import RefusedError
-from drivers.simulator.faults.fault_line import check_line
+from drivers.simulator.faults.board import check_line
 from profiles.fields import Field, Kind, read_fields
 from profiles.problem import Problem
 

@@ -38,8 +38,7 @@ def _may_be_taken(state: StationState) -> bool:
 
 def _claim(event: Event, holder: int) -> tuple[str, ...]:
     """Return how another host takes control from the holder, and signs as consoles do."""
-    from drivers.lathe.ownership import HIGHEST, exchange_line
-    from drivers.lathe.signature import signing_line
+    from drivers.lathe.ownership import HIGHEST, exchange_line, signing_line
     from drivers.lathe.standing import Signature
 
     name, _, host = event.console.partition("@")

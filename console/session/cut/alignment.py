@@ -19,7 +19,7 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import lru_cache
 
-from profiles.chucking.force import force_as_measured, same_force
+from profiles.chucking.holding import force_as_measured, same_force
 from profiles.findings import Severity
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job

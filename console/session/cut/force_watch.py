@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from console.session.stages import Stage
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
 from drivers.errors import DriverError, LinkTimeoutError
 from drivers.lathe.lathe import Lathe

@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from drivers.cutting.planning import CutPlan
-from drivers.cutting.strategy import Strategy
-from drivers.cutting.traits import AngleZero
+from drivers.cutting.strategy import AngleZero, Strategy
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.lengths import Lengths
 from drivers.lathe.snapshot import AxisName, Snapshot
-from profiles.chucking.force import force_as_measured
+from profiles.chucking.holding import force_as_measured
 from profiles.findings import Severity, refusals
 from profiles.job import Job
 from profiles.machine import MachineProfile

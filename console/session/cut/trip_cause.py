@@ -14,7 +14,7 @@ from dataclasses import replace
 
 from drivers.errors import DriverError
 from drivers.lathe.lathe import Lathe
-from drivers.lathe.left_behind import BEHIND
+from drivers.lathe.motion import BEHIND
 from drivers.lathe.snapshot import AxisName
 from profiles.axis.servo_gains import notch_from_variables, notch_settings
 from profiles.problem import Problem

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from console.session.data.kept_files import folder_name, keep, kept, numbered_files
-from drivers.identification.health_result import HealthResult, as_table, from_table
+from drivers.identification.health import HealthResult, as_table, from_table
 from profiles.files import printable
 from profiles.problem import Problem, ProfileError
 

@@ -38,7 +38,7 @@ from console.session.data.version_control import VERSIONED, cut_from, is_clone
 from console.session.errors import SessionError
 from console.session.operator import operator_name
 from drivers.clock import boot_s
-from drivers.cutting.plan import CutPlan
+from drivers.cutting.planning import CutPlan
 from profiles.files import made_locked, make_private_folder, printable, taken_if_left
 from profiles.folder_rights import rights_in
 from profiles.job import Job

@@ -18,8 +18,7 @@ from urllib.parse import quote
 from console.session.data.kept_files import file_error, make_folder
 from drivers.commissioning.judged import Judged
 from drivers.commissioning.proofs.bench import ProofRig
-from drivers.commissioning.stop_record import StopRecord, stop_key
-from drivers.commissioning.stop_record_check import StopsNow, record_problems
+from drivers.commissioning.stop_record import StopRecord, StopsNow, record_problems, stop_key
 from drivers.commissioning.verification import read_of_machine
 from drivers.errors import DriverError
 from drivers.lathe.stop import StopPath, way_problems

@@ -28,8 +28,7 @@ from profiles.metrology.turns import Turns, several_turns, tool_offset_um
 from profiles.problem import Problem
 from profiles.roundness import RoundnessResult, centred_profile, evaluate
 from profiles.strict_values import number_or_none
-from profiles.trace_files.header import TraceHeader, header_of
-from profiles.trace_files.plausible import size_doubt, unit_doubt
+from profiles.trace_files.header import TraceHeader, header_of, size_doubt, unit_doubt
 from profiles.traces import Trace, parse_trace, read_trace_file
 
 FREE, CLAMPED = "free", "clamped"

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 from console.session.errors import SessionError
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import INVERTING, Strategy
-from drivers.identification.following import follows_by_order
+from drivers.identification.nominal import follows_by_order
 from profiles.axis.response import ServoResponse
 from profiles.compensations.learned import ClampingReading, LearnedCompensation, PartReading
 from profiles.compensations.learning import REPEATS_SD_UM

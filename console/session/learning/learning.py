@@ -49,11 +49,10 @@ from profiles.compensations.learning import (
     learned_command,
     learned_part,
 )
-from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN
+from profiles.compensations.next_version import FIRST_GAIN, LATER_GAIN, uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath
 from profiles.compensations.push import NO_PUSH, Push
-from profiles.compensations.uncompensated import uncompensated
 from profiles.fingerprint.readings import ClampReadings
 from profiles.job import Job
 from profiles.problem import Problem

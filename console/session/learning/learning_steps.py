@@ -32,7 +32,7 @@ from console.session.force_record import ForceCheck
 from console.session.learning.fingerprint import of_mean_clamping
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
-from drivers.identification.following import follows_by_order
+from drivers.identification.nominal import follows_by_order
 from drivers.simulator.plant.which_lathe import LATHE
 from profiles.axis.response import AMPLIFICATION_LIMIT, ServoResponse
 from profiles.chucking.grip import force_sd_n, lobe_um_per_n

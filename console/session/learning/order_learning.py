@@ -16,7 +16,7 @@ from console.session.learning.learning_beside import CUT_BATCH_S, blank_orders
 from console.session.learning.learning_steps import LEAST_FOLLOWED, OVERTONES, scatter_um
 from drivers.cutting.sampling import LEAST_SAMPLES_A_LOBE
 from drivers.cutting.strategy import Strategy
-from drivers.identification.following import follows_by_order
+from drivers.identification.nominal import follows_by_order
 from profiles.compensations.causes import OVAL
 from profiles.compensations.certificate import Certified, Shown, Standing, certified, is_promised, promised_orders
 from profiles.compensations.learning import SIGNIFICANT, Deviation, Watch, coefficient_of
@@ -28,10 +28,9 @@ from profiles.compensations.optimal_gain import (
     lobe_prior_um,
     optimal_gain,
 )
-from profiles.compensations.order_steps import STEP_UM
+from profiles.compensations.order_steps import STEP_UM, Repeating
 from profiles.compensations.part_harmonics import PartHarmonics
 from profiles.compensations.path import CutPath
-from profiles.compensations.repeating import Repeating
 from profiles.job import Job
 from profiles.machine import MachineProfile
 

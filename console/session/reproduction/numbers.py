@@ -27,8 +27,7 @@ from profiles.least_squares import fit, harmonic_columns
 from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.paper.causes_left import WITHIN_UM
-from profiles.paper.experiments import COMPENSATED_UM, Experiments
-from profiles.paper.record import Basis, Record, Relation
+from profiles.paper.record import COMPENSATED_UM, Basis, Experiments, Record, Relation
 from profiles.paper.table_5 import with_measured_servo
 from profiles.roundness import RoundnessResult, evaluate
 

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 
-from drivers.simulator.plant.collision_kind import CollisionKind
+from drivers.simulator.plant.workshop_view import CollisionKind
 from profiles.problem import Problem
 
 _CODES = {

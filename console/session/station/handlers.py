@@ -44,7 +44,7 @@ from drivers.identification.identify import identify, origin_of
 from drivers.identification.request import IdentificationRequest
 from drivers.identification.result import Origin
 from drivers.identification.rig import Rig
-from drivers.identification.tool_loop import read_tool_loop
+from drivers.identification.tool_gains import read_tool_loop
 from drivers.lathe.safety import safety_problems
 from drivers.lathe.snapshot import AxisName
 from drivers.pmac.client import PmacClient

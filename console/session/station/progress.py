@@ -16,8 +16,8 @@ from console.session.cut.telemetry import NO_LAG, Lag
 from drivers.cutting.bounds import AS_PLANNED, REAL_TIME, Adjusted, Changed
 from drivers.cutting.feed_hold import MOST_HELD_S, NOT_HELD, HoldReport, HoldState
 from drivers.cutting.live_trim import trim_um
-from drivers.cutting.place import ProgramPlace
 from drivers.cutting.planning import CutPlan
+from drivers.cutting.program_reports import ProgramPlace
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.lengths import settings_of
 from drivers.lathe.snapshot import AxisName, Snapshot, driven_axes

@@ -32,11 +32,10 @@ from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress, SimulatedAddress, WiredAddress
 from drivers.link.opening import open_link
-from drivers.link.renewable import RenewableLink
-from drivers.link.tapping import TappedLink
+from drivers.link.passing import RenewableLink, TappedLink
 from drivers.link.tracing import Tracing
 from drivers.pmac.client import PmacClient
-from drivers.requests.heard import Heard
+from drivers.requests.side_line import Heard
 from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.plant.which_lathe import which_lathe
 from profiles.machine import MachineProfile

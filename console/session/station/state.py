@@ -15,7 +15,7 @@ from drivers.cutting.bounds import UNCHANGEABLE, Bounds
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.standing import NOBODY, Signature, Standing
 from profiles.problem import Problem
-from profiles.trace_files.plausible import DIAMETER_STATED, size_doubt
+from profiles.trace_files.header import DIAMETER_STATED, size_doubt
 
 if TYPE_CHECKING:
     from console.session.data.measured_part import MadeWith
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from console.session.tuning.standing import StandingTrial
     from drivers.cutting.planning import CutPlan
     from drivers.cutting.strategy import Strategy
-    from drivers.identification.tool_loop import ToolLoop
+    from drivers.identification.tool_gains import ToolLoop
     from drivers.simulator.plant.workshop_view import Truth, WorkshopView
     from profiles.fingerprint.readings import ClampReadings
     from profiles.job import Job

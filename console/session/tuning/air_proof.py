@@ -14,7 +14,7 @@ import numpy as np
 
 from console.session.data.health import KeptHealth, kept_tests
 from console.session.tuning.notch_evidence import MOST_TESTS, NO_FIRMWARE, filter_doubts, same_firmware
-from drivers.identification.health_result import HealthResult
+from drivers.identification.health import HealthResult
 from drivers.identification.tool_gains import matches
 from profiles.axis.sampled_loop import SampledLoop
 from profiles.machine import MachineProfile

@@ -13,9 +13,8 @@ from dataclasses import replace
 from console.session.tuning.known_loop import KnownLoop
 from console.session.tuning.notch_evidence import misread
 from drivers.identification.request import most_hz
-from drivers.identification.tool_loop import ToolLoop
-from profiles.axis.gain_proposal import MOST_SETTINGS
-from profiles.axis.loop_design import softer, unseen_hz
+from drivers.identification.tool_gains import ToolLoop
+from profiles.axis.loop_design import MOST_SETTINGS, softer, unseen_hz
 from profiles.axis.margins import (
     LEAST_GAIN_MARGIN,
     LEAST_PHASE_MARGIN_DEG,

@@ -9,12 +9,12 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from console.session.data.health import kept_tests
-from drivers.identification.health_result import HealthResult
+from drivers.identification.health import HealthResult
 from profiles.arrays import floats
 from profiles.axis.notch import Reading
-from profiles.axis.notch_reading import MOST_LEFT, GatheredStep, left_by, reading_of
 from profiles.axis.sampled_loop import AxisPlant, SampledLoop, loop_of
 from profiles.axis.servo_gains import NOTCH_NUMBERS, complete_settings, with_variables
+from profiles.axis.step_figures import MOST_LEFT, GatheredStep, left_by, reading_of
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
 

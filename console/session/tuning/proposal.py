@@ -19,9 +19,8 @@ from console.session.tuning.bounds import (
 )
 from console.session.tuning.known_loop import KnownLoop, known_loop
 from console.session.tuning.notch_evidence import NO_FIRMWARE, misread
-from drivers.identification.tool_loop import ToolLoop
-from profiles.axis.gain_proposal import GainProposal
-from profiles.axis.loop_design import designed_gains, unseen_hz
+from drivers.identification.tool_gains import ToolLoop
+from profiles.axis.loop_design import GainProposal, designed_gains, unseen_hz
 from profiles.axis.notch import Reading
 from profiles.axis.notch_design import design_with_notch
 from profiles.axis.servo_gains import PidGains, error_limit_um

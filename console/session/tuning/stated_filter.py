@@ -15,7 +15,7 @@ from console.session.tuning.air_proof import doubts, newest_test
 from console.session.tuning.bounds import FAST_SWEEP, SLOW_SWEEP, unmeasured
 from console.session.tuning.known_loop import known_loop
 from console.session.tuning.notch_evidence import NO_FIRMWARE, unexplained
-from drivers.identification.health_result import HealthResult
+from drivers.identification.health import HealthResult
 from drivers.identification.tool_gains import names_of
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import notch_from_variables, present_settings

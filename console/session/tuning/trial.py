@@ -21,8 +21,7 @@ from console.session.tuning.record import TrialRecord, open_trial, plant_of, val
 from console.session.tuning.standing import Gains, StandingTrial, listed, stands_problem
 from drivers.commissioning.gains import refuse_unready
 from drivers.errors import DriverError, LinkError, RefusedError
-from drivers.identification.tool_gains import ToolGains, matches
-from drivers.identification.tool_loop import ToolLoop
+from drivers.identification.tool_gains import ToolGains, ToolLoop, matches
 from drivers.link.address import without_options
 from drivers.pmac.client import PmacClient
 from profiles.axis.sampled_loop import loop_of

@@ -9,10 +9,9 @@ from console.tui.controller.errand import Errand
 from console.tui.lines import Line, dim, hanging, line
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
-from drivers.requests.heard import FAILED, RECEIVED, SENT, STOP, Spoken
 from drivers.requests.permitted import Kind, Permission, permission
 from drivers.requests.side_controller import SideController
-from drivers.requests.side_line import LISTING_S, REST_TIMEOUT_S
+from drivers.requests.side_line import FAILED, LISTING_S, RECEIVED, REST_TIMEOUT_S, SENT, STOP, Spoken
 from profiles.problem import Problem
 
 FAR = 1_000_000

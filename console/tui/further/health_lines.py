@@ -12,7 +12,7 @@ from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
 from console.tui.theme import Token
 from console.units import METRIC, Units
-from drivers.identification.health_result import FIGURES, HealthResult, figures_of, model_figures_of
+from drivers.identification.health import FIGURES, HealthResult, figures_of, model_figures_of
 from profiles.files import printable
 
 NOTHING = "–"

@@ -14,7 +14,7 @@ from console.session.data.identified import responses_of
 from console.session.tuning.known_loop import MOST_RESPONSES
 from drivers.commissioning.judged import differing_settings
 from drivers.identification.result import IdentifiedResponse, unfit_problems
-from drivers.identification.tool_loop import ToolLoop
+from drivers.identification.tool_gains import ToolLoop
 from profiles.arrays import Complexes, Floats, complexes, floats
 from profiles.axis.margins import LoopMargins, loop_margins
 from profiles.axis.sampled_loop import loop_of

@@ -22,8 +22,17 @@ from console.tui.plot.trace_view import TraceView
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from drivers.requests.permitted import Kind
-from drivers.requests.scope_gather import Progress, Record, Scope, Seen
-from drivers.requests.scope_setup import ANGLE, Channel, ScopeSetup, Trigger, channel_of
+from drivers.requests.scope_gather import (
+    ANGLE,
+    Channel,
+    Progress,
+    Record,
+    Scope,
+    ScopeSetup,
+    Seen,
+    Trigger,
+    channel_of,
+)
 from drivers.requests.side_controller import SideController
 from drivers.requests.side_line import SideLine
 from profiles.arrays import Floats

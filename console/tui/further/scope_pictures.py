@@ -13,8 +13,7 @@ from console.tui.plot.frame import nice_limits
 from console.tui.plot.trace_view import Series, TracePicture
 from console.tui.theme import Token
 from console.units import METRIC, Units
-from drivers.requests.scope_gather import Record
-from drivers.requests.scope_setup import ANGLE, Channel, display_of
+from drivers.requests.scope_gather import ANGLE, Channel, Record, display_of
 from profiles.arrays import Floats
 
 DEGREES = 57.29577951308232

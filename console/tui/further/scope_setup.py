@@ -10,7 +10,7 @@ from console.text.catalogue import Catalogue
 from console.tui.lines import Line, dim, fitted, line
 from console.tui.theme import Token
 from console.units import METRIC, Units
-from drivers.requests.scope_setup import (
+from drivers.requests.scope_gather import (
     CHANNELS,
     LENGTHS_S,
     MOST_CHANNELS,

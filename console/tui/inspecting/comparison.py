@@ -17,8 +17,7 @@ from profiles.compensations.path import free_state_lobe
 from profiles.job import Job
 from profiles.lobe.lobe_origin import without_lobe
 from profiles.metrology.circles import CIRCLES, LEAST_SQUARES, MAXIMUM_INSCRIBED, MINIMUM_CIRCUMSCRIBED
-from profiles.metrology.filters import POINTS_PER_UNDULATION
-from profiles.metrology.points import largest_gap_deg
+from profiles.metrology.points import POINTS_PER_UNDULATION, largest_gap_deg
 from profiles.roundness import RoundnessResult, evaluate, profile_of
 from profiles.trace_files.header import header_of
 from profiles.traces import Trace

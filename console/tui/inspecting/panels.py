@@ -21,7 +21,7 @@ from console.tui.plot.trace_view import Series, TracePicture, trace_cells
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext
 from profiles.arrays import Floats
-from profiles.metrology.spectrum import spectrum_um_pp
+from profiles.metrology.harmonics import spectrum_um_pp
 
 MOST_ZOOM = 9  # steps of 1, 2, 5 in or out
 _AXIS_CELLS = 8

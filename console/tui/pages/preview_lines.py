@@ -13,8 +13,7 @@ from console.tui.theme import Token
 from console.units import METRIC, Units
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.strategy import UNCOMPENSATED, Strategy
-from drivers.preview.closed_form import ClosedForm, closed_form
-from drivers.preview.preview import Prediction, Underway
+from drivers.preview.preview import ClosedForm, Prediction, Underway, closed_form
 from profiles.compensations.learned import ExpectedPart
 from profiles.findings import Finding, Severity
 from profiles.forecast import forecast_um

@@ -16,7 +16,7 @@ from drivers.pmac.axes import AxisDefinition, read_definitions
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs.own_program import signed
+from drivers.pmac.programs.setup import signed
 from profiles.machine import MachineProfile
 
 PROGRAM = 999

@@ -12,9 +12,9 @@ from contextlib import suppress
 from dataclasses import dataclass
 
 from drivers.clock import Clock
-from drivers.commissioning.amounts import digits
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.fingerprint import changed_settings
+from drivers.commissioning.judged import digits
 from drivers.commissioning.proofs.bench import POLL_S, SETTLE_S, ProofRig, names_of, proof, unproven
 from drivers.commissioning.proofs.stopping import MeasuredStops, prove_stops
 from drivers.commissioning.reading import Extent, holds_another, read_configuration, read_gathering
@@ -29,7 +29,7 @@ from drivers.pmac.compensation.table_text import definition_text
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering, GatheredData
 from drivers.pmac.language.text import format_constant
-from drivers.pmac.programs.own_program import signed
+from drivers.pmac.programs.setup import signed
 from drivers.pmac.reserved import OWNER
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode
@@ -220,7 +220,7 @@ def fails(checks: list[Check]) -> bool:
 
 
 def _delay(bench: ProofRig, spindle: int, target: int) -> int | None:
-    """Return the delay that fits the gathered data best, None where none does."""
+    """Return the delay that best fits the gathered data, None if the spindle did not turn."""
     table = spindle_table(bench, target, bench.judged.machine.spindle.counts_per_rev, (CAM_COUNTS * ENTRY, 0))
     bench.define(table)
     bench.tell("I51=1")

@@ -11,23 +11,24 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import KW_ONLY, dataclass, field, replace
 
-from drivers.commissioning.amounts import digits, length
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.judged import Judged, JudgedAxis
+from drivers.commissioning.judged import Judged, JudgedAxis, digits, length
 from drivers.commissioning.proofs.air_cut import PROGRAM, SPINDLE_START, Begin, air_cut, air_cut_lines, lobe_ends
 from drivers.commissioning.proofs.bench import REASON, ProofRig, proof, stop_name
 from drivers.commissioning.reading import holds_another
 from drivers.commissioning.stop_record import Origin, StopEntry, Way, needed_stops
-from drivers.commissioning.stops import after_abort, after_jog_stop, jog_settings_of
+from drivers.commissioning.verification import after_abort, after_jog_stop, jog_settings_of
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.motion import LINK_LATENCY_MS
 from drivers.link.base import StopWay
 from drivers.pmac.analysis.units import unit_of
-from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.watch import (
     LOOK_EVERY_S,
+    LOSS_SEEN,
+    NOTHING_GUARDED,
+    Keeper,
     Look,
     Watch,
     WatchdogProof,
@@ -238,7 +239,7 @@ class Guarded:
             self.starts[axis.name] = self._homed(axis)
 
     def back(self) -> None:
-        """Return tool and carriage to where they were homed, the tool first."""
+        """Return tool and carriage to their home positions, the tool first."""
         for axis in self.axes:
             if axis.name != "spindle":
                 self._go(f"#{axis.motor}J={format_number(self.starts[axis.name])}", axis, lambda _: True)

@@ -13,21 +13,26 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import pairwise
 
-from drivers.pmac.analysis.explanation import KEPT_ENOUGH, ZigZag, explain, find_zigzag
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Value, finding
+from drivers.pmac.analysis.explanation import (
+    KEPT_ENOUGH,
+    ZigZag,
+    explain,
+    find_zigzag,
+    rounding_findings,
+    timing_findings,
+)
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Sentence, Subject, Value, finding, moves
 from drivers.pmac.analysis.moves import MotorMove, MoveAnalysis, analyse_moves
 from drivers.pmac.analysis.start import Start, start_counts, start_of
-from drivers.pmac.analysis.subject import Subject, moves
 from drivers.pmac.analysis.synchronism import synchronism_findings
 from drivers.pmac.analysis.tables import table_findings
 from drivers.pmac.analysis.timeline import SAME_COUNTS, Timeline
-from drivers.pmac.analysis.timing import rounding_findings, timing_findings
 from drivers.pmac.analysis.units import shown_length
 from drivers.pmac.analysis.walk import Ending, Left, walk
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.compensation.table import TableOrderError
 from drivers.pmac.dialect import DIALECTS, Setting
-from drivers.pmac.language.arithmetic import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
+from drivers.pmac.language.evaluate import BY_ZERO, NO_VALUE, REMAINDER_BY_ZERO
 from drivers.pmac.language.syntax import Number, Program, Set, Statement
 from drivers.pmac.preprocessor import Include
 from drivers.pmac.program_text import OnLine, ProgramText, RefusedLine, read_program
@@ -288,7 +293,7 @@ def _plunge(subject: Subject, tool: int) -> list[ProgramFinding]:
 
 
 def _left_deeper(subject: Subject, tool: int) -> list[ProgramFinding]:
-    """Find a tool that ends further in than it started, whatever moved it there."""
+    """Find a tool that ends further in than it started, whichever motion did it."""
     walk = subject.walk
     deeper = walk.steps[-1].at[tool] - walk.start[tool]
     if deeper <= SAME_COUNTS:

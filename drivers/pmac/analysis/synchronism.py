@@ -11,9 +11,8 @@ from dataclasses import dataclass
 from itertools import pairwise
 
 from drivers.pmac.analysis.endless import STEADY_TURNS
-from drivers.pmac.analysis.findings import Code, ProgramFinding, finding
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Subject, finding, moves
 from drivers.pmac.analysis.moves import RAMPED
-from drivers.pmac.analysis.subject import Subject, moves
 from drivers.pmac.analysis.timeline import Timeline, turning_points
 from drivers.pmac.requests import BlendBreak, DwellRequest, Halt
 from drivers.pmac.trajectory.pieces import Cubic, position_at

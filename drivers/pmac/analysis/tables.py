@@ -10,8 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from drivers.pmac.analysis.findings import Code, ProgramFinding, Value, finding
-from drivers.pmac.analysis.subject import Subject
+from drivers.pmac.analysis.findings import Code, ProgramFinding, Subject, Value, finding
 from drivers.pmac.analysis.timeline import SAME_COUNTS
 from drivers.pmac.analysis.units import shown_length, unit_of
 from drivers.pmac.analysis.watched_variables import COMPENSATION

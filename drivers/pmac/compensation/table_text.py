@@ -103,7 +103,8 @@ def read_table(lines: Iterable[str], motor_count: int) -> CompensationTable:
 def table_lines(table: CompensationTable) -> list[str]:
     """Return the lines that send a table to a controller, within its maximum line length."""
     definition = table.definition
-    return [f"#{definition.motor}DEFINE COMP {definition_text(definition)}", *_sent(table.entries)]
+    entries = textwrap.wrap(" ".join(map(str, table.entries)), LONGEST_LINE, break_on_hyphens=False)
+    return [f"#{definition.motor}DEFINE COMP {definition_text(definition)}", *entries]
 
 
 def definition_text(definition: TableDefinition) -> str:
@@ -118,11 +119,6 @@ def entry_lines(entries: Sequence[int]) -> list[str]:
     """Return the entries as the lines of a listing."""
     starts = range(0, len(entries), LISTED_PER_LINE)
     return [" ".join(map(str, entries[start : start + LISTED_PER_LINE])) for start in starts]
-
-
-def _sent(entries: Sequence[int]) -> list[str]:
-    """Return the entries as few lines."""
-    return textwrap.wrap(" ".join(map(str, entries)), LONGEST_LINE, break_on_hyphens=False)
 
 
 def _definition(

@@ -36,7 +36,7 @@ def target_of(call: CallProgram, value: float) -> tuple[int, int]:
 
 @dataclass(frozen=True, eq=False)
 class CallingLine:
-    """The rest of the line after a call: arguments, and what is executed after the return."""
+    """The rest of the line after a call: arguments, then statements to execute after the return."""
 
     line: int
     statements: Sequence[Statement]
@@ -50,7 +50,7 @@ class CallingLine:
         return words
 
     def rest(self, taken: int) -> Line:
-        """Return what follows the first `taken` words, as a line of its own."""
+        """Return the words after the first `taken` ones, as a line of its own."""
         return gather_moves(self.words[taken:])
 
 

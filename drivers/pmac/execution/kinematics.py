@@ -79,7 +79,7 @@ def stored_kinematic_line(text: str) -> StoredLine:
 
 
 def refuse_more_than_calculation(line: Line) -> None:
-    """Refuse what is no assignment, condition or loop. Raises PmacError: 003."""
+    """Refuse everything but assignments, conditions and loops. Raises PmacError: 003."""
     for statement in line:
         if not isinstance(statement, _CALCULATES) or (
             isinstance(statement, syntax.Assign) and statement.synchronous

@@ -8,7 +8,7 @@ from typing import TypedDict
 
 from drivers.pmac import requests
 from drivers.pmac.execution.move_times import Modes, MoveTimes
-from drivers.pmac.language import arithmetic, syntax
+from drivers.pmac.language import evaluate, syntax
 from drivers.pmac.language.blocks import WORTH
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.evaluate import Value
@@ -106,7 +106,7 @@ class Moves:
         if operator:
             waiting = self._deferred.pop(place, None)
             before = self._values.get(kind, index) if waiting is None else waiting.value
-            value = arithmetic.BITWISE[operator](before, value)
+            value = evaluate.BITWISE[operator](before, value)
         self._deferred[place] = requests.Deferred(kind=kind, index=index, value=value)
 
     def move(self, line: int, words: Sequence[Word]) -> requests.MoveRequest | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from itertools import takewhile
+from typing import TypeVar
 
 from drivers.pmac.execution.calls import Arguments, CallingLine, target_of
 from drivers.pmac.execution.move_times import Modes
@@ -16,13 +17,15 @@ from drivers.pmac.execution.moves import Moves, Step, StepMaker
 from drivers.pmac.language import syntax
 from drivers.pmac.language.blocks import LONGEST, Blocks, Enter
 from drivers.pmac.language.errors import ErrorCode, NoResultError, PmacError
-from drivers.pmac.language.evaluate import Truth, Value, Variables, compile_condition, compile_expression
+from drivers.pmac.language.evaluate import Value, Variables, compile_condition, compile_expression
 from drivers.pmac.language.parser import may_be_argument
 from drivers.pmac.language.python_text import PythonText
 from drivers.pmac.language.structure import NO_JUMP, Code
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.requests import BlendBreak, Finished, Halt, NoHost, ProgramHost, Request
 from drivers.pmac.variables import VariableStore
+
+_Result = TypeVar("_Result", float, bool)
 
 JUMPS_THAT_BREAK_BLENDING = 2  # Backward jumps while searching for the next move after which the motion may stop
 
@@ -78,8 +81,8 @@ class ProgramRun:
         """Take `positions`, the commanded positions of the defined axes at the start, in user units.
 
         `strict` makes arithmetic without a result an error; the controller continues with a substitute. With
-        `on_substitute`, for the checker, that is told of each, and the run continues, too. `library` gives the
-        programs that are called, `number` is the one of `code`, where it is known. Begins at `label`.
+        `on_substitute`, for the checker, the run continues, too, and each substitute is reported. `library` gives
+        the programs that are called, `number` is that of `code`, if known. Begins at `label`.
 
         Raises PmacError: 015, there is no such label.
         """
@@ -224,39 +227,29 @@ class ProgramRun:
                 return self._maker.step(statement, code.line_of[index])
 
     def _expression(self, expression: syntax.Expression) -> Value:
-        strictly = compile_expression(expression, self._degrees, strict=self._strict)
-        told = self._on_substitute
-        if told is None:
-            return strictly
-        loosely = compile_expression(expression, self._degrees, strict=False)
+        return self._compiled(compile_expression, expression)
 
-        def value(variables: Variables) -> float:
+    def _compiled(
+        self, compile_part: Callable[..., Callable[[Variables], _Result]], part: object
+    ) -> Callable[[Variables], _Result]:
+        """Return an expression or a condition as a function; a result that is a substitute is reported."""
+        strictly = compile_part(part, self._degrees, strict=self._strict)
+        report = self._on_substitute
+        if report is None:
+            return strictly
+        loosely = compile_part(part, self._degrees, strict=False)
+
+        def result(variables: Variables) -> _Result:
             try:
                 return strictly(variables)
             except NoResultError as error:
-                told(error.detail)
+                report(error.detail)
                 return loosely(variables)
 
-        return value
-
-    def _condition(self, condition: syntax.Condition) -> Truth:
-        strictly = compile_condition(condition, self._degrees, strict=self._strict)
-        told = self._on_substitute
-        if told is None:
-            return strictly
-        loosely = compile_condition(condition, self._degrees, strict=False)
-
-        def holds(variables: Variables) -> bool:
-            try:
-                return strictly(variables)
-            except NoResultError as error:
-                told(error.detail)
-                return loosely(variables)
-
-        return holds
+        return result
 
     def _branch(self, condition: syntax.Condition, otherwise: int) -> Step:
-        holds = self._condition(condition)
+        holds = self._compiled(compile_condition, condition)
         values = self._values
 
         def step() -> None:

@@ -18,7 +18,7 @@ from drivers.errors import ControllerError
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.gathering.gather import GatherError, gather_settings, listed_words, long_words_of, unpack
 from drivers.pmac.language.errors import ErrorCode
-from drivers.pmac.master.following import COUNT_PARTS
+from drivers.pmac.master.time_base import COUNT_PARTS
 from drivers.pmac.memory import Pointer
 from drivers.pmac.settings import servo_cycle_ms
 from drivers.pmac.status import decode

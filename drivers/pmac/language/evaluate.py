@@ -1,19 +1,34 @@
-"""Evaluate expressions and conditions, compiled once to closures and run many times."""
+"""Evaluate expressions and conditions, compiled once to closures and run many times, on plain numbers.
+
+An operator or function without a result raises ArithmeticError or ValueError. The controller itself continues with
+a substitute (PMAC Software Reference, Mathematical Features); `forgiving` supplies the substitutes.
+"""
 
 from __future__ import annotations
 
 import math
+import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cache
 from operator import eq, ge, gt, le, lt, ne
 from typing import NoReturn, Protocol
 
-from drivers.pmac.language import arithmetic, syntax
+from drivers.pmac.language import syntax
 from drivers.pmac.language.errors import ErrorCode, EvaluationError, NoResultError
-from drivers.pmac.language.numbers import format_number
+from drivers.pmac.language.lexer import format_number
 
 NEAR = 1.0  # `~` holds when two values differ by less than this (PMAC User Manual, Comparators)
+BY_ZERO = "a division by 0; the controller continues with its largest number, 2^47"
+REMAINDER_BY_ZERO = "a remainder of a division by 0; the controller continues with 0"
+NO_VALUE = " has no value; the controller continues with 0"
+
+SATURATION = 2.0**47  # The magnitude of the controller's result of a division by zero
+
+_FRACTION_BITS = 2.0**32
+
+BinaryFunction = Callable[[float, float], float]
+UnaryFunction = Callable[[float], float]
 
 
 class Variables(Protocol):
@@ -36,9 +51,9 @@ def evaluate(
     return compile_expression(expression, degrees, strict=strict)(variables)
 
 
-def holds(condition: syntax.Condition, variables: Variables, degrees: bool = True, *, strict: bool = True) -> bool:
+def holds(condition: syntax.Condition, variables: Variables, degrees: bool = True) -> bool:
     """Return whether a condition is true, see `compile_condition`."""
-    return compile_condition(condition, degrees, strict=strict)(variables)
+    return compile_condition(condition, degrees)(variables)
 
 
 def compile_expression(expression: syntax.Expression, degrees: bool = True, *, strict: bool = True) -> Value:
@@ -156,15 +171,103 @@ class _Compiler:
         return lambda v: combine(left(v), right(v))
 
 
+def divide(left: float, right: float) -> float:
+    """Divide. Raises ZeroDivisionError, or OverflowError for a divisor that has overflowed."""
+    if right == 0.0:
+        raise ZeroDivisionError(BY_ZERO)
+    if not math.isfinite(right):
+        raise OverflowError("divisor too large")
+    return left / right
+
+
+def modulo(left: float, right: float) -> float:
+    """Return the remainder, in 0 <= r < n for a divisor n > 0 and in -|n| <= r < |n| for n < 0.
+
+    A negative divisor thus rolls over symmetrically, with a period of 2|n|: 11%-4 is 3, -11%-4 is -3
+    (PMAC Software Reference, Mathematical Operators). Raises ZeroDivisionError, OverflowError.
+    """
+    if not (math.isfinite(left) and math.isfinite(right)):
+        raise OverflowError("operand too large")
+    if right == 0.0:
+        raise ZeroDivisionError(REMAINDER_BY_ZERO)
+    if right >= 0.0:
+        return left % right
+    return (left - right) % (-2.0 * right) + right
+
+
+def _bitwise(combine: Callable[[int, int], int]) -> BinaryFunction:
+    bits = _FRACTION_BITS
+    return lambda left, right: combine(int(left * bits), int(right * bits)) / bits
+
+
+BITWISE: Mapping[str, BinaryFunction] = {
+    "&": _bitwise(operator.and_),
+    "|": _bitwise(operator.or_),
+    "^": _bitwise(operator.xor),
+}
+"""Combine bit by bit, including the fractional bits (PMAC Software Reference, Mathematical Operators)."""
+
+
+def unary_functions(degrees: bool) -> Mapping[str, UnaryFunction]:
+    """Return the functions of one number by name; angles in degrees (I15=0) or in radians.
+
+    INT rounds down, also below zero (PMAC Software Reference, Mathematical Functions).
+    """
+    into = math.radians if degrees else float
+    out_of = math.degrees if degrees else float
+    return {
+        "SIN": lambda value: math.sin(into(value)),
+        "COS": lambda value: math.cos(into(value)),
+        "TAN": lambda value: math.tan(into(value)),
+        "ASIN": lambda value: out_of(math.asin(value)),
+        "ACOS": lambda value: out_of(math.acos(value)),
+        "ATAN": lambda value: out_of(math.atan(value)),
+        "LN": math.log,
+        "EXP": math.exp,
+        "SQRT": math.sqrt,
+        "ABS": abs,
+        "INT": lambda value: float(math.floor(value)),
+    }
+
+
+ANYWHERE = ("SIN", "COS", "ATAN", "ABS", "INT")
+"""The functions that have a result for every finite number."""
+
+
+def forgiving(function: UnaryFunction) -> UnaryFunction:
+    """Return the function with the controller's 0 outside its domain.
+
+    Documented for LN (PMAC Software Reference, Mathematical Functions), assumed for the others.
+    """
+
+    def substituted(value: float) -> float:
+        try:
+            return function(value)
+        except ValueError:
+            return 0.0
+
+    return substituted
+
+
+def saturating_divide(left: float, right: float) -> float:
+    """Divide; by zero the result is +-2^47, with the sign of the dividend."""
+    return math.copysign(SATURATION, left) if right == 0.0 else divide(left, right)
+
+
+def saturating_modulo(left: float, right: float) -> float:
+    """Return the remainder; 0 for a divisor of 0."""
+    return 0.0 if right == 0.0 else modulo(left, right)
+
+
 @cache
-def functions(degrees: bool, strict: bool) -> Mapping[str, arithmetic.UnaryFunction]:
+def functions(degrees: bool, strict: bool) -> Mapping[str, UnaryFunction]:
     """Return the functions of one number by name, as a calculation applies them."""
-    found = arithmetic.unary_functions(degrees)
+    found = unary_functions(degrees)
     return {name: _applied(name, function, strict) for name, function in found.items()}
 
 
-def _applied(name: str, function: arithmetic.UnaryFunction, strict: bool) -> arithmetic.UnaryFunction:
-    if name in arithmetic.ANYWHERE:
+def _applied(name: str, function: UnaryFunction, strict: bool) -> UnaryFunction:
+    if name in ANYWHERE:
 
         def anywhere(value: float) -> float:
             if not math.isfinite(value):
@@ -172,7 +275,7 @@ def _applied(name: str, function: arithmetic.UnaryFunction, strict: bool) -> ari
             return function(value)
 
         return anywhere
-    within = function if strict else arithmetic.forgiving(function)
+    within = function if strict else forgiving(function)
 
     def call(value: float) -> float:
         if not math.isfinite(value):
@@ -180,7 +283,7 @@ def _applied(name: str, function: arithmetic.UnaryFunction, strict: bool) -> ari
         try:
             return within(value)
         except ValueError as fault:
-            raise ValueError(f"{name}({format_number(value)}){arithmetic.NO_VALUE}") from fault
+            raise ValueError(f"{name}({format_number(value)}){NO_VALUE}") from fault
         except OverflowError as fault:
             raise OverflowError(f"{name}({format_number(value)}) is too large a number") from fault
 
@@ -200,14 +303,14 @@ def angle_function(degrees: bool) -> Callable[[float, Variables], float]:
     return angle
 
 
-def operators(strict: bool) -> Mapping[str, arithmetic.BinaryFunction]:
+def operators(strict: bool) -> Mapping[str, BinaryFunction]:
     """Return the operators beside + - and *, as a calculation applies them."""
     return _STRICT if strict else _SATURATING
 
 
-_STRICT: dict[str, arithmetic.BinaryFunction] = {
-    "/": arithmetic.divide,
-    "%": arithmetic.modulo,
-    **arithmetic.BITWISE,
+_STRICT: dict[str, BinaryFunction] = {
+    "/": divide,
+    "%": modulo,
+    **BITWISE,
 }
-_SATURATING = {**_STRICT, "/": arithmetic.saturating_divide, "%": arithmetic.saturating_modulo}
+_SATURATING = {**_STRICT, "/": saturating_divide, "%": saturating_modulo}

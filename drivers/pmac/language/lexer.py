@@ -9,10 +9,10 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from decimal import Decimal
 from functools import lru_cache
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
-from drivers.pmac.language.numbers import format_constant
 
 HIGHEST_CHARACTER = 127
 """Characters above this are refused outside a comment (PMAC Software Reference, I6: ERR004)."""
@@ -22,6 +22,26 @@ _WHITE = frozenset(" \t\r\n")
 _NUMBER = re.compile(r"\$[0-9A-F]+|[0-9]+(?:\.(?!\.)[0-9]*)?|\.[0-9]+")
 _OTHER_FORM = re.compile(r'[$"]|\.(?!\.)|(?<![\d.])0\d')
 _INTEGER = re.compile(r"\$[0-9A-F]{1,12}(?![0-9A-F])|[0-9]{1,18}(?![0-9])")
+DECIMALS = 10  # Maximum decimals that `format_number` writes
+
+
+def format_number(value: float) -> str:
+    """Format a number rounded to 10 decimals: never an exponent, a trailing zero or `-0`."""
+    if value % 1.0 == 0.0:
+        return str(int(value))  # most of the thousands of values that a host may query at once
+    return _plain(f"{value:.{DECIMALS}f}")
+
+
+def format_constant(value: float) -> str:
+    """Format a number with as many decimals as it takes to read the same number back; no exponent."""
+    short = format_number(value)
+    return short if float(short) == value else _plain(f"{Decimal(repr(float(value))):f}")
+
+
+def _plain(digits: str) -> str:
+    if "." in digits:
+        digits = digits.rstrip("0").rstrip(".")
+    return "0" if digits == "-0" else digits
 
 
 class Scanner:

@@ -22,10 +22,6 @@ _NEAR = {"~": "<", "!~": ">="}
 _OPERATORS = {"/": "quotient", "%": "remainder", "&": "bits_and", "|": "bits_or", "^": "bits_xor"}
 
 
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else too_large()
-
-
 class PythonText:
     """Writes the text and has it executed. In it `values` are the variables, `p` the P-variables."""
 
@@ -38,7 +34,7 @@ class PythonText:
             **{f"{name.lower()}_of": function for name, function in functions(degrees, strict).items()},
             **{name: combine[operator] for operator, name in _OPERATORS.items()},
             "atan2_of": angle_function(degrees),
-            "finite": _finite,
+            "finite": lambda value: value if math.isfinite(value) else too_large(),
             "too_large": too_large,
             "refusal": refusal,
             "inf": math.inf,  # as Python writes a constant of too many digits
@@ -46,7 +42,7 @@ class PythonText:
         }
 
     def executed(self, lines: Sequence[str], known: Mapping[str, object]) -> dict[str, Any] | None:
-        """Return what the text defines; None where it is too deep for Python."""
+        """Return the names that the text defines; None if it is nested too deep for Python."""
         try:
             code = _compiled("\n".join(lines))
         except (SyntaxError, RecursionError, MemoryError):
@@ -56,7 +52,7 @@ class PythonText:
         return found
 
     def values(self, expressions: Sequence[syntax.Expression]) -> list[Value] | None:
-        """Return functions as `compile_expression` makes them; None where Python cannot have them."""
+        """Return functions as `compile_expression` makes them; None if Python cannot compile them."""
         lines = [line for place, each in enumerate(expressions) for line in self._function(f"value_{place}", each)]
         found = self.executed(lines, {})
         return None if found is None else [found[f"value_{place}"] for place in range(len(expressions))]

@@ -7,9 +7,9 @@ from itertools import zip_longest
 
 from drivers.pmac.language import syntax
 from drivers.pmac.language.expressions import PRODUCTS
-from drivers.pmac.language.numbers import DECIMALS as DECIMALS
-from drivers.pmac.language.numbers import format_constant as format_constant
-from drivers.pmac.language.numbers import format_number as format_number
+from drivers.pmac.language.lexer import DECIMALS as DECIMALS
+from drivers.pmac.language.lexer import format_constant as format_constant
+from drivers.pmac.language.lexer import format_number as format_number
 from drivers.pmac.language.parser import ARGUMENTS, control_letter, gather_moves, is_control, may_be_argument
 
 _WORDS: Mapping[type, str] = {

@@ -6,6 +6,12 @@ accumulates from turn to turn. Segment times are whole milliseconds, as this con
 The cut is whole turns, counted from the start of the feed, each ended at the segment that is nearest to its end.
 Then the tool retracts from any phase of the lobe: the path continues, and is faded into the retracted position. So
 at no angle is the tool further in than on the path.
+
+The trim changes gain and phase of the path, blended over a turn at the end of a turn. A host sets P53, the factor
+of the amplitude, and P54, added to the lobe angle, degrees. The program reads them once a turn and approaches them
+by the same step in each segment of the turn; P55 and P56 are the values in the path, so the path has no step,
+whatever is written. A value beyond the bounds, as by a line with a wrong digit, is set to the bound. A turn need
+not be whole segments: the next one makes up for the rounding.
 """
 
 from __future__ import annotations
@@ -17,7 +23,7 @@ from functools import lru_cache
 import numpy as np
 
 from drivers.pmac.language.text import format_number
-from drivers.pmac.programs import hold, live_trim
+from drivers.pmac.programs import hold
 from drivers.pmac.programs.push import with_push
 from drivers.pmac.programs.setup import CutSetup, cut_values, refuse_endless
 from profiles.compensations.path import LobedPath
@@ -33,6 +39,46 @@ X(P11{lifted}{pushed}+P12*P55*COS(P27)):(-P15*P55*SIN(P27)){y} Z(P21+P18*(P25-P2
 
 # The same in other words: a line that is reported by its text alone is then known by its number.
 _BACK_ON_PATH = _ON_PATH.replace("P25-P24-P49", "P25-P49-P24").replace("{lifted}", hold.LIFTED)
+
+GAIN, LOBE_ANGLE = "P53", "P54"
+GAIN_IN_PATH, ANGLE_IN_PATH = "P55", "P56"
+
+MOST_GAIN_PERCENT = 10
+MOST_PHASE_DEG = 5.0  # of the spindle
+
+ROUNDING = 1e-4  # by which a number may be rounded in transmission, and a blend may be off at its end
+
+BEGIN = "P53=1 P54=0 P55=1 P56=0 P57=0 P58=0 ; trim, none asked for\n"
+
+AT_TURN = """\
+IF(ABS(P53-1)>{most_gain} OR ABS(P54)>{most_angle}) ; beyond the bounds: it stays as it is
+P53=P55 P54=P56
+ENDIF
+P57=(P53-P55)/P32
+P58=(P54-P56)/P32
+"""
+
+IN_SEGMENT = "P55=P55+P57 P56=P56+P58\n"
+
+
+def live_trim_values(lobes: int) -> dict[str, object]:
+    """Return the template values of `AT_TURN`."""
+    return {
+        "most_gain": format_number(MOST_GAIN_PERCENT / 100.0 + ROUNDING),
+        "most_angle": format_number(MOST_PHASE_DEG * lobes + ROUNDING),
+    }
+
+
+def live_trim_line(gain_percent: float, phase_deg: float, lobes: int) -> str:
+    """Return the line that asks for a trim; a phase that is later by degrees of spindle.
+
+    Raises ValueError: beyond the bounds.
+    """
+    if not (abs(gain_percent) <= MOST_GAIN_PERCENT and abs(phase_deg) <= MOST_PHASE_DEG):
+        raise ValueError(f"a trim of {gain_percent:g} %, {phase_deg:g} deg")
+    gain, angle_deg = 1.0 + gain_percent / 100.0, -lobes * phase_deg
+    return f"{GAIN}={format_number(round(gain, 4))} {LOBE_ANGLE}={format_number(round(angle_deg, 3))}"
+
 
 LOBE_PATH = (
     """\
@@ -55,12 +101,12 @@ P30=P30+1
 P31=P24-0.5+P30*P32+P49
 """
     + hold.ONE_TURN
-    + live_trim.AT_TURN
+    + AT_TURN
     + """\
 ENDIF
 P25=P25+1 P45=P45+1
 """
-    + live_trim.IN_SEGMENT
+    + IN_SEGMENT
     + _ON_PATH.replace("{lifted}", "")
     + """\
 ENDWHILE
@@ -285,8 +331,8 @@ def path_values(
         "turn": number(timing.turn_segments),
         "out_segments": timing.retract_segments,
         "hold_first": "P24",
-        "no_trim": live_trim.BEGIN,
-        **live_trim.live_trim_values(command.lobes),
+        "no_trim": BEGIN,
+        **live_trim_values(command.lobes),
         **hold.hold_values(
             job.feed_mm_per_rev,
             60_000.0 / job.spindle_speed_rpm,

@@ -48,7 +48,7 @@ class Motion:
         return float(np.max(np.abs((3.0 * c3 * instants + 2.0 * c2) * instants + c1)))
 
     def _within(self, t_ms: Floats) -> Floats:
-        """Return instants, or the start of the cubic for one that is outside it, or nan."""
+        """Return the instants inside each cubic; its start replaces an instant outside it, or nan."""
         return np.where((t_ms >= 0.0) & (t_ms <= self.duration_ms), t_ms, 0.0)
 
 

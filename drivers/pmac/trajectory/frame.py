@@ -105,7 +105,7 @@ class MotorFrame:
         return counts, speeds
 
     def _solved(self, targets: Mapping[str, float], here: Vector) -> Vector:
-        """Return the motor positions by the kinematics; while they are off such a motor stays where it is."""
+        """Return the motor positions by the kinematics; while they are off, such a motor keeps its position."""
         solved = {} if self._solver is None else self._solver.counts(targets, self._inverse)
         pairs = zip(self.definitions, here, strict=True)
         return tuple([solved.get(d.motor, place) if d.inverse else d.counts(targets) for d, place in pairs])

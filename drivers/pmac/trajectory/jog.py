@@ -68,7 +68,7 @@ def decelerate(position: float, velocity: float, rate: float) -> tuple[Piece, ..
     """Come to rest at `rate` (Ix15, counts/ms^2). A rate of 0 never stops the motor: it keeps moving for ever."""
     if velocity == 0.0:
         return ()
-    if rate <= 0.0:
+    if rate <= 0.0:  # as on the controller, where 0 is no rate; commissioning refuses such an Ix15
         return (Piece(float("inf"), ((position, velocity, 0.0, 0.0),)),)
     return ramp((position,), (velocity,), (0.0,), abs(velocity) / rate, 0.0)
 
@@ -104,7 +104,7 @@ def rapid(start: Vector, target: Vector, settings: Sequence[JogSettings]) -> tup
 
 
 def together(tracks: Sequence[Sequence[Piece]], rest: Vector) -> tuple[Piece, ...]:
-    """Join tracks of one motor each, starting together, into pieces of all; one that has ended is at `rest`."""
+    """Join tracks of one motor each, starting together, into pieces of all; a finished track stays at `rest`."""
     ends = sorted({end for track in tracks for end in accumulate(piece.duration_ms for piece in track)})
     times = [0.0]
     times += [end for end in ends if end - times[-1] > SLIVER_MS]

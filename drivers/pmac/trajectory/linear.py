@@ -94,6 +94,7 @@ def effective_timing(move: LinearMove, before: Vector, limits: Limits) -> Timing
             # Ix17 limits the change into this move, and the stop that may follow it.
             velocity = distance / nominal_ms
             change = max(abs(velocity - was), abs(velocity))
+            # A ramp is steepest in its middle: change / (TA - TS).
             ta_ms = max(ta_ms, min(change / limit + move.ts_ms, MOVE_TIME_MAX_MS))
     return timing_of(ta_ms, move.ts_ms, max(tm_ms, ta_ms))  # rule 2
 
@@ -107,7 +108,7 @@ def lay(blend: Blend, move: LinearMove, limits: Limits) -> tuple[tuple[Piece, ..
     after = Blend(
         target=tuple([blend.target[at] + move.distance[at] for at in range(len(velocity))]),
         velocity=velocity,
-        room_ms=timing.tm_ms - 0.5 * ta_ms,
+        room_ms=timing.tm_ms - 0.5 * ta_ms,  # TM counts between the middles of the two ramps
         at_rest=False,
     )
     return pieces, after, timing_of(ta_ms, ts_ms, timing.tm_ms)

@@ -61,6 +61,8 @@ def add(spline: Spline, target: Vector, duration_ms: float, next_ms: float) -> t
     distance = tuple(t - p for t, p in zip(target, spline.point, strict=True))
     here_ms = spline.duration_ms
     joint_ms = here_ms + duration_ms
+    # A cubic B-spline: its acceleration continues at the joints, so it passes beside its points. With equal times
+    # the joint is at (P0 + 4 P1 + P2) / 6, its velocity (P2 - P0) / (2 T).
     early = duration_ms / (joint_ms * (spline.before_ms + joint_ms))
     late = here_ms / (joint_ms * (joint_ms + next_ms))
     pairs = tuple(zip(spline.distance, distance, strict=True))

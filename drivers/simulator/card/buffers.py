@@ -13,7 +13,7 @@ from drivers.pmac.language.listing import StoredLine, StoredPlcLine, addresses, 
 from drivers.pmac.language.parser import parse_line
 from drivers.pmac.language.plc_statements import parse_plc_line
 from drivers.simulator.card.controller import Controller
-from drivers.simulator.card.program_buffer import OpenBuffer
+from drivers.simulator.card.table_memory import OpenBuffer
 from drivers.simulator.context import Context, Filling, Reading, Step
 
 MAX_LINES = 20_000  # room for one program; a real controller has some tens of thousands of words for all
@@ -80,7 +80,7 @@ def clear(controller: Controller) -> None:
 
 
 def close(controller: Controller) -> None:
-    """CLOSE whatever buffer is open, whoever opened it; without one this is no error."""
+    """CLOSE the open buffer, whichever host opened it; without one this is no error."""
     controller.open_buffer = None
 
 

@@ -16,19 +16,17 @@ from drivers.pmac.language.listing import StoredLine
 from drivers.pmac.language.structure import Code, link
 from drivers.pmac.saving import SAVE_S
 from drivers.pmac.settings import servo_cycle_ms
-from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
 from drivers.simulator.card.countdown import TimedVariables
 from drivers.simulator.card.gather_buffer import GatherBuffer
 from drivers.simulator.card.guard import Alarm, action_on_fault
 from drivers.simulator.card.jog_motion import HomeSensor
-from drivers.simulator.card.leads import Leads
+from drivers.simulator.card.leads import Conversion, Leads
 from drivers.simulator.card.motor import Motor
 from drivers.simulator.card.plc_programs import PlcPrograms
-from drivers.simulator.card.program_buffer import CardHost, OpenBuffer, Password
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.card.stretch import Stretch
-from drivers.simulator.card.table_memory import TableMemory
+from drivers.simulator.card.table_memory import CardHost, OpenBuffer, Password, TableMemory
 from drivers.simulator.plant.axis import BARE_COAST_S, BARE_ORIGIN, Axis, IdealAxis
 
 ALL_MOTORS, MOTORS_OF_SYSTEM = 0, 1  # which motors a fault kills
@@ -63,12 +61,17 @@ class Controller:
         self.open_buffer: OpenBuffer | None = None
         self.password = Password()
         self.flash = flash or Flash()
-        self.motors = {
-            number: Motor(number, self.variables, *_behind(axes.get(number), servo_period_ms))
-            for number in range(1, dialect.motor_count + 1)
-        }
+        self.motors = {}
+        for number in range(1, dialect.motor_count + 1):  # also those that the machine does not use
+            bare = IdealAxis(servo_period_ms / 1000.0, BARE_COAST_S, BARE_ORIGIN), HomeSensor(period=INDEX_COUNTS)
+            self.motors[number] = Motor(number, self.variables, *axes.get(number, bare))
         self._busy: set[int] = set()
-        self.systems = {number: self._system(number) for number in range(1, dialect.system_count + 1)}
+        self.systems = {
+            number: CoordinateSystem(
+                number, self.variables, self.motors, self._program_code, self.host, self._busy
+            )
+            for number in range(1, dialect.system_count + 1)
+        }
         self.tables = TableMemory()
         self.gather = GatherBuffer(self.variables)
         self.conversion = Conversion(self.variables, self.motors)
@@ -196,7 +199,7 @@ class Controller:
         self.systems[system].define(motor, definition)
 
     def save(self) -> None:
-        """Keep what is there now, and begin the seconds of writing. Raises ProfileError: it cannot be written."""
+        """Save the present state, and begin the seconds of writing. Raises ProfileError: it cannot be written."""
         self.flash.save(self)
         self._saved_at_cycle = self.cycles + round(1000.0 * SAVE_S / self.servo_period_ms)
 
@@ -213,7 +216,7 @@ class Controller:
             system.define(motor, system.frame.definitions[motor])
 
     def each_system(self, act: Callable[[CoordinateSystem], None]) -> None:
-        """Apply a command to every coordinate system; one that refuses it is skipped."""
+        """Apply a command to every coordinate system that does not refuse it."""
         for system in self._all_systems:
             with suppress(PmacError):
                 act(system)
@@ -279,9 +282,6 @@ class Controller:
             self.gather.sample()
         return tracks
 
-    def _system(self, number: int) -> CoordinateSystem:
-        return CoordinateSystem(number, self.variables, self.motors, self._program_code, self.host, self._busy)
-
     def _count(self, cycles: int) -> None:
         self.cycles += cycles
 
@@ -322,8 +322,3 @@ class Controller:
                 system.abort(closing=False)
         for number in numbers:
             self.motors[number].kill()
-
-
-def _behind(axis: tuple[Axis, HomeSensor] | None, cycle_ms: float) -> tuple[Axis, HomeSensor]:
-    """Return the hardware of a motor, also of one that the machine does not use."""
-    return axis or (IdealAxis(cycle_ms / 1000.0, BARE_COAST_S, BARE_ORIGIN), HomeSensor(period=INDEX_COUNTS))

@@ -17,8 +17,7 @@ from drivers.pmac.trajectory.pieces import Vector
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.axis_frame import AxisFrame
 from drivers.simulator.card.motor import Motor
-from drivers.simulator.card.program_motion import Place, ProgramMotion
-from drivers.simulator.card.time_base import TimeBase
+from drivers.simulator.card.program_motion import Place, ProgramMotion, TimeBase
 
 OFF_BY_COUNTS = 1.0 / 32.0  # permitted distance from where a program was stopped; no finer is resolved
 

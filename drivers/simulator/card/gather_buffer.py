@@ -10,14 +10,15 @@ from collections.abc import Callable, Sequence
 
 from drivers.pmac.gathering.gather import (
     LONG_BITS,
+    MOST_WAITING,
     encode_float,
     is_due,
     long_words_of,
+    packed,
     padding_of,
     selected_sources,
     shifts_of,
 )
-from drivers.pmac.gathering.sample_block import MOST_WAITING, packed
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.memory import WORD_BITS, Memory, Passing, Pointer
 from drivers.pmac.variables import VariableStore

@@ -14,7 +14,7 @@ from typing import Final
 
 from drivers.pmac.gathering.gather import decode_float, encode_float
 from drivers.pmac.memory import WORD_BITS, Passing, Pointer
-from drivers.pmac.variable_words import VariableWords
+from drivers.pmac.variables import VariableWords
 from drivers.simulator.card import reports
 from drivers.simulator.card.buffers import StoredBuffers
 from drivers.simulator.card.controller import Controller

@@ -19,11 +19,10 @@ from drivers.pmac.language.lexer import Scanner
 from drivers.pmac.language.listing import StoredLine, stored_line, stored_plc_lines
 from drivers.pmac.memory import scan_pointer
 from drivers.pmac.variables import VariableStore
-from drivers.simulator.card.conversion import Conversion
 from drivers.simulator.card.coordinate import CoordinateSystem
+from drivers.simulator.card.leads import Conversion
 from drivers.simulator.card.plc_programs import PlcPrograms
-from drivers.simulator.card.program_buffer import Password
-from drivers.simulator.card.table_memory import TableMemory
+from drivers.simulator.card.table_memory import Password, TableMemory
 from profiles.files import printable, read_regular_file, write_atomically
 from profiles.problem import Problem, ProfileError
 from profiles.strict_values import from_json, read_own

@@ -6,9 +6,7 @@ from collections.abc import Sequence
 from math import copysign
 
 from drivers.simulator.plant.axis import FARTHEST, ROUNDS, EncoderAxis, Ends, Scale
-from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide
-from drivers.simulator.plant.flexible_mode import FlexibleMode
-from drivers.simulator.plant.presliding import Presliding
+from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, FlexibleMode, Presliding
 from drivers.simulator.plant.servo_gains import NotchFilter, ServoGains, notch_of
 from drivers.simulator.plant.tip_load import TipLoad
 
@@ -61,13 +59,14 @@ class ServoAxis(EncoderAxis):
 
     def set_gains(self, gains: ServoGains) -> None:
         """Use other gains from the next cycle on."""
+        # DAC = 2^-19 Ix30 {Ix08 [FE + (Ix32 CV + Ix35 CA) / 128 + Ix33 IE / 2^23] - Ix31 Ix09 AV / 128}, counts
         scale = gains.ix30 / 2**19
         k_error = scale * gains.ix08
         self._k = (
             k_error,
             k_error * gains.ix32 / 128,
             k_error * gains.ix35 / 128,
-            k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0,
+            k_error * gains.ix33 / 2**23 if gains.ix63 else 0.0,  # a limit of 0 leaves the integrator no output
             scale * gains.ix31 * gains.ix09 / 128,
         )
         self._integrate_in_motion = gains.ix34 == 0
@@ -166,7 +165,7 @@ class ServoAxis(EncoderAxis):
         return [position for (position,) in singly]
 
     def _glide(self, commands: Sequence[float], noise: Sequence[float] | None, slide: DrySlide) -> list[float]:
-        """Close the loop on dry guides, behind a current that lags, under the load of a cut."""
+        """Close the loop on dry guides, with current lag, under the load of a cut."""
         x, v, force, integral, driven = self._x, self._v, self.output_bits, self._integral, slide.driven
         last, last_step, last_encoder = self._command, self._command_step, self._reading
         k_e, k_v, k_a, k_i, k_d = self._k
@@ -279,7 +278,7 @@ class ServoAxis(EncoderAxis):
         return state == before and not self._command_step and commands.count(commands[0]) == len(commands)
 
     def _begin_load(self) -> TipLoad | Presliding | None:
-        """Begin a block of the load; None where there is none in this block."""
+        """Begin a block of the load; return None without a load in this block."""
         load = self._load
         if load is None:
             return None
@@ -332,7 +331,7 @@ class ServoAxis(EncoderAxis):
         if beyond:
             output = copysign(self.limit_bits, output)
         elif self._integrate_in_motion or step == 0.0:
-            self._integral += error
+            self._integral += error  # not while the output is limited: the loop would overshoot on its way back
         if notch is not None:
             notch.put_out(output)
         return output
@@ -360,6 +359,7 @@ class ServoAxis(EncoderAxis):
             self._v = plant.decay * v + plant.push_v * force
         if self._mode is not None:
             slide, pull = self._slide, self._per_bit * self.output_bits
+            # With a lag the current changes through the cycle: the mean of its ends.
             self._mode.step(0.5 * (before + slide.driven) if slide is not None and self._lags else pull)
         ends = self._ends
         if ends is not None and not ends.lowest <= self._x + self.origin <= ends.highest:

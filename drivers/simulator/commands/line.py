@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Generator, Iterator
+from dataclasses import dataclass
 from enum import Enum
 from functools import lru_cache
 
+from drivers.pmac.axes import scan_definition
 from drivers.pmac.dialect import Dialect
 from drivers.pmac.execution.kinematics import KINDS
 from drivers.pmac.language.errors import ErrorCode, PmacError
@@ -18,7 +20,7 @@ from drivers.pmac.language.lexer import Scanner, longest_of
 from drivers.pmac.language.parser import WORDS as PROGRAM_WORDS
 from drivers.pmac.language.syntax import VariableKind
 from drivers.simulator.card import buffers
-from drivers.simulator.commands import addressing, buffer_words, card, jogs, status, systems, values
+from drivers.simulator.commands import buffer_words, status, systems, values
 from drivers.simulator.commands.buffer_words import take_range
 from drivers.simulator.context import (
     ALL_CARDS,
@@ -33,6 +35,7 @@ from drivers.simulator.context import (
 
 _DAISY_CHAIN = 2  # bit 1 of I1: several controllers on one line, addressed with `@n`
 _COMMAND_WORK = 5  # cost of any command, in values read or set
+MOTORS_IN_A_BANK = 8
 
 
 def _refuse_without(reading: Reading) -> None:
@@ -79,19 +82,133 @@ KINEMATIC_WORDS: dict[str, Handler] = {
     **{f"LIST{word}": _list(kind) for word, kind in KINDS.items()},
     **{f"{delete}{word}": _delete(kind) for delete in ("DELETE", "DEL") for word, kind in KINDS.items()},
 }
+
+
+def read_card(scanner: Scanner) -> int | None:
+    """Read what follows `@`: the number of a card, ALL_CARDS for `@@`, or None, which reports.
+
+    Raises PmacError: 003, a number above 15.
+    """
+    if scanner.accept("@"):
+        return ALL_CARDS
+    number = scanner.take_integer()
+    if number is not None and number > HIGHEST_CARD:
+        raise PmacError(ErrorCode.DATA_ERROR, f"card {number}, 0 to {HIGHEST_CARD}")
+    return number
+
+
+@dataclass(frozen=True, slots=True)
+class AddressCard:
+    """`@n`: what follows is for controller n; `@@`: for all; `@` reports. It matters only with bit 1 of I1."""
+
+    number: int | None
+
+    def __call__(self, context: Context) -> None:
+        """Address it, or report."""
+        if self.number is not None:
+            context.card_number = self.number
+            return
+        addressed = context.card_number
+        context.lines.append("@" if addressed == ALL_CARDS else str(addressed or 0))
+
+
+def _address_motor(scanner: Scanner, reading: Reading) -> Step:
+    number = scanner.take_integer()
+    if number is None:
+        return lambda context: context.lines.append(str(context.motor_number))
+    if not 1 <= number <= reading.dialect.motor_count:
+        raise PmacError(ErrorCode.DATA_ERROR, f"motor {number}, 1 to {reading.dialect.motor_count}")
+    if scanner.accept("->"):
+        return _axis(scanner, number)
+
+    def step(context: Context) -> None:
+        context.motor_number = number
+
+    return step
+
+
+def _address_bank(scanner: Scanner, reading: Reading) -> Step:
+    """`##1`: the control characters report motors 9 to 16.
+
+    With eight motors, and with a space between the signs, it is `#`, and `#1` after it.
+    """
+    banks = reading.dialect.motor_count // MOTORS_IN_A_BANK
+    behind = scanner.mark()
+    scanner.reset(behind - 1)
+    if banks == 1 or reading.text[scanner.position - 1] != "#":
+        return lambda context: context.lines.append(str(context.motor_number))
+    scanner.reset(behind)
+    number = scanner.take_integer()
+    if number is None:
+        return lambda context: context.lines.append(str(context.motor_bank))
+    if number >= banks:
+        raise PmacError(ErrorCode.DATA_ERROR, f"##{number}: {banks} times {MOTORS_IN_A_BANK} motors")
+
+    def step(context: Context) -> None:
+        context.motor_bank = number
+
+    return step
+
+
+def _axis(scanner: Scanner, motor: int) -> Step:
+    """`#1->` reports the definition in the addressed system, 0 for a motor of another one; or define or clear."""
+    if scanner.at_end or scanner.peek("#&") or scanner.accept(","):
+
+        def report(context: Context) -> None:
+            definition = context.system.frame.definitions.get(motor)
+            context.lines.append("0" if definition is None else str(definition))
+
+        return report
+    definition = scan_definition(scanner, motor)
+
+    def define(context: Context) -> None:
+        if definition is not None or motor in context.system.frame.definitions:
+            context.controller.define_axis(context.system_number, motor, definition)
+
+    return define
+
+
+def _address_system(scanner: Scanner, reading: Reading) -> Step:
+    number = scanner.take_integer()
+    if number is None:
+        return lambda context: context.lines.append(str(context.system_number))
+    if not 1 <= number <= reading.dialect.system_count:
+        raise PmacError(ErrorCode.DATA_ERROR, f"&{number}, 1 to {reading.dialect.system_count}")
+
+    def step(context: Context) -> None:
+        context.system_number = number
+
+    return step
+
+
+def _undefine(scanner: Scanner, reading: Reading) -> Step:
+    """UNDEFINE the axes of the addressed coordinate system, UNDEFINE ALL those of every one."""
+    every = scanner.accept("ALL")
+
+    def step(context: Context) -> None:
+        controller = context.controller
+        systems = list(controller.systems.values()) if every else [context.system]
+        for system in systems:
+            for motor in tuple(system.frame.definitions):
+                controller.define_axis(system.number, motor, None)
+
+    return step
+
+
+WORDS: dict[str, Handler] = {
+    "#": _address_motor,
+    "##": _address_bank,
+    "&": _address_system,
+    **dict.fromkeys(("UNDEFINE", "UNDEF"), _undefine),
+}
 _ALWAYS_ON_LINE = (
-    addressing.WORDS
-    | buffer_words.WORDS
-    | card.WORDS
-    | KINEMATIC_WORDS
-    | status.WORDS
-    | systems.WORDS
-    | values.WORDS
+    WORDS | buffer_words.WORDS | status.CARD_WORDS | KINEMATIC_WORDS | status.WORDS | systems.WORDS | values.WORDS
 )
 """Words that are never stored, even while a buffer is open."""
 
-_WORDS = _ALWAYS_ON_LINE | jogs.WORDS | buffer_words.SHARED_WORDS  # with those of programs; the longest wins
-_LETTERS = status.LETTERS | jogs.LETTERS | systems.LETTERS  # matched after the variables that begin so
+# With those of programs; the longest wins.
+_WORDS = _ALWAYS_ON_LINE | systems.MOTOR_WORDS | buffer_words.SHARED_WORDS
+_LETTERS = status.LETTERS | systems.MOTOR_LETTERS | systems.LETTERS  # matched after the variables that begin so
 _ALWAYS = longest_of(tuple(_ALWAYS_ON_LINE))
 _ANY = longest_of(tuple(_WORDS))
 _PROGRAM_OR_LETTER = longest_of((*PROGRAM_WORDS, *_LETTERS))
@@ -130,7 +247,7 @@ def commands(text: str, context: Context) -> Generator[None, None, bool]:
     revision = variables.i_revision
     for number, step in enumerate(steps, 1):
         # This line or another host may have changed how controllers are addressed: the rest is not for it then.
-        if variables.i_revision == revision or isinstance(step, addressing.AddressCard) or answers(context):
+        if variables.i_revision == revision or isinstance(step, AddressCard) or answers(context):
             step(context)
         heard = heard or answers(context)
         context.work += _COMMAND_WORK
@@ -167,7 +284,7 @@ def _addressed(text: str, context: Context) -> tuple[Step, ...]:
     heard, first = answers(context), _first_of(context)
     while not scanner.at_end:
         if scanner.accept("@"):
-            step = addressing.AddressCard(addressing.read_card(scanner))
+            step = AddressCard(read_card(scanner))
             steps.append(step)
             heard = heard if step.number is None else answers(context, step.number)
         elif heard:

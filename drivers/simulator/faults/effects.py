@@ -12,8 +12,7 @@ from typing import TYPE_CHECKING, Protocol, TypeVar, cast
 
 from drivers.errors import LinkError
 from drivers.simulator.faults.catalogue import Value
-from drivers.simulator.faults.line_effects import CARRIERS, SPOILERS
-from drivers.simulator.faults.lines import Carrier, Garbling, Lines, Spoiler
+from drivers.simulator.faults.lines import CARRIERS, SPOILERS, Carrier, Garbling, Lines, Spoiler
 
 if TYPE_CHECKING:
     from drivers.simulator.card.controller import Controller

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import socket
 from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import TypeAlias
@@ -54,3 +55,26 @@ def is_loopback(host: str) -> bool:
         return ip_address(host).is_loopback
     except ValueError:
         return host == "localhost"
+
+
+_CODES = {ConnectionRefusedError: "link.refused", TimeoutError: "link.no_answer", ConnectionError: "link.lost"}
+
+
+def connected(address: ControlAddress, timeout_s: float) -> socket.socket:
+    """Return a connected socket with this timeout for each operation. Raises OSError."""
+    if isinstance(address, TcpAddress):
+        return socket.create_connection((address.host, address.port), timeout=timeout_s)
+    link = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        link.settimeout(timeout_s)
+        link.connect(address.path)
+    except OSError:
+        link.close()
+        raise
+    return link
+
+
+def unreachable(address: ControlAddress, error: OSError) -> LinkError:
+    """Return why nobody answers at an address: `link.refused`, `link.no_answer`, `link.lost`, `link.failed`."""
+    code = next((code for kind, code in _CODES.items() if isinstance(error, kind)), "link.failed")
+    return LinkError(Problem(code=code, where=str(address), value=error.strerror or str(error)))

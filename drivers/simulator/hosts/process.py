@@ -1,7 +1,7 @@
 """The simulated lathe as a process of its own, seen from the one that starts it.
 
 The controller is connected by a serial line, like a real one. An operator's actions in the shop (clamp a blank,
-look at the chuck, put the part on the gauge) use a private channel, see `drivers.simulator.hosts.channel`.
+look at the chuck, put the part on the gauge) use a private channel, see `drivers.simulator.__main__`.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ from drivers.errors import LinkError
 from drivers.link.address import SerialAddress
 from drivers.placed import Placed, placed_text
 from drivers.simulator.hosts.control_address import LONGEST_LINE
-from drivers.simulator.hosts.frozen import ASKED
 from drivers.simulator.hosts.pty import remove_name
+from drivers.simulator.hosts.real_time import ASKED
 from drivers.simulator.plant.which_lathe import WhichLathe
 from drivers.simulator.plant.workshop_view import Dials, Truth, WorkshopView
 from profiles.files import printable
@@ -162,7 +162,7 @@ class Child:
 
 
 class FrozenCopy:
-    """A checkpoint: the line to a process that waits, see `frozen`."""
+    """A checkpoint: the line to a process that waits, see `real_time`."""
 
     def __init__(self, line: socket.socket) -> None:
         self._line = line
@@ -280,7 +280,7 @@ class SimulatorProcess:
         return record(ClampReadings, self._ask("indicate", places=places))
 
     def truth(self) -> Truth:
-        """Return what is so at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""
+        """Return the true values at the lathe, for a debrief. Raises LinkError: `simulator.gone`."""
         return Truth(**self._ask("truth"))
 
     def set_spindle(self, rpm: float | None) -> None:

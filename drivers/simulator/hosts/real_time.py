@@ -3,16 +3,25 @@
 The user interface and its simulator share one computer. When that is overloaded, the interface is delayed, and a
 real controller would end a motion, as it must. Here the controller waits, for a limited time, for its only host:
 longer silences are real ones.
+
+A checkpoint is a copy of the process that stands still, from which further copies continue. A copy (fork) has
+everything as it was, to the bit: controller, plant, part, faults, the state of chance. The frozen one only waits.
+It ends when the process that could ask for a copy is gone.
 """
 
 from __future__ import annotations
 
 import asyncio
 import math
+import os
 import signal
+import socket
+import sys
 import time
+import traceback
+import warnings
 from collections.abc import Callable, Collection, Coroutine
-from typing import Any, Protocol
+from typing import Any, NoReturn, Protocol
 
 from drivers.ending_signals import ENDING_SIGNALS
 
@@ -22,9 +31,12 @@ MOST_CATCH_UP_S = 0.1  # most real time made up for in one tick; a suspended pro
 SLICE_S = 0.01  # simulated time advanced in one go: in between, hosts and signals are served
 HEARD_S = 0.18  # how far simulated time runs without input: shorter than a watchdog timeout just renewed
 TIMEOUT_S = 2.0  # how long a silence is attributed to the computer
-
-
 Advance = Callable[[float], None]  # advances the time of a lathe by so many seconds
+ASKED = b"!"  # asks a frozen copy for one that goes on; it comes back with the end of a channel to that one
+_FIRST = 3  # number of the first file that is none of the standard streams
+
+GoOn = Callable[[socket.socket], None]
+"""What a copy does with its channel, until it ends."""
 
 
 class Pace:
@@ -148,3 +160,68 @@ def patient(
             pace.held_s += seconds
 
     return wait
+
+
+def freeze(go_on: GoOn) -> socket.socket:
+    """Set a checkpoint: return the line to a frozen copy of this process, as it is now. Raises OSError."""
+    signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # nobody waits for copies that have ended
+    ours, theirs = socket.socketpair()
+    try:
+        if not _fork():
+            _wait(theirs, go_on)
+    except OSError:
+        ours.close()
+        raise
+    finally:
+        theirs.close()
+    return ours
+
+
+def _wait(line: socket.socket, go_on: GoOn) -> NoReturn:
+    """Be the frozen copy: nothing of the original but its memory is used any more, or unwound."""
+    try:
+        _let_go_of_files(line)
+        signal.set_wakeup_fd(-1)
+        for number in ENDING_SIGNALS:
+            if signal.getsignal(number) is not signal.SIG_IGN:  # as under `nohup`
+                signal.signal(number, signal.SIG_DFL)
+        while line.recv(1) == ASKED:
+            channel, far = socket.socketpair()
+            if not _fork():
+                _let_go_of_files(channel)
+                go_on(channel)
+                break
+            channel.close()
+            socket.send_fds(line, [ASKED], [far.fileno()])
+            far.close()
+    except OSError:
+        pass  # whoever could ask is gone
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        sys.stderr.flush()
+        os._exit(0)
+
+
+def _let_go_of_files(kept: socket.socket) -> None:
+    """Point every open file at nothing but this one; their numbers stay taken: objects that are left have them."""
+    nothing = os.open(os.devnull, os.O_RDWR)
+    for name in os.listdir("/proc/self/fd"):
+        number = int(name)
+        if number >= _FIRST and number not in (kept.fileno(), nothing) and _is_open(number):
+            os.dup2(nothing, number, inheritable=False)
+
+
+def _is_open(number: int) -> bool:
+    """Whether it is still open: the list of open files was one itself."""
+    try:
+        os.fstat(number)
+    except OSError:
+        return False
+    return True
+
+
+def _fork() -> int:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # of threads that only numerics have
+        return os.fork()

@@ -61,7 +61,7 @@ class Axis(Protocol):
 
 
 class EncoderAxis:
-    """The state that every axis has, in counts: its zero, where it is, and what its encoder reads.
+    """The state of every axis, in counts: its zero, its position, and the reading of its encoder.
 
     `at_end` is whether an end of its travel has held the axis in the last block, `hit_end` whether one has since
     that was last cleared from outside: a block of the controller may be several of the axis.
@@ -168,7 +168,7 @@ class IdealAxis(EncoderAxis):
         self._rest: list[float] = []
 
     def close_loop(self) -> float:
-        """Hold the present position, whatever the reading."""
+        """Hold the present position, independent of the reading."""
         self._step = 0.0
         if not self.encoder_lost:
             self._unseen = 0.0

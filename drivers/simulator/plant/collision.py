@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from drivers.simulator.plant.collision_kind import CollisionKind
+from drivers.simulator.plant.workshop_view import CollisionKind
 from profiles.job import Job
 
 TOUCH_MM = 0.05  # depth of the tip in a standing part up to which it is a mere touch that marks, not a crash

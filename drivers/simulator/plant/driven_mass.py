@@ -1,13 +1,16 @@
 """A mass driven by a current amplifier: the slide of a linear motor, or the rotor of a spindle motor.
 
 It is described in axis units, motor counts and DAC bits, so that one loop serves both. On dry guides, and with a
-current that lags, its motion is exact through a servo cycle, stop and start included.
+current that lags, its motion is exact through a servo cycle, stop and start included. What makes an axis more than
+that: a flexible mode (`FlexibleMode`), and friction that builds up over a distance (`Presliding`).
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+
+from drivers.simulator.plant.tip_load import TipLoad
 
 NO_DAMPING = 1e-6  # loss of speed in a servo cycle below which the formulas with damping cancel out
 
@@ -185,7 +188,7 @@ class DrySlide:
             return False
         if self._lag is not None:
             for _ in range(cycles):
-                self.driven = 0.0 + self._lag.left * (self.driven - 0.0)
+                self.driven = 0.0 + self._lag.left * (self.driven - 0.0)  # the operations of `step`, to the bit
         return True
 
     def _from_rest(self, x: float, drive: float, left_s: float) -> tuple[float, float]:
@@ -209,3 +212,77 @@ class DrySlide:
             return self._cycle_s  # it only comes to rest because of the current lag
         rate = self._one.damping_per_s
         return -v / pull if rate == 0.0 else math.log1p(-rate * v / pull) / rate
+
+
+class FlexibleMode:
+    """A resonance that the scale sees: something between motor, scale and tip that bends. Counts, Hz.
+
+    q'' + 2 z w q' + w^2 q = c a, with a the acceleration that the current gives the rigid axis, c the fraction of
+    the mode and z its damping ratio. Scale and tip are at x + q; `bend` is q. A constant force through a servo
+    cycle moves it exactly. Neither friction nor the force of the cut bends it.
+    """
+
+    def __init__(self, hz: float, damping_ratio: float, fraction: float, cycle_s: float) -> None:
+        omega = 2.0 * math.pi * hz
+        damped = omega * math.sqrt(1.0 - damping_ratio**2)
+        fade, decay = math.exp(-damping_ratio * omega * cycle_s), damping_ratio * omega
+        cosine, sine = fade * math.cos(damped * cycle_s), fade * math.sin(damped * cycle_s) / damped
+        self._own = cosine + decay * sine, sine, -(omega**2) * sine, cosine - decay * sine
+        self._static = fraction / omega**2
+        self.bend = 0.0
+        self._speed = 0.0
+
+    def step(self, acceleration: float) -> None:
+        """Advance one cycle under the acceleration of the rigid axis, counts/s2."""
+        rest = self._static * acceleration
+        off, speed = self.bend - rest, self._speed
+        own = self._own
+        self.bend = rest + own[0] * off + own[1] * speed
+        self._speed = own[2] * off + own[3] * speed
+
+
+class Presliding:
+    """A load on the tool: friction of its rolling guides, and the force of the cut (`TipLoad`) if there is one.
+
+    Dahl's law with exponent 1, a slide on a spring until it slides: with each displacement dx the friction F comes
+    nearer to its limit F_c against the motion, dF/dx = (F_c - F sign(dx)) / s, at any speed.
+
+    `limit` is F_c as a deceleration, counts/s2; `distance` is s, counts, where 63 % of it are there. Forces are
+    positive with the direction of counting.
+    """
+
+    acts = True
+
+    def __init__(self, limit: float, distance: float, cut: TipLoad | None) -> None:
+        self._limit, self._distance, self._cut = limit, distance, cut
+        self._cutting: TipLoad | None = None
+        self._at: float | None = None
+        self._drag = 0.0
+
+    @property
+    def led(self) -> bool:
+        """Whether the force of the cut is found for each servo cycle."""
+        return self._cut is not None and self._cut.led
+
+    def begin(self) -> None:
+        """Begin a block of servo cycles."""
+        if self._cut is not None:
+            self._cut.begin()
+            self._cutting = self._cut if self._cut.acts else None
+
+    def push(self, place: float) -> float:
+        """Return the acceleration through the servo cycle that begins at this place, counts/s2.
+
+        It is that of the middle of the cycle, as if the speed stayed: taken at its beginning the spring would
+        lag by half a cycle, which is a damping below 0.
+        """
+        moved = 0.0 if self._at is None else place - self._at
+        self._at = place
+        self._drag = self._after(moved)
+        pushed = self._after(0.5 * moved)
+        return -pushed if self._cutting is None else self._cutting.push(place) - pushed
+
+    def _after(self, moved: float) -> float:
+        """Return the friction against the motion, positive with counting, after a displacement."""
+        limit = math.copysign(self._limit, moved)
+        return limit + (self._drag - limit) * math.exp(-abs(moved) / self._distance)

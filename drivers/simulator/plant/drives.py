@@ -10,10 +10,8 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.jog_motion import HomeSensor
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.plant.axis import Axis, IdealAxis, NoisyScale, Scale, ends_at
-from drivers.simulator.plant.driven_mass import linear_motor, rotary_motor
-from drivers.simulator.plant.flexible_mode import FlexibleMode
+from drivers.simulator.plant.driven_mass import FlexibleMode, Presliding, linear_motor, rotary_motor
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
-from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.tip_load import TipGeometry, TipLoad

@@ -112,7 +112,7 @@ class TipLoad:
 
     @property
     def led(self) -> bool:
-        """Whether it looks at each cycle of a stretch by itself."""
+        """Whether it samples each cycle of a stretch itself."""
         return bool(self._path)
 
     def lead(self, spindle: Sequence[Ahead], carriage: Sequence[Ahead]) -> None:
@@ -127,7 +127,7 @@ class TipLoad:
         self._motors = tool, spindle, carriage
 
     def watches(self) -> bool:
-        """Whether it looks at spindle and carriage in each block of servo cycles, because a blank is clamped."""
+        """Whether it samples spindle and carriage in each block of servo cycles, because a blank is clamped."""
         return self._stock is not None
 
     def clamp(self, stock: Stock | None) -> None:

@@ -11,9 +11,8 @@ from dataclasses import dataclass, field, replace
 from random import Random
 
 from drivers.placed import Placed
-from drivers.simulator.plant.cut_process import CutProcess
 from drivers.simulator.plant.which_lathe import IDEAL, WhichLathe
-from drivers.simulator.plant.workpiece import ROUND, Blank, Form
+from drivers.simulator.plant.workpiece import ROUND, Blank, CutProcess, Form
 from profiles.axis.notch import Reading
 from profiles.chucking.grip import loss_n
 from profiles.job import Job

@@ -19,8 +19,7 @@ from console.session.work import Work
 from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.standing import Standing
-from drivers.simulator.plant.collision_kind import CollisionKind
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.problem import Problem
 from profiles.store import load_job

@@ -18,7 +18,7 @@ from console.session.station.progress import CutStage
 from console.session.station.state import Activity
 from console.session.work import Work, opened
 from console.text.catalogue import LANGUAGES, load
-from drivers.simulator.faults.fault_line import check_line
+from drivers.simulator.faults.board import check_line
 from profiles.files import parse_toml
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError

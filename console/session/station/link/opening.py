@@ -19,8 +19,7 @@ from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import StopPath
 from drivers.link.address import LinkAddress
 from drivers.link.tracing import Tracing
-from drivers.requests.heard import Heard
-from drivers.requests.side_line import SideLine
+from drivers.requests.side_line import Heard, SideLine
 from profiles.files import remove_all_left
 from profiles.store import LoadedMachine
 

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from console.session.errors import fault_problem
 from drivers.errors import LinkError
 from drivers.link.base import Link
-from drivers.link.renewable import RenewableLink
+from drivers.link.passing import RenewableLink
 from profiles.problem import Problem
 
 RETRY_S = 1.0  # time between two attempts
