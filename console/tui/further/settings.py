@@ -46,7 +46,7 @@ FIXED = (Origin.VARIABLE, Origin.OPTION)
 
 def choices_of(setting: str) -> tuple[str, ...]:
     """Return the values of a setting; none for the own keys."""
-    return LANGUAGES if setting == "language" else CHOICES.get(setting, ())
+    return tuple(LANGUAGES) if setting == "language" else CHOICES.get(setting, ())
 
 
 def value_of(appearance: Appearance, setting: str) -> str:
