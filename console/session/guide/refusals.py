@@ -14,7 +14,7 @@ from console.session.guide.rows import Condition, Row, always, at_step
 from console.session.guide.situation import Phase, Situation, phase_of
 from console.session.guide.start_checks import failing
 from console.session.guide.waiting import wait_problems, waiting
-from console.session.station.adjusting.holding import hold_refusal
+from console.session.station.adjusting import hold_refusal
 from console.session.station.commands import HoldFeed, ResumeFeed
 from console.session.station.jogging import no_retract
 from console.session.station.state import Activity

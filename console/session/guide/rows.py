@@ -122,7 +122,7 @@ ALIGN_STEPS = (
         at_step(AlignStep.JAW),
         Row("align.jaw_flanks_all", lambda s: len(s.alignment.flanks) >= READINGS, "align.take", do.TakeJaw),
         Row("align.jaw_flanks", lambda s: bool(s.alignment.flanks), "align.flank", do.TakeFlank),
-        Row("align.jaw_enable", lambda s: not s.jog_enabled, "align.enable"),
+        Row("align.jaw_enable", lambda s: not s.state.jog_enabled, "align.enable"),
     ),
     *_when(
         at_step(AlignStep.TOUCH_OFF, None),
@@ -132,7 +132,7 @@ ALIGN_STEPS = (
         lambda s: s.step is AlignStep.TOUCH_OFF and s.over_part,
         Row("align.touch_off_scratched", _is_scratched, "align.out", do.Jog),
         Row("align.touch_off_touching", lambda s: s.touches, "align.take", do.TakeTouchOff),
-        Row("align.touch_off_over_enable", lambda s: not s.jog_enabled, "align.enable"),
+        Row("align.touch_off_over_enable", lambda s: not s.state.jog_enabled, "align.enable"),
         Row("align.touch_off_over", always, "align.in", do.Jog),
     ),
     Row("align.jaw_off", lambda s: s.step is None and s.jaw_off, "align.back", do.Forget),

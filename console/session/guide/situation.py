@@ -75,12 +75,11 @@ def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Situation:
-    """One moment. `now_s` is machine time, `jog_enabled` whether the jog keys move the machine now."""
+    """One moment. `now_s` is machine time."""
 
     state: StationState
     work: Work | None
     machine: MachineProfile
-    jog_enabled: bool = False
     now_s: float = 0.0
 
     @property

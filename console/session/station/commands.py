@@ -76,6 +76,14 @@ class Jog(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
+class NoteJog(Command):
+    """Note whether the jog keys of this screen are enabled, for the guide and the feed. Nothing moves."""
+
+    logged: ClassVar[bool] = False
+    enabled: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class GoTo(Command):
     """Go to a typed target with one jog: Z, mm from its zero, or C, degrees from the index the shorter way."""
 

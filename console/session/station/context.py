@@ -9,14 +9,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
+from console.session.cut.alignment import Alignment, aligned_machine, mounted_on, table_problems
 from console.session.cut.engine import CutContext, Workshop
+from console.session.cut.interlocks import of_drives, of_home
 from console.session.cut.recording import LogRecorder, Unrecorded
 from console.session.cut.telemetry import NO_LAG, Lag
 from console.session.data.records import RunRecord
 from console.session.data.run_rows import problem_events
 from console.session.data.run_story import COMMAND
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
 from console.session.station.begins import Begins
@@ -173,6 +174,15 @@ class StationContext:
         if self.commissioned is None:
             return context
         return replace(context, commissioned=self.commissioned.problems)
+
+    def refuse_unless_homed(self) -> None:
+        """Refuse unless the drives are enabled and the zeros known: `alignment.drives_off`, `alignment.not_homed`.
+
+        Also while a table is left on (`cut.table_on`): it would move the tool with the carriage and the spindle.
+        """
+        refuse(of_drives(self.lathe.snapshot()).problems)
+        refuse(table_problems(self._state.alignment))
+        refuse(of_home(self.lathe.snapshot()).problems)
 
     def tell(self, **changes: Any) -> None:
         """Publish a state with these fields changed."""

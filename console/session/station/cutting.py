@@ -29,7 +29,7 @@ from console.session.learning.fingerprint import Fingerprint, fingerprinted, ref
 from console.session.learning.history import history_of
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
-from console.session.station.adjusting.refusals import beyond, stepped
+from console.session.station.adjusting import beyond, stepped
 from console.session.station.commands import Adjust, Arm, ClearTables, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems

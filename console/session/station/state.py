@@ -187,25 +187,24 @@ class StationState:
     """One moment. `at_s` is machine time.
 
     `cut_done` means that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
-    job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
-    `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
-    `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
-    where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
-    cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
-    cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
-    `onlookers` how many others of this data folder look on while this one controls. `lathe` is which simulated
-    lathe it is, empty for a real machine. `jogs` counts the jogs that
-    ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known,
-    `ends_at_most` whether it may end long before.
-    `firmware` is the version and the type of the controller, `controller` both as text.
-    `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
-    read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
-    trial, as the controller had them when it was compared last. `force` is what the force of the last half-stage
-    cut says of sign and angle. `truth` is what is so at a simulated lathe, once
-    it was asked; `indicated` what an indicator shows there of the clamping, likewise. `speed` is how many times as
-    fast as real time that runs, 0 while its instructor has paused it; `stop_waits` is whether a stop was sent to
-    it meanwhile.
+    job, that was cut without compensation and measured. `refusals` answer the last command, and end with the
+    next. `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
+    `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is where
+    stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is cut,
+    by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not cut at
+    all, as of the last time its settings were read. `standing` is this console's role at the machine, `holder`
+    the number of the console that controls it, `held_by` who that is as far as it has said so, `onlookers` how
+    many others of this data folder look on while this one controls. `lathe` is which simulated lathe it is, empty
+    for a real machine. `jogs` counts the jogs that ended in position, `jog_enabled` is whether the jog keys of
+    the screen move the machine now, `ends_s` is when the present motion should end (machine time), None where
+    that is not known, `ends_at_most` whether it may end long before. `firmware` is the version and the type of
+    the controller, `controller` both as text. `lost_link` is the loss of the link, until F2 after it is back.
+    `tool_loop` is the loop of the tool as it was read last, `tested` the name of the file with the last test of
+    the tool. `trial` are gains that were applied on trial, as the controller had them when it was compared last.
+    `force` is what the force of the last half-stage cut says of sign and angle. `truth` is what is so at a
+    simulated lathe, once it was asked; `indicated` what an indicator shows there of the clamping, likewise.
+    `speed` is how many times as fast as real time that runs, 0 while its instructor has paused it; `stop_waits`
+    is whether a stop was sent to it meanwhile.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -230,6 +229,7 @@ class StationState:
     stop: StopState | None = None
     stops: int = 0
     jogs: int = 0
+    jog_enabled: bool = False
     ends_s: float | None = None
     ends_at_most: bool = False
     lost_link: LostLink | None = None

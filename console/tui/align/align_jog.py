@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import AlignStep, step_now
-from console.session.station.commands import GoTo, Jog
+from console.session.station.commands import GoTo, Jog, NoteJog
 from console.session.station.durations import jog_s
 from console.session.station.jogging import JogEnable, Steps, speed_problem, step_problem
 from console.session.station.state import Activity, StationState
@@ -153,11 +153,6 @@ class JogKeys:
         self._presses, self._queue = JogPresses(), StepQueue()
         self._hold, self._calibration, self._strokes = HoldRun(), Calibration(), ReportedStrokes()
 
-    @property
-    def enabled(self) -> bool:
-        """Whether the jog keys move the machine now."""
-        return self._jog is not None
-
     def heard(self, key: str | None) -> None:
         """Drop the steps that wait at any key but their own; the one under way goes to its end."""
         if key is None or key != self._queue.key:
@@ -168,7 +163,9 @@ class JogKeys:
 
     def end(self) -> None:
         """Disable the jog; no step waits any more."""
-        self._jog = None
+        if self._jog is not None:
+            self._jog = None
+            self.ui.control.post(NoteJog(enabled=False))
         self._forget()
 
     def _forget(self) -> None:
@@ -222,6 +219,7 @@ class JogKeys:
         """Enable the jog keys for a while."""
         if not self.ui.refuses(key):
             self._jog = JogEnable(used_s=self.ui.control.now_s(), stops=self.ui.control.state.stops)
+            self.ui.control.post(NoteJog(enabled=True))
 
     def change_rung(self, key: str) -> None:
         """Select the next longer or shorter step of the axis."""

@@ -216,8 +216,7 @@ class AlignPage(Page):
         return refused(action, self._now(view), KEYS[action])
 
     def _now(self, view: View) -> Situation:
-        enabled, machine = self._jog.enabled, self.ui.machine.machine
-        return Situation(state=view.state, work=view.work, machine=machine, jog_enabled=enabled, now_s=view.now_s)
+        return Situation(state=view.state, work=view.work, machine=self.ui.machine.machine, now_s=view.now_s)
 
     @property
     def field(self) -> FieldKind:
