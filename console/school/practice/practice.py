@@ -113,7 +113,7 @@ def _otherwise(recording: Recording, event: RecordedEvent, begin: Before, placed
     yield from _of_fault(event)
 
 
-def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:  # noqa: C901 - one branch a case
+def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:
     header, state, alignment = recording.header, begin.moment.state, _alignment(begin)
     if not header.simulated:
         yield Problem(code="practice.was_real", key=header.machine.name)
@@ -131,9 +131,8 @@ def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator
         yield Problem(code="practice.trial")
     if not state.controls:
         yield Problem(code="practice.looked_on")
-    for alarm in state.alarms:
-        if alarm.active:
-            yield Problem(code="practice.alarm_stood", value=alarm.problem.code)
+    active = (alarm.problem.code for alarm in state.alarms if alarm.active)
+    yield from (Problem(code="practice.alarm_stood", value=code) for code in active)
 
 
 def _of_part(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:

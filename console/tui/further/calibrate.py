@@ -65,7 +65,7 @@ class CalibratePage(Page):
         self._visits, self._away = 0, True
         self._shown: object = None
 
-    def act(self, action: str) -> None:  # noqa: C901 - one branch a case
+    def act(self, action: str) -> None:
         """Choose, enter points, keep them."""
         if self._all.entry.is_open:
             if action == "calibrate.take":
@@ -73,8 +73,11 @@ class CalibratePage(Page):
                 self.fit()
                 return
             self._end_entry()
-        if self.ui.answers(self.why_not(action, self.ui.view)):
-            return
+        if not self.ui.answers(self.why_not(action, self.ui.view)):
+            self._do(action)
+            self.fit()
+
+    def _do(self, action: str) -> None:
         if action in STEPS or action in PAGES:
             by = STEPS[action] if action in STEPS else PAGES[action] * self._list_rows
             self._selected = min(max(self._selected + by, 0), max(self._count - 1, 0))
@@ -94,7 +97,6 @@ class CalibratePage(Page):
             self._change(None)
         elif action == "calibrate.keep":
             self._keep()
-        self.fit()
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why there is nothing to keep or to enter now."""
