@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from console.school.page.followed_lesson import follow_lesson
+from console.school.schooling import follow_lesson
 from console.school.training.attempt import Attempt, Found
 from console.school.training.happened import Happening, PartFact, What
 from console.school.training.item import Item

@@ -17,9 +17,9 @@ from console.text.catalogue import load
 from console.tui.inspecting.comparison import compared
 from console.tui.inspecting.evaluation import Looked, supported_upr, tolerance_rings_um, with_next_filter
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
-from console.tui.inspecting.plain_words import plain_words
 from console.tui.keymap import ACTIONS
 from console.tui.pages.inspect import InspectPage
+from console.tui.pages.learn_lines import plain_words
 from console.tui.plot.frame import stepped_125
 from console.tui.plot.polar_view import PolarView, shows_rings
 from console.tui.theme import Token

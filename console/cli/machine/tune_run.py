@@ -15,7 +15,6 @@ from console.session.tuning.proposal import LOBE_HZ, GainFacts, gain_facts, with
 from console.session.tuning.standing import StandingTrial, differing_words, listed
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
-from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from drivers.commissioning.judged import differing_settings
 from drivers.identification.tool_loop import ToolLoop
@@ -147,6 +146,21 @@ def _unlike(
     if not differing or (trial is not None and trial.whole):
         return []
     return [text("tune_page.differing", names=differing_words(differing))]
+
+
+def axis_lines(machine: MachineProfile, facts: GainFacts, text: Catalogue) -> list[str]:
+    """Return what the proposal rests on: the axis behind the responses, or that of the profile."""
+    known, fit, friction = facts.known, facts.known.fit, facts.friction_n
+    if fit is None or friction is None:
+        return [text("tune.axis_profile")]
+    plant = known.loop.plant
+    mass = f"{machine.tool.loop_gain_n_per_v / plant.acceleration_per_v:.2f}"
+    dry, delay = f"{friction[0]:.1f} ± {friction[1]:.1f}", f"{1000.0 * plant.delay_s:.2f}"
+    lines = [text("tune.axis", count=fit.hz.size, mass=mass, friction=dry, delay=delay)]
+    for mode in plant.modes:
+        hz, ratio = f"{mode.hz:.0f}", f"{100.0 * mode.damping_ratio:.1f}"
+        lines.append(text("tune.mode", hz=hz, ratio=ratio, fraction=f"{mode.fraction:.2f}"))
+    return lines
 
 
 def _lines(

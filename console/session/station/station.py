@@ -19,7 +19,6 @@ from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
 from console.session.station.adjusting import adjust_refusal, hold_refusal
 from console.session.station.alarms import OF_A_CUT, Priority, seen
-from console.session.station.armed_watch import PollPause, age_problem, watch_armed
 from console.session.station.commands import (
     Acknowledge,
     Adjust,
@@ -48,7 +47,10 @@ from console.session.station.training import Instruct, carry_out
 from console.session.station.watches import (
     ChuckSight,
     LinkTime,
+    PollPause,
+    age_problem,
     give_faults,
+    watch_armed,
     watch_axes,
     watch_loss,
     watch_phase,

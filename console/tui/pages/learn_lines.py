@@ -1,4 +1,7 @@
-"""Text of the panel Learn: the learning step of a part; and how a part is cut, in two words."""
+"""Text of the panel Learn: the learning step of a part; and how a part is cut, in two words.
+
+In the words of the operator: what is left of the lobe, and what to press.
+"""
 
 from __future__ import annotations
 
@@ -8,8 +11,10 @@ from datetime import UTC, datetime
 
 from console.session.data.measured_part import MODEL, MadeWith
 from console.session.force_record import ForceCheck
-from console.session.learning.learning_steps import Taught
+from console.session.guide.measured_part import in_scatter, is_elsewhere, is_kept, jaw_explains
+from console.session.learning.learning_steps import LeftHarmonic, Taught
 from console.session.learning.part_learning import PartLearning
+from console.session.stages import Stage
 from console.session.station.state import MeasuredPart
 from console.session.work import Work
 from console.text.catalogue import Catalogue
@@ -17,15 +22,16 @@ from console.text.causes import cause_words
 from console.text.certificate import certificate_lines
 from console.text.force import force_words
 from console.text.recorded_words import plain_cut_words
-from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import BLANK, Line, hanging, line, name_in, wrapped
 from console.tui.theme import Token
+from profiles.compensations.path import expected
 from profiles.files import printable
 
 _DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
 _LONGEST_NAME = 16
 _MARK = ("! ", Token.WARNING)
 _CAUSE = ("✗ ", Token.WARNING)
+NOTHING_LEFT = "learned.nothing"
 
 
 def learn_title(learning: PartLearning, text: Catalogue) -> str:
@@ -60,6 +66,55 @@ def learn_lines(
         for problem in taught.warnings:
             lines += hanging(_MARK, text.problem(problem), width, Token.WARNING)
     return lines
+
+
+def plain_words(learning: PartLearning, work: Work | None, text: Catalogue, *, failed: bool) -> str:
+    """Return one or two sentences on the learning step of a part; those of a refusal end in its reasons.
+
+    A part that has `failed` cannot stay, even within clamping scatter.
+    """
+    taught = learning.taught
+    if any(reason.code == NOTHING_LEFT for reason in learning.reasons):
+        return text("inspect_page.plain.noise")
+    if taught is None or learning.reasons:
+        return text("inspect_page.plain.refused")
+    lobe = _lobe(taught)
+    if taught.stage is Stage.PARTIAL:
+        return f"{text('inspect_page.plain.half', left=_um(lobe, text))} {_half_words(taught, text)}"
+    if is_kept(learning, work):
+        return text("inspect_page.plain.accepted", left=_um(lobe, text))
+    if lobe is not None and lobe.learned:
+        scatter = text.units.figure(taught.step.expected_half_width_um_pp, "um", 1)
+        word = "correct"
+        if is_elsewhere(taught):
+            word = "elsewhere"
+        elif in_scatter(taught):
+            word = "may_scatter" if failed else "scatter"
+        elif failed and jaw_explains(taught):
+            word = "jaw"
+        return text(f"inspect_page.plain.{word}", left=_um(lobe, text), scatter=scatter)
+    others = [each for each in taught.harmonics if each.learned]
+    if not others:
+        return text("inspect_page.plain.noise")
+    most = max(others, key=lambda each: each.left_um_pp)
+    return text("inspect_page.plain.other", n=most.order, left=_um(most, text))
+
+
+def _half_words(taught: Taught, text: Catalogue) -> str:
+    part = taught.step.next.part
+    whole_um_pp = 0.0 if part is None else 2.0 * part.target.amplitude_um / taught.stage.fraction
+    left = expected(whole_um_pp, taught.stage.fraction)
+    right, wrong = (text.units.figure(each, "um", 1) for each in (left.right_um_pp, left.wrong_um_pp))
+    return text("inspect_page.half_left", right=right, wrong=wrong)
+
+
+def _lobe(taught: Taught) -> LeftHarmonic | None:
+    order = taught.step.next.path.target.lobes
+    return next((each for each in taught.harmonics if each.order == order), None)
+
+
+def _um(harmonic: LeftHarmonic | None, text: Catalogue) -> str:
+    return text.units.figure(0.0 if harmonic is None else harmonic.left_um_pp, "um", 1)
 
 
 def head_lines(
