@@ -127,7 +127,7 @@ class CalibratePanels(Horizontal):
         #calibrate-fit { height: 1fr; }
         #calibrate-row { height: 1; display: none; }
         #calibrate-label { width: auto; min-width: 34; height: 1; }
-        #calibrate-entry { width: 1fr; height: 1; background: $background; color: $foreground; }
+        #calibrate-entry { layer: default; position: relative; width: 1fr; }
         #calibrate-plots { width: 1fr; height: 1fr; layout: vertical; }
         #calibrate-plot { height: 2fr; }
         #calibrate-residual { height: 1fr; }

@@ -10,7 +10,6 @@ from pathlib import Path
 
 from textual.widget import Widget
 from textual.widgets import Input
-from textual.widgets.input import Selection
 
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
@@ -18,6 +17,7 @@ from console.session.job_files import import_folder, offered_jobs
 from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, opened
 from console.tui.application.scan_codes import found
+from console.tui.entry import PATH_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
@@ -50,7 +50,6 @@ _REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
     "jobs.note": lambda _, entry: changes.own_or_refused(entry),
     "jobs.tags": lambda _, entry: changes.own_or_refused(entry),
 }
-_PATH_CAP_CHARACTERS = 1000
 
 
 class Typing(StrEnum):
@@ -64,47 +63,25 @@ class Typing(StrEnum):
     PATH = "path"
 
 
-class JobsEntry(Input):
-    """One line of free text over the heading of the list; hidden while nothing is typed."""
+class JobsEntry(EntryLine):
+    """One line of free text over the heading of the list."""
 
-    DEFAULT_CSS = """
-    JobsEntry {
-        layer: entry; position: absolute; display: none; width: 50%; height: 1; offset: 3 1;
-        background: $background; color: $foreground;
-    }
-    """
+    DEFAULT_CSS = "JobsEntry { width: 50%; offset: 3 1; }"
 
     def __init__(self) -> None:
-        super().__init__(id="jobs-entry", compact=True, select_on_focus=False)
-        self.cursor_blink = False
+        super().__init__(id="jobs-entry")
         self.typing = Typing.NOTHING
 
     def open(self, typing: Typing, value: str) -> None:
-        """Begin with this text, the cursor behind it; the next characters are for the entry.
-
-        The words of a search are selected: a character begins another search, an arrow key keeps them.
-        """
+        """Begin with this text; the words of a search are marked: an arrow key keeps them."""
         self.typing = typing
-        self.max_length = _PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
-        self.value = value
-        begin = 0 if typing is Typing.SEARCH else len(value)
-        self.selection = Selection(begin, len(value))
-        self.display = True
-        self.keep_focus()
-
-    def keep_focus(self) -> None:
-        """Take the focus again, which a list in place of the page has taken."""
-        if self.typing is not Typing.NOTHING and self.screen.focused is not self:
-            self.screen.set_focus(self, scroll_visible=False)
+        self.max_length = PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
+        self.begin(value, marked=typing is Typing.SEARCH)
 
     def close(self) -> str:
         """End the entry, and return what was typed."""
-        typed = self.value.strip()
-        if self.typing is not Typing.NOTHING:
-            self.typing = Typing.NOTHING
-            self.display = False
-            self.screen.set_focus(None)
-        return typed
+        self.typing = Typing.NOTHING
+        return super().close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
