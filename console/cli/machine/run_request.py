@@ -25,9 +25,8 @@ from console.session.data.learned_store import (
 from console.session.data.measured_part import newest_part
 from console.session.errors import SessionError
 from console.session.learning.fingerprint import Fingerprint
-from console.session.learning.history import history_of
 from console.session.learning.learning import COMPARED, refuse_unlearnable
-from console.session.learning.learning_steps import check_of
+from console.session.learning.learning_steps import check_of, history_of
 from console.session.stages import Stage, nominal_path
 from console.session.station.whereabouts import address_of
 from drivers.cutting.strategy import Strategy

@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from console.school.instructing.answer import Answer
-from console.school.instructing.order import Do, Order
+from console.school.instructing.order import Answer, Do, Order
 from console.session.errors import SessionError, fault_problem, refuse
 from console.session.station.context import Checkpoint, Shop, StationContext, Training
 from console.session.station.state import Activity

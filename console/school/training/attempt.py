@@ -8,9 +8,8 @@ from console.school.instructing.mailbox import Act
 from console.school.instructing.order import Do
 from console.school.training.event import CONSOLE, Event
 from console.school.training.happened import Happening, PartFact, What, happenings, part_fact
-from console.school.training.lesson import Lesson
+from console.school.training.lesson import STEP, Lesson
 from console.school.training.milestones import MILESTONES, Change
-from console.school.training.question import STEP
 from console.session.stages import Stage
 from console.session.station.state import StationState
 

@@ -30,7 +30,6 @@ from console.session.data.measured_part import date_problems as cut_date_problem
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck
 from console.session.learning.fingerprint import of_mean_clamping
-from console.session.learning.history import history_of
 from console.session.stages import Stage, nominal_path
 from drivers.cutting.strategy import BY_TABLE, INVERTING, Strategy
 from drivers.identification.following import follows_by_order
@@ -283,6 +282,18 @@ def _parent(
     if version.parent == MODEL:
         return CutPath(target=target_path(job), command=target_path(job))
     return next((each.path for each in known if each.version == version.parent), None)
+
+
+def history_of(
+    version: LearnedCompensation | None, known: tuple[LearnedCompensation, ...]
+) -> tuple[LearnedCompensation, ...]:
+    """Return the versions that led to one, oldest first; it is the last."""
+    by_number = {each.version: each for each in known}
+    found: list[LearnedCompensation] = []
+    while version is not None:
+        found.insert(0, version)
+        version = by_number.get(version.parent) if version.parent < version.version else None
+    return tuple(found)
 
 
 def _cut_with(

@@ -26,8 +26,7 @@ from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
 from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
-from console.session.learning.history import history_of
-from console.session.learning.learning_steps import check_of
+from console.session.learning.learning_steps import check_of, history_of
 from console.session.stages import Stage
 from console.session.station.adjusting import beyond, stepped
 from console.session.station.commands import Adjust, Arm, ClearTables, Disarm, HoldFeed, Retract, Start

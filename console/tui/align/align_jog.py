@@ -23,8 +23,7 @@ from console.tui.align.hold_run import (
     Tier,
     overrun,
 )
-from console.tui.align.jog_presses import SURE_S, JogPresses
-from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.align.jog_presses import SURE_S, JogPresses, ReportedStrokes
 from console.tui.application.key_releases import SLOWEST_S
 from console.tui.pages.jog_lines import JogView
 from console.tui.ui_context import KEYS, UiContext, refusal

@@ -7,8 +7,7 @@ from console.session.station.state import StationState
 from console.tui.align.align_entry import AlignEntry
 from console.tui.align.align_jog import JOGS, JogKeys
 from console.tui.align.answers import answered
-from console.tui.align.asked import AXES, CLAMPING, Answer, Asked, Question
-from console.tui.align.clamp_typing import ClampTyping
+from console.tui.align.asked import AXES, CLAMPING, Answer, Asked, ClampTyping, Question
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.station.state import StationState
-from console.session.typed_length import stored_length
+from console.session.typed_number import stored_length
 from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
 from console.tui.ui_context import locked

@@ -16,7 +16,7 @@ from console.session.data.kept_files import jobs_folder
 from console.session.job_files import import_folder, offered_jobs
 from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, opened
-from console.tui.application.scan_codes import found
+from console.tui.application.scans import found
 from console.tui.entry import PATH_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
