@@ -64,12 +64,9 @@ def found(listed: Sequence[Entry], query: str) -> tuple[Entry, ...]:
     """Return the entries with every typed word in their words, key or page; those of just this key come first."""
     typed = query.casefold().split()
     hits = [entry for entry in listed if all(word in _searched(entry) for word in typed)]
-    exact = [entry for entry in listed if typed and query.strip().casefold() in _names(entry)]
+    key = query.strip().casefold()
+    exact = [each for each in listed if typed and key in (*each.action.keys, *each.key.casefold().split())]
     return (*exact, *(entry for entry in hits if entry not in exact))
-
-
-def _names(entry: Entry) -> set[str]:
-    return {*entry.action.keys, *entry.key.casefold().split()}
 
 
 def _searched(entry: Entry) -> str:

@@ -176,16 +176,13 @@ def _lines(
     if found is None:
         return lines
     lines += [f"  {name}  {was:.11g} -> {value:.11g}" for name, was, value in found.changes]
-    lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
+    margins = (text("tune_page.present"), found.before), (text("tune_page.proposed"), found.after)
+    lines += [text("tune.margins", **_margins(each, name)) for name, each in margins]
     for key, stiff, trips_n in zip(("present", "proposed"), facts.stiffness or (), facts.trips_n, strict=False):
         at = ", ".join(f"{um:.2f} @ {hz:.4g} Hz" for hz, um in zip(stiff.hz, stiff.um_per_n, strict=True))
         name, most = text(f"tune_page.{key}"), f"{stiff.most_um_per_n:.2f}"
         lines.append(text("tune.stiffness", which=name, most=most, at=at, trips=f"{trips_n:.1f}"))
     return lines
-
-
-def _both(found: GainProposal, text: Catalogue) -> tuple[tuple[str, LoopMargins], ...]:
-    return (text("tune_page.present"), found.before), (text("tune_page.proposed"), found.after)
 
 
 def _margins(margins: LoopMargins, which: str) -> dict[str, str]:

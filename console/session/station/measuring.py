@@ -83,7 +83,8 @@ def take_trace(context: StationContext, command: TakeTrace) -> None:
     found = of_this_part(found, context.records, run_id)
     refuse_unready(found)
     part = _judged(context, cut, (job, loaded), found.trace, (printable(found.path.name), found.sha256), found)
-    measured = {**_event(part), **_file_event(found), **command.answers}
+    file = {"trace": printable(found.path.name), "trace_sha256": found.sha256}
+    measured = {**_event(part), **file, **command.answers}
     asked = {"answers": dict(command.answers), "radius_mm": found.header.radius_of(job)}
     kept = _kept(part, found.trace, (printable(found.path.name), found.content), asked)
     if cut.run_id is not None:
@@ -234,8 +235,3 @@ def _kept(
     return part_record(
         part.job, part.result, trace, Stage(made.stage), name=name, made=header, file=file, more=more
     )
-
-
-def _file_event(found: ImportedTrace) -> dict[str, object]:
-    """Return the file of a measurement, so that it can be found again."""
-    return {"trace": printable(found.path.name), "trace_sha256": found.sha256}

@@ -21,7 +21,7 @@ from console.tui.further.problem_lines import problem_lines
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.records.beside import Beside, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
@@ -30,8 +30,6 @@ from profiles.fields import Field
 from profiles.problem import Problem, ProfileError
 
 KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
-STEPS = {"calibrate.up": -1, "calibrate.down": 1, "calibrate.first": -sys.maxsize, "calibrate.last": sys.maxsize}
-PAGES = {"calibrate.page_up": -1, "calibrate.page_down": 1}
 OF_DRAFT = ("calibrate.undo", "calibrate.drop", "calibrate.keep", "calibrate.offset")
 WRITES = ("calibrate.new", "calibrate.import", "calibrate.keep")
 STATISTICS = "scipy.stats"
@@ -78,9 +76,8 @@ class CalibratePage(Page):
             self.fit()
 
     def _do(self, action: str) -> None:
-        if action in STEPS or action in PAGES:
-            by = STEPS[action] if action in STEPS else PAGES[action] * self._list_rows
-            self._selected = min(max(self._selected + by, 0), max(self._count - 1, 0))
+        if (by := rows_moved(action, self._list_rows)) is not None:
+            self._selected = moved(self._selected, by, self._count)
         elif action == "calibrate.kind":
             self._kind, self._selected = (self._kind + 1) % len(KINDS), 0
         elif action == "calibrate.view":

@@ -9,15 +9,13 @@ from console.tui.entry import EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, line
-from console.tui.page import Page
+from console.tui.page import Page, rows_moved
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
 
 WIDE = 150  # columns from which the terminal is beside the view
 BESIDE = (ViewName.TERMINAL, ViewName.WATCH, ViewName.STATUS)  # what is shown besides, the first beside the view
-_LINE_STEPS = {"controller.up": -1, "controller.down": 1}
-_ENDS = {"controller.first": -1_000_000, "controller.last": 1_000_000}
 
 
 class ControllerPage(Page):
@@ -54,10 +52,8 @@ class ControllerPage(Page):
             if action == "controller.enter":
                 self._take_entry()
             return
-        page = max(self._sheet.size.height - 2, 1)
-        ways = {**_LINE_STEPS, "controller.page_up": -page, "controller.page_down": page, **_ENDS}
-        if action in ways:
-            self._views.move(ways[action], page=action not in _LINE_STEPS)
+        if (by := rows_moved(action, max(self._sheet.size.height - 2, 1))) is not None:
+            self._views.move(by, page=action not in ("controller.up", "controller.down"))
         elif action in ("controller.left", "controller.right"):
             self._views.step(-1 if action == "controller.left" else 1)
         elif not self.ui.answers(self.why_not(action, self.ui.view)):

@@ -21,15 +21,12 @@ from console.tui.gate import FieldKind
 from console.tui.key_help import words_of, written_key
 from console.tui.keymap import Action, PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, dim, fitted, line, name_in, ranged, wrapped
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.theme import COLOUR_VARIABLE, MONO, Palette, Token
 from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable
 from profiles.problem import Problem, ProblemError
 
-STEPS = {"settings.up": -1, "settings.down": 1}
-JUMPS = {"settings.page_up": -1, "settings.page_down": 1}
-ENDS = {"settings.first": 0, "settings.last": -1}
 CHANGES = {"settings.next": 1, "settings.previous": -1}
 LONGEST_KEY = 8
 _ABOUT_ROWS = 9
@@ -264,7 +261,7 @@ class SettingsPage(Page):
         if self._mode is Mode.TYPING:
             if action == "settings.change":
                 self._take_key()
-        elif action in (*STEPS, *JUMPS, *ENDS):
+        elif rows_moved(action) is not None:
             self._select(action)
         elif action == "settings.previous" and self._mode is Mode.KEYS:
             self._mode = Mode.SETTINGS
@@ -286,7 +283,7 @@ class SettingsPage(Page):
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a setting cannot be changed, or a key not removed."""
-        if action in (*STEPS, *JUMPS, *ENDS) or (self._mode is Mode.KEYS and action == "settings.previous"):
+        if rows_moved(action) is not None or (self._mode is Mode.KEYS and action == "settings.previous"):
             return ()
         if self._mode is Mode.SETTINGS and self._shown_setting == "keys" and action not in ("settings.remove",):
             return ()  # the list of the actions can always be read
@@ -349,8 +346,7 @@ class SettingsPage(Page):
         keys = self._mode is Mode.KEYS
         count, place = (len(REMAPPABLE), self._action) if keys else (len(SETTINGS), self._setting)
         page = max(self._keys.size.height - 2, 1) if keys else count
-        place = ENDS[action] % count if action in ENDS else place + STEPS.get(action, page * JUMPS.get(action, 0))
-        place = min(max(place, 0), count - 1)
+        place = moved(place, rows_moved(action, page) or 0, count)
         if keys:
             self._action = place
         else:

@@ -21,7 +21,7 @@ from console.tui.entry import PATH_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
-from console.tui.page import Page
+from console.tui.page import Page, rows_moved
 from console.tui.pages import job_changes as changes
 from console.tui.pages.job_shelf import Shelf, listed_jobs
 from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
@@ -35,13 +35,9 @@ from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 OPENS = "screen.open_moving", "screen.open_armed"
 CHANGES = "screen.jobs_moving", "screen.jobs_armed"  # what is written to disk waits for rest
-ENDS = {"jobs.first": -1, "jobs.last": 1}
-PAGES = {"jobs.page_up": -1, "jobs.page_down": 1}
-STEPS = {"jobs.up": -1, "jobs.down": 1}
 READS = ("jobs.open", "jobs.copy", "jobs.new", "jobs.search", "jobs.sort", "jobs.export")
 """Actions that change nothing on disk, but for the copy of an export."""
 
-_MOVES = (*STEPS, *PAGES, *ENDS)
 _OPENING = ("jobs.open", "jobs.copy", "jobs.new")
 _OF_IMPORTS = ("jobs.open", "jobs.path", "jobs.back", "jobs.import")
 _REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
@@ -96,11 +92,12 @@ class Listed:
 
 def refused_now(ui: UiContext, view: View, action: str, shelf: Shelf, *, importing: bool) -> tuple[Problem, ...]:
     """Return why an action can do nothing now, or nothing to the selected job; empty where it can."""
-    if importing and action not in (*_MOVES, *_OF_IMPORTS):
+    moves = rows_moved(action) is not None
+    if importing and not moves and action not in _OF_IMPORTS:
         return (Problem(code="screen.jobs_list_first"),)
     if action == "jobs.path" and not importing:
         return (Problem(code="screen.jobs_import_only"),)
-    changing = action not in (*_MOVES, *READS, "jobs.back")
+    changing = not moves and action not in (*READS, "jobs.back")
     if action in _OPENING or changing:
         if refused := locked(view.state, *(OPENS if action in _OPENING else CHANGES)):
             return (refused,)
@@ -196,7 +193,6 @@ class JobsPanels:
 
 
 _ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
-_FAR = 1_000_000
 
 
 class JobsPage(Page):
@@ -327,9 +323,9 @@ class JobsPage(Page):
 
     def _move(self, action: str) -> bool:
         page = max(len(visible(self._panels.jobs(self._listed), self._panels.table.size.height)) - 1, 1)
-        by = STEPS.get(action, 0) + page * PAGES.get(action, 0) + _FAR * ENDS.get(action, 0)
-        self._shelf.move(by)
-        return by != 0
+        by = rows_moved(action, page)
+        self._shelf.move(by or 0)
+        return by is not None
 
     def _do_reading(self, action: str) -> None:
         if action in ("jobs.open", "jobs.copy"):
