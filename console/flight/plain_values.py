@@ -1,6 +1,6 @@
 """Frozen dataclasses as plain JSON values, and what changed from one to the next.
 
-Nothing is imported for it: what is written is found by looking at the value. `typed_values` reads it.
+Nothing is imported for it: what is written is found by looking at the value. `recording` reads it.
 """
 
 from __future__ import annotations

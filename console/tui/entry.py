@@ -5,7 +5,7 @@ from __future__ import annotations
 from textual.widgets import Input
 from textual.widgets.input import Selection
 
-from profiles.fields import TEXT_CAP_CHARACTERS
+from profiles.fields import TEXT_CAP_CHARACTERS, Field
 
 NUMBER_CAP_CHARACTERS = 24
 PATH_CAP_CHARACTERS = 1000
@@ -53,3 +53,18 @@ class EntryLine(Input):
             self.display = False
             self.screen.set_focus(None)
         return self.value.strip()
+
+
+class CalibrateEntry(EntryLine):
+    """One line; `asked` is the value that is entered, None for a path; `began` the text it was opened with."""
+
+    def __init__(self) -> None:
+        super().__init__(id="calibrate-entry")
+        self.asked: Field | None = None
+        self.began = ""
+
+    def open(self, asked: Field | None, value: str = "") -> None:
+        """Begin with this text, marked so that typing replaces it."""
+        self.asked, self.began = asked, value
+        self.max_length = PATH_CAP_CHARACTERS if asked is None else NUMBER_CAP_CHARACTERS
+        self.begin(value, marked=True)

@@ -21,9 +21,8 @@ from console.session.errors import SessionError
 from console.site.study import making, running
 from console.site.study.cells import Cell, Row, cells
 from console.site.study.description import read_study
-from console.site.study.journal import NAME
 from console.site.study.results import TABLE, write_table
-from console.site.study.running import Progress, carry_out
+from console.site.study.running import NAME, Progress, carry_out
 from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError
 from tests.site.dying_cells import DIES, make_or_die

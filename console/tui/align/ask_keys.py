@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from console.session.station.commands import Indicate, NoteSkim, TakeFingerprint, TakeTouchOff
 from console.session.station.state import StationState
-from console.tui.align.align_entry import AlignEntry
 from console.tui.align.align_jog import JOGS, JogKeys
 from console.tui.align.answers import answered
-from console.tui.align.asked import AXES, CLAMPING, Answer, Asked, ClampTyping, Question
+from console.tui.align.asked import AXES, CLAMPING, ENTRY_WIDTH, Answer, Asked, ClampTyping, Question
+from console.tui.entry import EntryLine
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
 
@@ -21,6 +21,30 @@ _NOTHING_TYPED = {
 }
 _NOT_MEANWHILE = (*JOGS, "align.step")
 """Keys that would move something else while a number is typed."""
+
+
+_CAP_CHARACTERS = 12
+
+
+class AlignEntry(EntryLine):
+    """One number; `asked` says which."""
+
+    DEFAULT_CSS = f"AlignEntry {{ width: {ENTRY_WIDTH}; }}"
+
+    def __init__(self) -> None:
+        super().__init__(id="align-entry", cap_characters=_CAP_CHARACTERS)
+        self.asked = Asked.NOTHING
+
+    def open(self, asked: Asked) -> None:
+        """Ask for a number."""
+        self.asked = asked
+        self.begin()
+
+    def close(self) -> str:
+        """Ask for nothing more; what was typed is forgotten."""
+        typed = super().close()
+        self.asked, self.value = Asked.NOTHING, ""
+        return typed
 
 
 class AskKeys:

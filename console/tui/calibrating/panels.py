@@ -12,8 +12,8 @@ from textual.geometry import Size
 from console.tui.calibrating.calibration_lines import fit_lines, list_lines, point_lines
 from console.tui.calibrating.chuck_facts import ChuckFacts
 from console.tui.calibrating.draft import Draft
-from console.tui.calibrating.entry import CalibrateEntry
 from console.tui.calibrating.kept_list import KeptCalibration
+from console.tui.entry import CalibrateEntry
 from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.frame import nice_limits

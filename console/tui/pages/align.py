@@ -19,10 +19,9 @@ from console.session.station import commands
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.align import align_lines
-from console.tui.align.align_entry import AlignEntry
 from console.tui.align.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.align.answers import asked_lines, asked_title
-from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
+from console.tui.align.ask_keys import FORCES, TARGETS, AlignEntry, AskKeys
 from console.tui.application.far_terminal import WITHIN_S
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
