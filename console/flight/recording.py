@@ -1,6 +1,8 @@
 """Reading of a frozen recording: every state and every note of it, or a refusal that says what is wrong where.
 
 The file may be somebody else's, cut short, or changed: nothing in it is run, and nothing of it is taken on trust.
+Plain JSON values become frozen dataclasses again, each of the type of its field and within bounds, or are refused;
+nothing in the file names a type.
 """
 
 from __future__ import annotations

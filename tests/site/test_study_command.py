@@ -18,7 +18,7 @@ import pytest
 
 import console.session.extras as extras
 from console.session.errors import SessionError
-from console.site.study import making, running
+from console.site.study import running
 from console.site.study.cells import Cell, Row, cells
 from console.site.study.description import read_study
 from console.site.study.results import TABLE, write_table
@@ -72,9 +72,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             raise ProblemError(*cell.problems)
         if cell.names["seed"] == 13:
             raise TypeError("a fault\nof ours")
-        return (making._row(cell, {"part": 1, "outcome": "made", "ront_um": cell.number / 3}),)
+        return (running._row(cell, {"part": 1, "outcome": "made", "ront_um": cell.number / 3}),)
 
-    monkeypatch.setattr(making, "_rows", rows)
+    monkeypatch.setattr(running, "_rows", rows)
     return made
 
 

@@ -1,4 +1,7 @@
-"""Keys of the entry of the page Align: which number is asked for, and what becomes of it."""
+"""Keys of the entry of the page Align: which number is asked for, and what becomes of it.
+
+The entry lies over the panel that says how the number is understood.
+"""
 
 from __future__ import annotations
 
