@@ -120,7 +120,7 @@ def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) ->
 
 @dataclass(frozen=True, kw_only=True)
 class _Restored:
-    """What was done: `kept` is the backup of what there was before, None where nothing was sent."""
+    """What was done: `kept` is the backup of what there was before, None if nothing was sent."""
 
     before: tuple[Check, ...]
     kept: Path | None = None

@@ -131,7 +131,7 @@ _ROW = (
 
 
 def key_of(key: str, character: str | None) -> ReplayKey | None:
-    """Return the action of a key, None where it has none here."""
+    """Return the action of a key, None if it has none here."""
     return next((each for each in KEYS if key in each.keys or character in each.keys), None)
 
 

@@ -34,7 +34,7 @@ class Practice:
 
     @property
     def work(self) -> RecordedWork | None:
-        """The job to open, None where none was open."""
+        """The job to open, None if none was open."""
         return self.before.work
 
 
@@ -78,7 +78,7 @@ def _alignment(begin: Before) -> Alignment:
 
 
 def _clamped_job(begin: Before, alignment: Alignment) -> Job | None:
-    """Return the job whose blank is clamped, None where the recording does not have it."""
+    """Return the job whose blank is clamped, None if the recording does not have it."""
     clamping, work = alignment.clamping, begin.work
     if clamping is None or work is None:
         return None
@@ -87,7 +87,7 @@ def _clamped_job(begin: Before, alignment: Alignment) -> Job | None:
 
 
 def _axes(begin: Before, machine: MachineProfile) -> tuple[float, float, float] | None:
-    """Return where the axes stood, mm and turns; None where the controller did not know."""
+    """Return where the axes stood, mm and turns; None if the controller did not know."""
     state = begin.moment.state
     snapshot, armed = state.snapshot, state.armed
     if snapshot is None or not snapshot.homed:

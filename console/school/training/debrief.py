@@ -51,7 +51,7 @@ class Debrief:
 
     @property
     def worst(self) -> Mark | None:
-        """The mark that cost most, None where nothing was lost."""
+        """The mark that cost most, None if nothing was lost."""
         return max((mark for mark in self.marks if mark.lost > 0.0), key=lambda mark: mark.lost, default=None)
 
 

@@ -44,9 +44,9 @@ class Happening:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartFact:
-    """A measured part: its RONt with what is allowed, and how far its diameter is off; None where not known.
+    """A measured part: its RONt with what is allowed, and how far its diameter is off; None if not known.
 
-    `diameter_passes` is None where the job has no tolerance of the diameter. `full` is whether it was cut with all
+    `diameter_passes` is None if the job has no tolerance of the diameter. `full` is whether it was cut with all
     of its compensation.
     """
 

@@ -136,7 +136,7 @@ class ToolError:
 
 
 def fit_tool_error(turns: Floats, places: Floats, error_um: Floats, lobes: int) -> ToolError | None:
-    """Return the error of a tool from its polls, shape (M,) each; None where they do not support the `lobes`.
+    """Return the error of a tool from its polls, shape (M,) each; None if they do not support the `lobes`.
 
     `places` are along the cut, in any unit. As many orders are fitted as there are polls for, from 1 up, and not
     those that so few angles cannot tell from each other.
@@ -192,8 +192,8 @@ class CutVerdict:
     """Judgement of a cut, with the figures it rests on.
 
     `tool` is the error of the actual tool against the path that its program makes, `command` that of its command;
-    None where the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
-    peak, `size_limit_um` of the diameter either way; None where the job has no tolerance of it. `moment` is where
+    None if the `polls` do not support them. `round_limit_um` is what the tool may use of the roundness, peak to
+    peak, `size_limit_um` of the diameter either way; None if the job has no tolerance of it. `moment` is where
     the command was off its plan in two polls in a row, too short to stand out from the whole. A `trimmed` cut
     was corrected by this console while it ran, so the harmonics of its command are not judged; nor are depth and
     course of a `pushed` one, which the program itself moves against the push of the cut: there the tool tells.
@@ -227,7 +227,7 @@ class CutVerdict:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
-        """What is to be said of the cut; of one that is as planned only that no witness saw it."""
+        """The statements about the cut; for a cut as planned only that no witness saw it."""
         found = (*self.changes, *(() if self.command_problem is None else (self.command_problem,)))
         found = found or tuple(self.tool_problems) or (() if self.unproven is None else (self.unproven,))
         without = self.unwitnessed
@@ -262,7 +262,7 @@ class CutVerdict:
 
     @property
     def unproven(self) -> Problem | None:
-        """Why the tool is not proven to be within its budget all the time; None where it is.
+        """Why the tool is not proven to be within its budget all the time; None if it is.
 
         A controller without a witness proves as much as its polls do.
         """

@@ -47,7 +47,7 @@ ONLY_PART = PartName()
 
 
 class Recorder(Protocol):
-    """Take what is to be recorded of the cuts of one machine; only `measured` may wait, and raise."""
+    """Records the cuts of one machine; only `measured` may wait, and raise."""
 
     def part(self, name: PartName) -> None:
         """Name the cuts that follow."""
@@ -235,7 +235,7 @@ def part_record(
 
 
 def mean_diameter_of(trace: Trace, result: RoundnessResult) -> float | None:
-    """Return the mean diameter, None where the trace does not state the radius at which its deviation is 0."""
+    """Return the mean diameter, None if the trace does not state the radius at which its deviation is 0."""
     header, _ = header_of(trace.meta)
     if header.radius_mm is None or header.size == "relative":
         return None

@@ -56,5 +56,5 @@ def with_cause(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]
 
 
 def _identified(problem: Problem, friction: str) -> Problem:
-    """Return the cause with the friction that was measured in this axis in place of what is usual."""
+    """Return the cause with the measured friction of this axis instead of the usual one."""
     return replace(problem, code=IDENTIFIED, key=friction) if problem.code == BY_FRICTION else problem

@@ -32,7 +32,7 @@ _OF_CHOOSER = ("up", "down", "page_up", "page_down", "first", "last", "path", "s
 
 
 def refused(action: str, now: Situation, key: str = "") -> Problems:
-    """Return why an action cannot be done, empty where it can; `key` is how its key is written."""
+    """Return why an action cannot be done, empty if it can; `key` is how its key is written."""
     for when, problems in AGAINST.get(action, ()):
         if when(now):
             return wait_problems(now.state, key) if problems is _wait else problems(now)

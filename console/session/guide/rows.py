@@ -1,7 +1,7 @@
 """The decision tables of the guide: in each situation the first row that applies is the next step.
 
 A word is PAGE.NAME, and its sentence `PAGE_page.next.NAME` of the catalogues. A key is an action of the keymap,
-None where there is nothing to do but to wait. The last row of a table always applies.
+None if there is nothing to do but to wait. The last row of a table always applies.
 """
 
 from __future__ import annotations

@@ -61,7 +61,7 @@ def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
 
 
 def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
-    """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None where the simulator does not show it."""
+    """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None if the simulator does not show it."""
     jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
     if jaw is None or seen is None or seen.dials is not None or snapshot is None:
         return None
@@ -94,7 +94,7 @@ class Situation:
 
     @cached_property
     def step(self) -> AlignStep | None:
-        """The present step of the alignment; None where all are done."""
+        """The present step of the alignment; None if all are done."""
         return step_now(self.alignment, self.job)
 
     @property
@@ -137,7 +137,7 @@ class Situation:
 
     @cached_property
     def in_part(self) -> bool | None:
-        """Whether the tool is in or at the clamped part, whatever job is open; None where that is not known."""
+        """Whether the tool is in or at the clamped part, whatever job is open; None if that is not known."""
         if self.state.snapshot is None:
             return None
         return tool_in_part(self.state.snapshot, self.machine, self.alignment)
@@ -191,7 +191,7 @@ class Situation:
 
     @cached_property
     def first_failed(self) -> str:
-        """The name of the first interlock that does not hold; empty where all hold."""
+        """The name of the first interlock that does not hold; empty if all hold."""
         return next((check.name for check in self.checks if check.problems), "")
 
     @property
@@ -207,7 +207,7 @@ class Situation:
 
     @property
     def taught(self) -> Taught | None:
-        """What the measured part teaches; None where there are reasons against it."""
+        """What the measured part teaches; None if there are reasons against it."""
         part = self.state.measured
         learning = None if part is None else part.learning
         return None if learning is None or learning.reasons else learning.taught

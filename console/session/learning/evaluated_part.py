@@ -26,7 +26,7 @@ SAME_UM, SAME_MM = 1e-6, 1e-9
 class EvaluatedPart:
     """A recorded part with one turn of its trace; what takes numerics is computed when it is first asked for.
 
-    `jaw_1_deg` is jaw 1 in the angles of `turn`, None where that is unknown; `warnings` are those of the header.
+    `jaw_1_deg` is jaw 1 in the angles of `turn`, None if that is unknown; `warnings` are those of the header.
     `result` and `profile_um` raise ProfileError where the trace cannot be evaluated.
     """
 

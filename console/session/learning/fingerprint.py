@@ -72,7 +72,7 @@ class MadeClamped:
 
 
 def refuse_unusable(strategy: Strategy, stage: Stage, readings: ClampReadings | None, *, simulated: bool) -> None:
-    """Refuse a fingerprint where there is no path for it, or where it is of a lathe that is not cut on."""
+    """Refuse a fingerprint if the strategy has no path for it, or if it is simulated and the cut is not."""
     if not strategy.traits.inverts or stage is Stage.AIR:
         value = strategy.value if stage is not Stage.AIR else stage.value
         raise SessionError(Problem(code="clamping.no_path", value=value, limit=" | ".join(INVERTING)))

@@ -314,7 +314,7 @@ class _Learner:
         )
 
     def _felt(self) -> ClampReadings | None:
-        """Clamp the blank and return its fingerprint, None where none is taken."""
+        """Clamp the blank and return its fingerprint, None if none is taken."""
         workshop = self._context.workshop
         if not self._how.fingerprint or workshop is None or not self._lobe.known:
             return None

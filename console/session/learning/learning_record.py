@@ -1,4 +1,4 @@
-"""Learning steps in the run record: the one that a part proposed, and the one that was accepted from it."""
+"""Learning steps in the run record: proposed by a part, and accepted from it."""
 
 from __future__ import annotations
 

@@ -203,7 +203,7 @@ def is_simulated(trace: Trace) -> bool:
 
 
 def lathe_of(trace: Trace) -> str:
-    """Return on which simulated lathe the part of a trace was cut, "" where that is not known."""
+    """Return the simulated lathe on which the part of a trace was cut, "" if it is unknown."""
     return trace.meta.get(LATHE, "") if is_simulated(trace) else ""
 
 
@@ -217,7 +217,7 @@ def _part(
 
 
 def as_cut(job: Job, made: MadeWith) -> Job:
-    """Return the job with jaw 1 where it was found for its cut; `learned.bad_stage` where that is no angle."""
+    """Return the job with jaw 1 where it was found for its cut; `learned.bad_stage` if that is no angle."""
     if made.cut_jaw_1_deg == AS_FILED:
         return job
     try:

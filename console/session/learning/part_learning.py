@@ -27,7 +27,7 @@ class PartLearning:
 
     @property
     def reasons(self) -> tuple[Problem, ...]:
-        """Why nothing of it may be kept, empty where it may."""
+        """Why nothing of it may be kept, empty if it may."""
         return self.problems if self.taught is None else self.taught.step.reasons
 
 
@@ -39,7 +39,7 @@ def learning_of(
     machine: LoadedMachine,
     data: Path,
 ) -> PartLearning:
-    """Return the learning step from a part that was cut by `job` as saved; None where `name` was edited.
+    """Return the learning step from a part that was cut by `job` as saved; None if `name` was edited.
 
     An objection to learning does not invalidate the measurement.
     """
@@ -76,7 +76,7 @@ def accept(learning: PartLearning, data: Path) -> LearnedCompensation:
 def revert(
     used: LearnedCompensation | None, job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool
 ) -> LearnedCompensation:
-    """Keep the version before the one that is `used` again as the newest, and return it.
+    """Keep the version before the `used` one again as the newest, and return it.
 
     That is the version from whose part it was learned; before the first comes the model.
 

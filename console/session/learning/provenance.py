@@ -1,4 +1,4 @@
-"""Whether a file of a gauge is the trace of the part that it is taken for: by its content, and by its date."""
+"""Check that a gauge file is the trace of the assumed part, by its content and its date."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ DATE = "date"  # header line of a trace with the time at which it was measured, 
 def of_this_part(found: ImportedTrace, data: Path, run_id: str | None) -> ImportedTrace:
     """Return a trace with why it is not of the part of a run, or with a warning that it may not be.
 
-    `run_id` is None where the run is not known. A record that cannot be read is a warning: nothing speaks against
+    `run_id` is None if the run is not known. A record that cannot be read is a warning: nothing speaks against
     the trace.
     """
     try:
@@ -74,9 +74,9 @@ def _ended_at(cuts: Sequence[tuple[str, str, str]]) -> datetime | None:
 
 
 def _measured_at(path: Path, meta: Mapping[str, str]) -> datetime | None:
-    """Return the earlier of the date in a file and that of its last change; None where neither is known."""
+    """Return the earlier of the date in a file and that of its last change; None if neither is known."""
     dates: list[datetime] = []
-    with suppress(ValueError, OverflowError, OSError):  # what is no date states none
+    with suppress(ValueError, OverflowError, OSError):  # anything else than a date states none
         dates += [datetime.fromisoformat(meta[DATE]).astimezone()] if DATE in meta else []
     with suppress(OSError, ValueError, OverflowError):
         dates.append(datetime.fromtimestamp(os.stat(path).st_mtime).astimezone())

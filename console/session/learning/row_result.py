@@ -1,4 +1,4 @@
-"""The parts of a row that learns: what each was cut with and left, and what is reported of the row."""
+"""The parts of a learning series: the compensation and the residual of each, and the report of the series."""
 
 from __future__ import annotations
 

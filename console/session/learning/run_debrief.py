@@ -70,7 +70,7 @@ class Told:
 class RunDebrief:
     """What a record states of a run. `causes` are those of a `part` that is not round enough, the largest first.
 
-    `off_um` is how far the diameter is off, None where it is within its tolerance or not judged. `unknown` is what
+    `off_um` is how far the diameter is off, None if it is within its tolerance or not judged. `unknown` is what
     the record does not have.
     """
 

@@ -52,7 +52,7 @@ class Shop(Workshop, Protocol):
         """How many blanks were clamped on it so far."""
 
     def truth(self) -> Truth:
-        """Return what is so at the lathe, for a debrief."""
+        """Return the true state of the lathe, for a debrief."""
 
     def fault(self, line: str) -> str:
         """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
@@ -219,7 +219,7 @@ class StationContext:
         return self.clock.now_s() if self.training is None else self.training.clock.real_s()
 
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
-        """Publish changed alarms; none that another thread raises meanwhile is lost."""
+        """Publish changed alarms; alarms that another thread raises meanwhile are kept."""
         with self._lock:
             before = self._state.alarms
             after = change(before)
@@ -244,7 +244,7 @@ class StationContext:
         return any(alarm.active and alarm.problem == problem for alarm in self._state.alarms)
 
     def open_record(self, record: RunRecord) -> None:
-        """Record from now on, beginning with the alarms that are active: one that is over is of another run."""
+        """Record from now on, beginning with the active alarms: a cleared alarm belongs to another run."""
         with self._lock:
             self.record = record
             standing = tuple(alarm for alarm in self._state.alarms if alarm.active)
@@ -283,7 +283,7 @@ class StationContext:
             self.alarm(error.problems[0], Priority.MEDIUM)
 
     def end_record(self, *, marked: bool = False) -> None:
-        """Complete the record of this cut; report one that was lost. `marked`: the next start tells of it."""
+        """Complete the record of this cut, and report a lost record. `marked`: the next start reports the mark."""
         if self.record is not None:
             try:
                 self.record.refuse_lost()

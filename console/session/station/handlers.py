@@ -104,7 +104,7 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
 
 
 def ask_truth(context: StationContext, _: commands.AskTruth) -> None:
-    """Ask the simulated lathe what is so; `session.not_simulated`."""
+    """Ask the simulated lathe for its true state; `session.not_simulated`."""
     if context.shop is None:
         raise SessionError(Problem(code="session.not_simulated"))
     context.tell(truth=context.shop.truth())

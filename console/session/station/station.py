@@ -114,7 +114,7 @@ _AT_ONCE: dict[type[Command], Callable[[StationContext, Any], Problem | None]] =
 
 
 def _taken_at_once(context: StationContext, command: Command) -> tuple[Problem, ...] | None:
-    """Take what does not wait its turn: return why not, empty where it was taken; None for all else."""
+    """Take what does not wait its turn: return why not, empty if it was taken; None for all else."""
     take = next((take for kind, take in _AT_ONCE.items() if isinstance(command, kind)), None)
     if take is not None:
         if command.logged:
@@ -197,7 +197,7 @@ class Station:
 
     @property
     def run_id(self) -> str | None:
-        """The record of the current run, None where there is none."""
+        """The record of the current run, None if there is none."""
         record = self._context.record
         return None if record is None else record.run_id
 
@@ -248,7 +248,7 @@ class Station:
         return True
 
     def post(self, intent: Command) -> bool:
-        """Take a command, from any thread; False where it is refused because the machine is busy."""
+        """Take a command, from any thread; False if it is refused because the machine is busy."""
         context = self._context
         refused = _taken_at_once(context, intent)
         if refused is not None:

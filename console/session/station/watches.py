@@ -67,7 +67,7 @@ def watch_armed(context: StationContext, snapshot: Snapshot) -> None:
 
 
 def age_problem(command: commands.Command, posted_s: float) -> Problem | None:
-    """Return why a command of a time of `boot_s` is too old to be carried out, None where it may be."""
+    """Return why a command of a time of `boot_s` is too old to be carried out, None if it may be."""
     age_s = boot_s() - posted_s
     return None if age_s <= OLD_S or isinstance(command, AT_ANY_AGE) else _frozen(age_s)
 
@@ -95,7 +95,7 @@ class PollPause:
             self._context.tell(armed=None, refusals=(_frozen(pause_s),))
 
     def problem(self) -> Problem | None:
-        """Return why an order that has no date is not obeyed; None where there was no pause just now."""
+        """Return why an order that has no date is not obeyed; None if there was no pause just now."""
         freezes = self._context.lathe.stop.freezes
         pause_s = 0.0 if freezes is None else freezes.woke_from_s(AWAKE_S)
         return _frozen(pause_s) if pause_s else None
@@ -266,7 +266,7 @@ def rounded_up_ms(answer_ms: float) -> float:
 
 
 def give_faults(context: StationContext) -> None:
-    """Give the simulated lathe the faults that were asked for; one that cannot be is an alarm."""
+    """Give the simulated lathe the requested faults; raise an alarm for a fault it refuses."""
     while context.shop is not None and context.faults_asked:
         line = context.faults_asked.popleft()
         try:
@@ -285,7 +285,7 @@ class ChuckSight:
         self._held_s, self._moved = 0.0, False
 
     def sample_now(self) -> None:
-        """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
+        """Sample at once: the view has to show the end of a command, not a moment before it."""
         self._seen_s = float("-inf")
         self.sample()
 

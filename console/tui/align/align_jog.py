@@ -93,7 +93,7 @@ class StepQueue:
         return self._posted is None and self.left > 0
 
     def add(self, key: str, now_s: float) -> bool:
-        """Ask for one more step; return False where too many wait already."""
+        """Ask for one more step; return False if too many wait already."""
         if self.waiting >= MOST_WAITING:
             return False
         if key != self.key or (not self.left and now_s - self._asked_s > SERIES_S):
@@ -109,7 +109,7 @@ class StepQueue:
         self._posted = _Posted(state.jogs, state.refusals)
 
     def follow(self, state: StationState, now_s: float) -> bool:
-        """Note what became of the step under way; return False where those that wait were dropped.
+        """Note what became of the step under way; return False if those that wait were dropped.
 
         They are dropped with a step that the machine has refused, and after a screen that was held up.
         """
@@ -286,7 +286,7 @@ class JogKeys:
 
     @property
     def repeat(self) -> Repeat | None:
-        """How the terminal repeats a held key; None where a held key makes single steps."""
+        """How the terminal repeats a held key; None if a held key makes single steps."""
         if self.tier is Tier.RELEASE:
             return self._calibration.measured or UNMEASURED
         return None if self.tier is Tier.STEP else self._calibration.measured
@@ -308,7 +308,7 @@ class JogKeys:
             self.ui.say_until_key(Problem(code="screen.repeat_measured", value=value, limit=limit))
 
     def _why_no_hold(self, key: str) -> Problem | None:
-        """Return why a held key is one step; None where it runs. The tool goes to the work by presses alone."""
+        """Return why a held key is one step; None if it runs. The tool goes to the work by presses alone."""
         releases, limit = self.ui.releases, f"{1000.0 * SLOWEST_S:.0f} ms"
         if releases is not None and releases.is_slow:
             value = f"> {limit}" if releases.late else f"{1000.0 * (releases.round_trip_s or 0.0):.0f} ms"

@@ -29,7 +29,7 @@ AGAIN = frozenset({"angle_deg", "deflection_um", "torque_n_m", "force_n"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """Points of one kind. `file` and `content` are those of an imported file, empty where they were entered."""
+    """Points of one kind. `file` and `content` are those of an imported file, empty if they were entered."""
 
     kind: CalibrationKind
     rows: tuple[tuple[float, ...], ...] = ()

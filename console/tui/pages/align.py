@@ -58,7 +58,7 @@ class JawSeen:
 
 
 def jaw_seen(state: StationState, machine: MachineProfile) -> JawSeen | None:
-    """Return where jaw 1 is now; None where that is not known."""
+    """Return where jaw 1 is now; None if that is not known."""
     snapshot, jaw = state.snapshot, state.alignment.jaw
     if state.activity is Activity.LOST or snapshot is None:
         return None

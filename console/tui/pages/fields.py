@@ -121,7 +121,7 @@ def bounds(field: FormField, units: Units) -> str:
 
 
 def why_not_changed(action: str, work: Work | None, state: StationState) -> tuple[Problem, ...]:
-    """Return why an action of the form cannot be done now, without an open entry; empty where it can."""
+    """Return why an action of the form cannot be done now, without an open entry; empty if it can."""
     if work is None:
         return (Problem(code="screen.no_job"),)
     if action == "setup.undo" and not work.undo:

@@ -91,7 +91,7 @@ class Listed:
 
 
 def refused_now(ui: UiContext, view: View, action: str, shelf: Shelf, *, importing: bool) -> tuple[Problem, ...]:
-    """Return why an action can do nothing now, or nothing to the selected job; empty where it can."""
+    """Return why an action can do nothing now, or nothing to the selected job; empty if it can."""
     moves = rows_moved(action) is not None
     if importing and not moves and action not in _OF_IMPORTS:
         return (Problem(code="screen.jobs_list_first"),)
