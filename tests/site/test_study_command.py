@@ -19,8 +19,7 @@ import pytest
 import console.session.extras as extras
 from console.session.errors import SessionError
 from console.site.study import running
-from console.site.study.cells import Cell, Row, cells
-from console.site.study.description import read_study
+from console.site.study.cells import Cell, Row, cells, read_study
 from console.site.study.results import TABLE, write_table
 from console.site.study.running import NAME, Progress, carry_out
 from console.site.study.workers import Workers, processes

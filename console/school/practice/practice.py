@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 from console.flight.recorded_forms import Moment, RecordedWork
 from console.flight.recording import Recording
-from console.school.practice.moment_before import Before, before
-from console.school.practice.recorded_event import RecordedEvent, event_of
+from console.school.practice.moment_before import Before, RecordedEvent, before, event_of
 from console.session.cut.alignment import Alignment, aligned_machine
 from console.session.data.measured_part import MODEL
 from console.session.station.begins import Begins

@@ -8,8 +8,7 @@ from console.school.instructing.mailbox import Act
 from console.school.instructing.order import Do
 from console.school.training.event import CONSOLE
 from console.school.training.happened import Happening, PartFact, What, happenings, part_fact
-from console.school.training.lesson import STEP, Lesson
-from console.school.training.milestones import MILESTONES, Change
+from console.school.training.lesson import MILESTONES, STEP, Change, Lesson
 from console.session.stages import Stage
 from console.session.station.state import StationState
 

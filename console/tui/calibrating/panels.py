@@ -10,9 +10,8 @@ from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
 from console.tui.calibrating.calibration_lines import fit_lines, list_lines, point_lines
-from console.tui.calibrating.chuck_facts import ChuckFacts
+from console.tui.calibrating.chuck_facts import ChuckFacts, KeptCalibration
 from console.tui.calibrating.draft import Draft
-from console.tui.calibrating.kept_list import KeptCalibration
 from console.tui.entry import CalibrateEntry
 from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line

@@ -13,9 +13,15 @@ from console.session.data.calibrated_chuck import large_step
 from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
 from console.session.station.state import StationState
 from console.tui.calibrating.calibration_lines import fit_lines
-from console.tui.calibrating.chuck_facts import ChuckFacts, draft_facts, kept_facts
+from console.tui.calibrating.chuck_facts import (
+    LOBE,
+    ChuckFacts,
+    KeptCalibration,
+    draft_facts,
+    kept_facts,
+    kept_list,
+)
 from console.tui.calibrating.draft import AGAIN, MODULUS, TYPED_OUT, Draft, imported, value_of, written
-from console.tui.calibrating.kept_list import LOBE, KeptCalibration, kept_list
 from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
 from console.tui.further.problem_lines import problem_lines
 from console.tui.gate import FieldKind

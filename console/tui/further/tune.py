@@ -25,8 +25,7 @@ from console.tui.further.health_lines import (
     step_picture,
     trend_lines,
 )
-from console.tui.further.loop_facts import LoopFacts, loop_facts
-from console.tui.further.loop_lines import loop_lines, reason_lines
+from console.tui.further.loop_lines import LoopFacts, loop_facts, loop_lines, reason_lines
 from console.tui.further.problem_lines import problem_lines
 from console.tui.further.tune_panels import WIDE, LoopPanels, TuneView
 from console.tui.keymap import PageName
