@@ -16,7 +16,7 @@ class EntryLine(Input):
 
     DEFAULT_CSS = """
     EntryLine {
-        layer: entry; position: absolute; display: none; height: 1;
+        layer: entry; position: absolute; height: 1;
         background: $background; color: $foreground;
     }
     """
@@ -26,6 +26,7 @@ class EntryLine(Input):
     ) -> None:
         super().__init__(id=id, classes=classes, compact=True, select_on_focus=False, max_length=cap_characters)
         self.cursor_blink = False
+        self.display = False
 
     @property
     def is_open(self) -> bool:
