@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         words = list(sys.argv[1:] if arguments is None else arguments)
         configuration = read_configuration(os.environ)
         text = load(choose_language(words, os.environ, configuration.value("language")))
-        hint_at_encoding(text.language)
+        hint_at_encoding(text)
         code = _run(words, text, configuration, problems)
         return _flushed(_with_json(words, code, problems, text), text)
     except KeyboardInterrupt as interrupted:

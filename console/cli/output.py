@@ -10,7 +10,7 @@ from io import TextIOWrapper
 from typing import Any, TextIO
 
 from console.escaping import can_write, encodable, escaped, spelled
-from console.text.catalogue import Catalogue
+from console.text.catalogue import LANGUAGES, Catalogue
 from drivers.clock import OLD_S
 from profiles.problem import Problem
 from profiles.strict_values import renamed
@@ -56,11 +56,13 @@ def escape_streams() -> None:
             stream.last = ""
 
 
-def hint_at_encoding(language: str) -> None:
-    """Say how to see Korean where an output cannot show it: question marks say nothing."""
-    if language == "ko" and not can_write("가", sys.stdout.encoding):
+def hint_at_encoding(text: Catalogue) -> None:
+    """Say how to see the language of the texts if the output cannot show it: question marks say nothing."""
+    own_name = text(f"settings.value.language.{text.language}")
+    if not can_write(own_name, sys.stdout.encoding):
         remedy = "set LC_ALL=C.UTF-8 (or another UTF-8 locale), or add --lang en"
-        print(f"console: {sys.stdout.encoding} cannot show Korean; {remedy}", file=sys.stderr)
+        name = LANGUAGES[text.language]
+        print(f"console: {sys.stdout.encoding} cannot show {name}; {remedy}", file=sys.stderr)
 
 
 def show(

@@ -1,6 +1,6 @@
 """Frozen dataclasses as plain JSON values, and what changed from one to the next.
 
-Nothing is imported for it: what is written is found by looking at the value. `typed_values` reads it.
+Nothing is imported for it: what is written is found by looking at the value. `recording` reads it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ def as_it_is(value: object) -> object:
     return value
 
 
-def plain(value: object, form: Form = as_it_is) -> Any:  # noqa: C901 - one branch a case
+def plain(value: object, form: Form = as_it_is) -> Any:
     """Return a value as JSON has it. Raises TypeError of what is no value, such as an open file."""
     value = form(value)
     if isinstance(value, Enum):
@@ -41,6 +41,10 @@ def plain(value: object, form: Form = as_it_is) -> Any:  # noqa: C901 - one bran
         return printable(str(value), LONGEST_TEXT)
     if isinstance(value, complex):
         return [plain(value.real), plain(value.imag)]
+    return _plain_parts(value, form)
+
+
+def _plain_parts(value: object, form: Form) -> Any:
     if is_dataclass(value):
         return {name: plain(getattr(value, name), form) for name in names_of(type(value))}
     if isinstance(value, Mapping):

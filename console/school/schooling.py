@@ -12,9 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from console.school.instructing.with_instructor import instructed
-from console.school.page.followed_lesson import follow_lesson
 from console.school.training.attempt import Attempt
+from console.school.training.following import followed
+from console.school.training.left import keep_left
 from console.text.catalogue import Catalogue
+from console.tui.ui_context import UiContext
 from drivers.link.address import SimulatedAddress
 
 if TYPE_CHECKING:
@@ -29,6 +31,16 @@ if TYPE_CHECKING:
 
 ANEW = ("n", "ㅜ")
 MOST_QUESTIONS = 10
+
+
+def follow_lesson(ui: UiContext) -> None:
+    """Take the newest state; keep the try on disk after a step, whatever ends this console."""
+    if not isinstance(before := ui.attempt, Attempt):
+        return
+    ui.attempt = after = followed(before, ui.control)
+    if after.step > before.step:
+        with ui.answering():
+            keep_left(ui.data, after, ui.control.now_s())
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -175,7 +175,7 @@ def _fields() -> tuple[Field, ...]:
         Field(key="data", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
         Field(key="machine", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
         Field(key="link", kind=Kind.TEXT, optional=True, longest=LONGEST_PATH),
-        Field(key="language", kind=Kind.CHOICE, choices=LANGUAGES, optional=True),
+        Field(key="language", kind=Kind.CHOICE, choices=tuple(LANGUAGES), optional=True),
         Field(key="operator", kind=Kind.TEXT, optional=True),
         *(Field(key=key, kind=Kind.CHOICE, choices=each, optional=True) for key, each in CHOICES.items()),
         Field(key="keys", kind=Kind.TEXT, optional=True, longest=KEYS_CAP_CHARACTERS),

@@ -26,3 +26,9 @@ def refuse(*groups: Iterable[Problem]) -> None:
     problems = [problem for group in groups for problem in group]
     if problems:
         raise SessionError(*problems)
+
+
+def require(holds: bool, code: str) -> None:
+    """Refuse with a code unless something holds. Raises SessionError."""
+    if not holds:
+        raise SessionError(Problem(code=code))

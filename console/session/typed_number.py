@@ -1,9 +1,13 @@
-"""A number as an operator types it, with a decimal point or comma. What could mean two numbers is refused."""
+"""A number as an operator types it, with a decimal point or comma. What could mean two numbers is refused.
+
+A length is typed in the unit that its field shows, and converted once, in decimal digits.
+"""
 
 from __future__ import annotations
 
 import re
 
+from console.units import Units
 from profiles.problem import Problem, ProfileError
 from profiles.trace_files.number_marks import number_readings
 
@@ -31,3 +35,21 @@ def typed_number(text: str, key: str, limit: str) -> float:
     if plain is None:
         raise ProfileError(Problem(code="value.not_number", key=key, value=text.strip(), limit=limit))
     return float(plain)
+
+
+def stored_length(text: str, key: str, limit: str, unit: str, units: Units) -> str:
+    """Return what was typed as a number of our unit, exactly; a text that is no number is returned unchanged.
+
+    Raises ProfileError: `value.ambiguous`, see `plain_number`.
+    """
+    plain = plain_number(text.strip(), key, limit)
+    return text if plain is None else units.ours(plain, unit)
+
+
+def typed_length(text: str, key: str, limit: str, unit: str, units: Units) -> float:
+    """Return a typed length in our unit.
+
+    Raises ProfileError: `value.ambiguous` and `value.not_number`, see `typed_number`.
+    """
+    typed_number(text, key, limit)
+    return float(stored_length(text, key, limit, unit, units))

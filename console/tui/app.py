@@ -341,7 +341,7 @@ class ConsoleApp(ListeningApp):
         """Return what a terminal shows that is too small for a page."""
         return small_rows(self.ui.text, state, SMALLEST, max(self.size.width, 1))
 
-    def took(self, event: events.Key) -> bool:  # noqa: C901 - one branch a case
+    def took(self, event: events.Key) -> bool:
         """Perform the action of a key; False when the key belongs to the focused field."""
         page = self._pages[self._page]
         now = self.situation()
@@ -351,13 +351,21 @@ class ConsoleApp(ListeningApp):
         page.heard(None if action is None else action.id)
         if event.key in TAKE.keys and self._palette.still_taking():
             verdict, action = Verdict.NOTHING, None
+        if verdict is Verdict.FIELD and not now.seeking:
+            self._held.typed()
+            return False
+        self._answer(event, verdict, action)
+        self.call_after_refresh(self.tick)
+        if stray := is_stray(event.key, event.character, now):
+            self.ui.say("screen.not_of_a_number", value=event.character or "")
+        return not stray
+
+    def _answer(self, event: events.Key, verdict: Verdict, action: Action | None) -> None:
         match verdict:
-            case Verdict.FIELD if now.seeking:
-                self._palette.write(event.key, event.character)
             case Verdict.FIELD:
-                self._held.typed()
-                return False
+                self._palette.write(event.key, event.character)
             case Verdict.ACTION if action is TAKE:
+                page = self._pages[self._page]
                 self._palette.take(self._page, lambda taken: self._do(taken, page))
             case Verdict.STOP if isinstance(event, Written) and event.stopped:
                 pass  # stopped by the thread that read it; here it is part of the number it interrupts
@@ -373,10 +381,6 @@ class ConsoleApp(ListeningApp):
                 self._list.read(action, event.key)  # what was said stays said: it is to be read
             case Verdict.ACTION | Verdict.STOP if action is not None:
                 self._press(action)
-        self.call_after_refresh(self.tick)
-        if stray := is_stray(event.key, event.character, now):
-            self.ui.say("screen.not_of_a_number", value=event.character or "")
-        return not stray
 
     def _press(self, action: Action) -> None:
         """Perform the action of a key or of the mouse, which is answered anew."""
@@ -387,7 +391,7 @@ class ConsoleApp(ListeningApp):
         self._dismissed = self.ui.control.state.refusals
         self._do(action, self._pages[self._page])
 
-    def _do(self, action: Action, page: Page) -> None:  # noqa: C901 - one branch a case
+    def _do(self, action: Action, page: Page) -> None:
         now_s = self.ui.control.now_s()
         repeats = self._held.repeats(action, now_s)
         if self.ui.answers(cramped(action, self.size)):
@@ -395,29 +399,29 @@ class ConsoleApp(ListeningApp):
         if repeats:
             self.ui.say("screen.key_repeats")
             return
-        match action.id.split("."):
-            case ["page", name]:
-                self.go(PageName(name))
-            case ["palette"]:
-                if not self.ui.answers(self._orders.why_not("palette")):
-                    self._list.search()
-            case ["help"]:
-                self._list.step()
-            case ["close"]:
-                self._list.open(PAGE)
-            case ["quit"]:
-                self.action_quit()
-            case ["recover"]:
-                self._acted_s = now_s
-                self._orders.recover()
-            case ["acknowledge"]:
-                self._orders.acknowledge(all_of_them=self._list.shown == MESSAGES, chosen=page.chosen_alarm)
-            case ["take_over"]:
-                self._orders.take_control()
-            case _:
-                self._list.open(PAGE)
-                self._acted_s = now_s
-                self.safely(lambda: page.act(action.id))
+        orders, reading = self._orders, self._list.shown == MESSAGES
+        of_any_page: dict[str, Callable[[], object]] = {
+            "palette": self._search,
+            "help": self._list.step,
+            "close": lambda: self._list.open(PAGE),
+            "quit": self.action_quit,
+            "recover": orders.recover,
+            "acknowledge": lambda: orders.acknowledge(all_of_them=reading, chosen=page.chosen_alarm),
+            "take_over": orders.take_control,
+        }
+        if action.id == "recover" or not (action.id in of_any_page or is_page(action)):
+            self._acted_s = now_s
+        if action.id in of_any_page:
+            of_any_page[action.id]()
+        elif is_page(action):
+            self.go(PageName(action.id.removeprefix("page.")))
+        else:
+            self._list.open(PAGE)
+            self.safely(lambda: page.act(action.id))
+
+    def _search(self) -> None:
+        if not self.ui.answers(self._orders.why_not("palette")):
+            self._list.search()
 
     def _why_not(self, action: Action) -> tuple[Problem, ...]:
         """Return why an action cannot be done now: what its key would answer."""

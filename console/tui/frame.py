@@ -318,37 +318,51 @@ def stop_row(frame: Frame, width: int) -> list[Line]:
     return [*(ranged(BLANK, row, width) for row in filled[:-1]), ranged(left, filled[-1], width)]
 
 
-def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:  # noqa: C901 - one branch a case
-    stop = state.stop
-    if state.stop_waits:
-        return text("frame.stop_waits"), Token.WARNING
-    if is_watched(state):
-        return text("lost_link.not_delivered"), Token.WARNING
-    if stop is not None and not stop.delivered:
-        return text("frame.not_delivered"), Token.ALARM
-    if state.activity is Activity.LOST:
-        return text("frame.not_known"), Token.WARNING
-    if stop is not None and stop.rest_s is None:
-        if stop.taken_s is not None and state.spindle_rpm is not None and abs(state.spindle_rpm) >= COASTING_RPM:
-            return text("frame.stop_turns", speed=f"{state.spindle_rpm:.0f}"), Token.WARNING
-        return text("frame.stop_sent"), Token.WARNING
+def _is_stopping(state: StationState) -> bool:
+    return state.stop is not None and state.stop.rest_s is None
+
+
+def _spindle_turns(state: StationState) -> bool:
+    return state.spindle_rpm is not None and abs(state.spindle_rpm) >= COASTING_RPM
+
+
+def _cut_rpm(state: StationState) -> float | None:
+    """Return the speed of the spindle in the present cut; None without one."""
+    return state.cut.speed_rpm if state.activity is Activity.CUTTING and state.cut is not None else None
+
+
+_STOP_WORDS: tuple[tuple[str, Token, Callable[[StationState], bool]], ...] = (
+    ("frame.stop_waits", Token.WARNING, lambda s: s.stop_waits),
+    ("lost_link.not_delivered", Token.WARNING, is_watched),
+    ("frame.not_delivered", Token.ALARM, lambda s: s.stop is not None and not s.stop.delivered),
+    ("frame.not_known", Token.WARNING, lambda s: s.activity is Activity.LOST),
+    (
+        "frame.stop_turns",
+        Token.WARNING,
+        lambda s: _is_stopping(s) and s.stop is not None and s.stop.taken_s is not None and _spindle_turns(s),
+    ),
+    ("frame.stop_sent", Token.WARNING, _is_stopping),
+    ("frame.at_rest_after", Token.TEXT, lambda s: s.stop is not None and s.stop.still_s is None),
+    ("frame.at_rest_seen", Token.TEXT, lambda s: s.stop is not None),
+    ("frame.spindle_needs", Token.TEXT, lambda s: _cut_rpm(s) is not None),
+    ("frame.moving", Token.STRONG, lambda s: s.seen_moving),  # possibly by another console
+    ("frame.not_known", Token.DIM, lambda s: s.snapshot is None),
+    ("frame.spindle_turns", Token.WARNING, _spindle_turns),
+    ("frame.at_rest", Token.DIM, lambda s: True),
+)
+"""What the stop row says: the first of these that applies."""
+
+
+def _of_stop(text: Catalogue, state: StationState, machine: MachineProfile) -> tuple[str, Token]:
+    key, token = next((key, token) for key, token, applies in _STOP_WORDS if applies(state))
+    stop, cut_rpm, facts = state.stop, _cut_rpm(state), {"speed": f"{state.spindle_rpm or 0.0:.0f}"}
     if stop is not None and stop.rest_s is not None:
-        how = text("frame.by_kill" if stop.killed else "frame.by_ramp")
-        proven = f"{stop.rest_s - stop.sent_s:.1f}"
-        if stop.still_s is None:
-            return text("frame.at_rest_after", seconds=proven, how=how), Token.TEXT
-        still = f"{stop.still_s - stop.sent_s:.1f}"
-        return text("frame.at_rest_seen", seconds=still, proven=proven, how=how), Token.TEXT
-    if state.activity is Activity.CUTTING and state.cut is not None and state.cut.speed_rpm is not None:
-        seconds = spindle_stop_s(machine, state.cut.speed_rpm)
-        return text("frame.spindle_needs", seconds=f"{seconds:.1f}"), Token.TEXT
-    if state.seen_moving:  # possibly by another console
-        return text("frame.moving"), Token.STRONG
-    if state.snapshot is None:
-        return text("frame.not_known"), Token.DIM
-    if state.spindle_rpm is not None and abs(state.spindle_rpm) >= COASTING_RPM:
-        return text("frame.spindle_turns", speed=f"{state.spindle_rpm:.0f}"), Token.WARNING
-    return text("frame.at_rest"), Token.DIM
+        seen_s = stop.rest_s if stop.still_s is None else stop.still_s
+        facts |= {"seconds": f"{seen_s - stop.sent_s:.1f}", "proven": f"{stop.rest_s - stop.sent_s:.1f}"}
+        facts["how"] = text("frame.by_kill" if stop.killed else "frame.by_ramp")
+    elif cut_rpm is not None:
+        facts["seconds"] = f"{spindle_stop_s(machine, cut_rpm):.1f}"
+    return text(key, **facts), token
 
 
 def spindle_stop_s(machine: MachineProfile, speed_rpm: float) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from typing import ClassVar
 
@@ -20,6 +21,17 @@ from profiles.problem import Problem
 
 ROWS_FOR_PLOTS = 16  # rows of the page below which numbers take the room of the plots
 _ROOMY_ROWS = 22
+
+
+def rows_moved(action: str, page_rows: int = 1) -> int | None:
+    """Return by how many rows a key moves in a list with so many rows on a page; None for any other key."""
+    by = {"up": -1, "down": 1, "page_up": -page_rows, "page_down": page_rows}
+    return {**by, "first": -sys.maxsize, "last": sys.maxsize}.get(action.partition(".")[2])
+
+
+def moved(place: int, by: int, count: int) -> int:
+    """Return the place in a list of so many rows after a move; 0 in an empty one."""
+    return min(max(place + by, 0), max(count - 1, 0))
 
 
 class Page(Container):

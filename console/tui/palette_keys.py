@@ -6,8 +6,7 @@ from collections.abc import Callable
 
 from console.tui.gate import REPEAT_S
 from console.tui.keymap import Action, PageName
-from console.tui.list_panel import PAGE, ListPanel
-from console.tui.palette_list import WhyNot, entries
+from console.tui.list_panel import PAGE, ListPanel, WhyNot, entries
 from console.tui.ui_context import UiContext
 
 JUDGED_FOR_S = 5.0  # time after which the reasons are found anew: an enable of the jog ends by itself

@@ -9,7 +9,9 @@ from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, Protocol
 
-LANGUAGES = ("en", "ko")
+LANGUAGES = {"en": "English", "ko": "Korean"}
+"""The languages of the console, with their English names: for a terminal that cannot show their own."""
+
 NAMES_A_KEY = ("key.", "value.", "schema.", "safety.not_signed", "safety.unknown", "safety.nobody_named")
 """Problems, by the beginning of their code, whose key is that of a file: it is written as in the file."""
 

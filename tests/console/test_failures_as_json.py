@@ -8,11 +8,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
+from io import BytesIO, TextIOWrapper
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from console.cli.output import hint_at_encoding
+from console.text.catalogue import LANGUAGES, Catalogue, load
 from profiles.store import load_job, save_job
 
 Console = Callable[..., Any]
@@ -92,6 +95,16 @@ def test_a_part_out_of_tolerance_is_told_by_the_exit_code_on_request(
 
 
 @pytest.mark.first(1)
+def test_the_hint_names_whatever_language_cannot_be_shown(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(LANGUAGES, "uk", "Ukrainian")
+    monkeypatch.setattr(sys, "stdout", TextIOWrapper(BytesIO(), encoding="ascii"))
+    hint_at_encoding(Catalogue("uk", {"settings.value.language.uk": "Українська"}))
+    hint_at_encoding(load("en"))
+    assert capsys.readouterr().err.count("ascii cannot show Ukrainian; set LC_ALL=C.UTF-8") == 1
+
+
 @pytest.mark.parametrize(
     "environment",
     [

@@ -32,7 +32,7 @@ from console.session.data.run_story import MOST_TRACE_BYTES
 from console.session.errors import SessionError
 from console.session.program_log import FILE, FOLDER, LOCK, note
 from console.session.station.owning import LOG_NAME
-from console.site.study.journal import NAME, journal
+from console.site.study.running import NAME, journal
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import MOST_DEPTH, remove_all_left
 from profiles.findings import Severity

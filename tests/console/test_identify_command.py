@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from console.cli.machine.identify_report import Teller
+from console.cli.machine.identify_run import Teller
 from console.session.data.identified import load
 from console.session.signals import Interruption
 from console.session.station.owning import Owning
@@ -214,7 +214,7 @@ def test_a_reader_that_is_gone_stops_the_machine(
     def broken(*_: object, **__: object) -> None:
         raise BrokenPipeError
 
-    monkeypatch.setattr("console.cli.machine.identify_report.print", broken, raising=False)
+    monkeypatch.setattr("console.cli.machine.identify_run.print", broken, raising=False)
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
     assert said.code == 1
     assert made.stop.reason == "output closed"

@@ -10,9 +10,8 @@ from functools import cache
 import numpy as np
 import pytest
 
-from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolPolls
+from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolError, ToolPolls, fit_tool_error
 from console.session.cut.recording import TelemetryRows
-from console.session.cut.tool_error import ToolError, fit_tool_error
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
 from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.pmac.witness import WitnessReport

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from console.session.typed_length import stored_length, typed_length
+from console.session.typed_number import stored_length, typed_length
 from console.text.catalogue import load
 from console.tui.pages.fields import FORM, entry_of, judge, limit_of, written
 from console.units import METRIC, Units

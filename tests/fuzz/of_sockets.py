@@ -12,10 +12,9 @@ from tempfile import TemporaryDirectory
 
 from textual.message import Message
 
-from console.school.instructing.answer import Answer, read_answer
 from console.school.instructing.dispatcher import Dispatcher
 from console.school.instructing.mailbox import Mailbox, Picture
-from console.school.instructing.order import read_order
+from console.school.instructing.order import Answer, read_answer, read_order
 from console.school.instructing.server import InstructorServer
 from console.session.errors import SessionError
 from console.session.feed.request import asked_hz

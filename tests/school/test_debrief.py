@@ -14,8 +14,7 @@ from console.school.training.attempt import Attempt
 from console.school.training.debrief import Debrief, debrief_of
 from console.school.training.following import followed
 from console.school.training.happened import What
-from console.school.training.item import Item
-from console.school.training.lesson import Lesson, lesson_of
+from console.school.training.lesson import Item, Lesson, lesson_of
 from console.school.training.tries import Try, check_trainee, files_of, keep_try, told_again, tries, try_of
 from console.session.station.commands import (
     Acknowledge,

@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from console.school.instructing.answer import Answer
 from console.school.instructing.carrying import MOST_CHECKPOINTS, CarryOut
 from console.school.instructing.mailbox import Act, Mailbox
-from console.school.instructing.order import read_order
+from console.school.instructing.order import Answer, read_order
 from console.school.training.debrief import reactions
 from console.school.training.happened import What
 from console.session.station.commands import (

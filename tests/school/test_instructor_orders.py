@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.cli.commands import build
-from console.school.instructing.answer import Answer, read_answer, written
-from console.school.instructing.order import FASTEST, SLOWEST, Do, read_order
+from console.school.instructing.order import FASTEST, SLOWEST, Answer, Do, read_answer, read_order, written
 from console.session.errors import SessionError
 from console.text.catalogue import load
 from profiles.problem import Problem

@@ -10,8 +10,7 @@ from typing import Any
 import pytest
 
 from console.school.training.attempt import Attempt
-from console.school.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
-from console.school.training.milestones import MILESTONES
+from console.school.training.lesson import FOLDER, MILESTONES, Lesson, lesson_of, load_lesson
 from console.school.training.shelf import lessons
 from console.session.station.commands import EnableDrives, Home, Measure, Start
 from console.text.catalogue import load

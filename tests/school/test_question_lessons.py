@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from console.school.training.item import Item
-from console.school.training.lesson import FOLDER, Lesson, lesson_of, load_lesson
+from console.school.training.lesson import FOLDER, Item, Lesson, lesson_of, load_lesson
 from console.school.training.tries import try_of
 from console.session.station.commands import Acknowledge, DisableDrives, Jog, Measure, Start, TakeControl, TakeJaw
 from drivers.cutting.planning import Strategy

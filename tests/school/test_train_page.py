@@ -10,11 +10,10 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from console.school.page.followed_lesson import follow_lesson
+from console.school.schooling import follow_lesson
 from console.school.training.attempt import Attempt, Found
 from console.school.training.happened import Happening, PartFact, What
-from console.school.training.item import Item
-from console.school.training.lesson import lesson_of, load_lesson
+from console.school.training.lesson import Item, lesson_of, load_lesson
 from console.school.training.tries import tries
 from console.school.words.debrief import happening_words
 from console.session.station.commands import AskTruth, InjectFault

@@ -6,7 +6,7 @@ import os
 import pickle
 
 from console.site.study.cells import MADE, Cell
-from console.site.study.making import CellResult, failed, software
+from console.site.study.running import CellResult, failed, software
 
 DIES = 3
 

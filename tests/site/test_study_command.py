@@ -18,12 +18,10 @@ import pytest
 
 import console.session.extras as extras
 from console.session.errors import SessionError
-from console.site.study import making, running
-from console.site.study.cells import Cell, Row, cells
-from console.site.study.description import read_study
-from console.site.study.journal import NAME
+from console.site.study import running
+from console.site.study.cells import Cell, Row, cells, read_study
 from console.site.study.results import TABLE, write_table
-from console.site.study.running import Progress, carry_out
+from console.site.study.running import NAME, Progress, carry_out
 from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError
 from tests.site.dying_cells import DIES, make_or_die
@@ -73,9 +71,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             raise ProblemError(*cell.problems)
         if cell.names["seed"] == 13:
             raise TypeError("a fault\nof ours")
-        return (making._row(cell, {"part": 1, "outcome": "made", "ront_um": cell.number / 3}),)
+        return (running._row(cell, {"part": 1, "outcome": "made", "ront_um": cell.number / 3}),)
 
-    monkeypatch.setattr(making, "_rows", rows)
+    monkeypatch.setattr(running, "_rows", rows)
     return made
 
 

@@ -20,7 +20,6 @@ from profiles.words.sentences import LANGUAGES, word_folders
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("console", "drivers", "profiles")
-SPOKEN = ("en", "ko")
 ADDED = "de"
 ENTRY = re.compile(r'^("[^"]+" = ")', re.MULTILINE)
 BARE_KEY = re.compile(r"\b(?:help|usage|page|more|key|key_help|command)\.[a-z_.]+\b")
@@ -68,8 +67,8 @@ def german(tree: Path) -> Path:
         path.write_text(tomlkit.dumps(lesson), encoding="utf-8")
     listed = tree / "profiles/words/sentences.py"
     text = listed.read_text(encoding="utf-8")
-    assert f"LANGUAGES = {SPOKEN!r}".replace("'", '"') in text
-    listed.write_text(text.replace('("en", "ko")', '("en", "ko", "de")'), encoding="utf-8")
+    assert text.count('"ko": "Korean"}') == 1
+    listed.write_text(text.replace('"ko": "Korean"}', '"ko": "Korean", "de": "German"}'), encoding="utf-8")
     return tree
 
 
@@ -95,9 +94,10 @@ def test_the_languages_are_listed_once() -> None:
     found = []
     for path in (path for package in PACKAGES for path in (ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Tuple | ast.List | ast.Set):
-                said = {each.value for each in node.elts if isinstance(each, ast.Constant)}
-                found += [str(path.relative_to(ROOT))] if set(SPOKEN) <= said else []
+            if isinstance(node, ast.Tuple | ast.List | ast.Set | ast.Dict):
+                items = node.keys if isinstance(node, ast.Dict) else node.elts
+                said = {each.value for each in items if isinstance(each, ast.Constant)}
+                found += [str(path.relative_to(ROOT))] if set(LANGUAGES) <= said else []
     assert found == ["profiles/words/sentences.py"]
 
 

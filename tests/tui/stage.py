@@ -10,7 +10,7 @@ from pathlib import Path
 from textual.app import App, ComposeResult
 
 from console.session.dated_input import ROW, InputAge
-from console.session.station.commands import Command, Jog
+from console.session.station.commands import Command, Jog, NoteJog
 from console.session.station.state import StationState
 from console.session.work import Work, opened
 from console.text.catalogue import load
@@ -58,6 +58,9 @@ class FixedControl:
 
     def post(self, intent: Command) -> bool:
         """Remember an order; a jog is in position at once, unless it never `arrives`."""
+        if isinstance(intent, NoteJog):
+            self.state = replace(self.state, jog_enabled=intent.enabled)
+            return True
         self.orders.append(intent)
         if isinstance(intent, Jog) and self.arrives:
             self.state = replace(self.state, jogs=self.state.jogs + 1)

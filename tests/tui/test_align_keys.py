@@ -286,6 +286,16 @@ def test_the_jog_ends_with_a_stop_and_does_not_come_back(changes: dict[str, Any]
     assert "jog enabled" in shown(state(), "align.enable", then=state()).text
 
 
+def test_the_state_has_whether_the_jog_is_enabled() -> None:
+    """The feed and `console next` name the next step by it."""
+    control = FixedControl(state())
+    page = AlignPage(ui_for(control, Path("/nowhere"), work=experiment()))
+    page.act("align.enable")
+    assert control.state.jog_enabled
+    page.leave()
+    assert not control.state.jog_enabled
+
+
 def test_after_a_stop_the_jog_keys_want_to_be_enabled_again() -> None:
     control = FixedControl(state())
     ui = ui_for(control, Path("/nowhere"), work=experiment())

@@ -13,9 +13,8 @@ from console.__main__ import main
 from console.session.data.calibrated_chuck import calibrated
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import load
-from console.tui.calibrating.chuck_facts import ChuckFacts, kept_facts
+from console.tui.calibrating.chuck_facts import ChuckFacts, Standing, kept_facts, kept_list
 from console.tui.calibrating.draft import Draft
-from console.tui.calibrating.kept_list import Standing, kept_list
 from console.tui.further.calibrate import CalibratePage
 from console.tui.gate import FieldKind
 from console.tui.records import background_reader

@@ -10,7 +10,7 @@ from textual import events
 
 from console.session.station.commands import Jog
 from console.tui.align.hold_run import UNMEASURED, HoldRun
-from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.align.jog_presses import ReportedStrokes
 from console.tui.application.key_releases import OFF, ON, QUERY, SLOWEST_S, KeyReleases, ReportedKey, Stroke
 from console.tui.driver import Reader
 from console.tui.gate import UNREADABLE

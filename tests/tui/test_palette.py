@@ -25,9 +25,9 @@ from console.tui.driver import StopDriver, Written
 from console.tui.gate import FieldKind, HeldKeys, Situation
 from console.tui.key_help import words_of
 from console.tui.keymap import ACTIONS, CLOSE, PALETTE, PageName, actions_of
+from console.tui.list_panel import STOPPING, Entry, entries, found
 from console.tui.pace import Pace
 from console.tui.pages import run as run_page
-from console.tui.palette_list import STOPPING, Entry, entries, found
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from console.session.cut.alignment import JawAngle
-from console.session.cut.cut_verdict import CutVerdict
+from console.session.cut.cut_verdict import CutVerdict, ToolError
 from console.session.cut.telemetry import Phase, SpindleRipple
-from console.session.cut.tool_error import ToolError
 from console.session.station.commands import Arm, Disarm, EndCut, Start
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, StationState

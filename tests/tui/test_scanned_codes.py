@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 from textual.events import Key
 
-from console.tui.application.scan_codes import LONGEST, found, job_named, keys_of, shown
 from console.tui.application.scan_collector import Collector, Scan
+from console.tui.application.scans import LONGEST, found, job_named, keys_of, shown
 from console.tui.driver import Reader
 from console.tui.pace import Pace
 from profiles.problem import Problem

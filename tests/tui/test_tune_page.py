@@ -19,7 +19,7 @@ from console.session.station.commands import (
 )
 from console.session.station.state import Activity, StationState
 from console.session.tuning.standing import StandingTrial, stands_problem
-from console.tui.further.loop_facts import loop_facts
+from console.tui.further.loop_lines import loop_facts
 from console.tui.further.tune import TunePage
 from console.tui.lines import plain
 from console.tui.records import background_reader

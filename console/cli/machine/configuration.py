@@ -120,7 +120,7 @@ def _applied(writes: tuple[Write, ...], backup: Path | None, text: Catalogue) ->
 
 @dataclass(frozen=True, kw_only=True)
 class _Restored:
-    """What was done: `kept` is the backup of what there was before, None where nothing was sent."""
+    """What was done: `kept` is the backup of what there was before, None if nothing was sent."""
 
     before: tuple[Check, ...]
     kept: Path | None = None
@@ -207,12 +207,9 @@ def _lines(options: Namespace, backup: Backup, found: _Restored, text: Catalogue
         done,
         *check_lines(found.left, text),
         "",
-        *_afterwards(undo_command(options, found.kept), text),
+        text("configuration.restore_not_saved"),
+        text("configuration.restore_undo", command=undo_command(options, found.kept)),
     ]
-
-
-def _afterwards(undo: str, text: Catalogue) -> list[str]:
-    return [text("configuration.restore_not_saved"), text("configuration.restore_undo", command=undo)]
 
 
 WORKS = {"backup": _backup, "verify": _verify, "diff": _diff, "apply": _apply, "restore": restore_backup}

@@ -11,9 +11,8 @@ from console.cli.machine.identify_run import reached_machine
 from console.cli.output import agreed, show, tell
 from console.session.cut.alignment import NO_HOME_FOR_TABLE, Alignment, held_by, tables_told
 from console.session.cut.retracting import clear_tables, retract_and_switch_tables_off, retracted_by_distance
-from console.session.errors import SessionError, refuse
+from console.session.errors import SessionError, refuse, require
 from console.session.signals import Interruption
-from console.session.station.conditions import require
 from console.session.station.jogging import clears_tables
 from console.session.station.reaching import guard, leave
 from console.text.catalogue import Catalogue

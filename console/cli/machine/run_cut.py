@@ -29,8 +29,7 @@ from console.session.data.measured_part import FINGERPRINT, MODEL, MadeWith, too
 from console.session.data.records import DRIVES_ON_TIMEOUT_S, OPEN_TIMEOUT_S, RunFacts, RunRecord, begin_record
 from console.session.data.run_rows import problem_events
 from console.session.errors import SessionError, refuse
-from console.session.feed.followed_run import FollowedRun, Run
-from console.session.feed.run_alarms import RunAlarms
+from console.session.feed.followed_run import FollowedRun, Run, RunAlarms
 from console.session.feed.server import FeedServer
 from console.session.force_record import force_event
 from console.session.learning.learning import learn

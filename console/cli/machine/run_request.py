@@ -52,7 +52,7 @@ class RunRequest:
     series, each part of it `felt` by an indicator or not. `part_file` is the file for the trace of the part.
     `fingerprint` is what an indicator has shown of the clamping of a single part. `warnings` are reported before
     anything moves, among them what was learned and is not used in this cut.
-    `lathe_parts` are those of the simulated lathe that it cuts, None where all of its parts are alike.
+    `lathe_parts` are those of the simulated lathe that it cuts, None if all of its parts are alike.
     """
 
     job: LoadedJob
@@ -233,7 +233,7 @@ def _fingerprint(
     *,
     simulated: bool,
 ) -> Fingerprint | None:
-    """Return the fingerprint that a single cut was asked for with, None where it was not."""
+    """Return the fingerprint that a single cut was asked for with, None if it was not."""
     if options.fingerprint is None or options.learn is not None:
         return None
     return requested_fingerprint(

@@ -15,7 +15,6 @@ from console.session.tuning.proposal import LOBE_HZ, GainFacts, gain_facts, with
 from console.session.tuning.standing import StandingTrial, differing_words, listed
 from console.session.tuning.stated_filter import stated_filter_problems
 from console.session.tuning.trial import TrialPlace, air_doubts, apply_trial, revert_trial, standing_trial
-from console.text.axis import axis_lines
 from console.text.catalogue import Catalogue
 from drivers.commissioning.judged import differing_settings
 from drivers.identification.tool_gains import ToolLoop
@@ -149,6 +148,21 @@ def _unlike(
     return [text("tune_page.differing", names=differing_words(differing))]
 
 
+def axis_lines(machine: MachineProfile, facts: GainFacts, text: Catalogue) -> list[str]:
+    """Return what the proposal rests on: the axis behind the responses, or that of the profile."""
+    known, fit, friction = facts.known, facts.known.fit, facts.friction_n
+    if fit is None or friction is None:
+        return [text("tune.axis_profile")]
+    plant = known.loop.plant
+    mass = f"{machine.tool.loop_gain_n_per_v / plant.acceleration_per_v:.2f}"
+    dry, delay = f"{friction[0]:.1f} ± {friction[1]:.1f}", f"{1000.0 * plant.delay_s:.2f}"
+    lines = [text("tune.axis", count=fit.hz.size, mass=mass, friction=dry, delay=delay)]
+    for mode in plant.modes:
+        hz, ratio = f"{mode.hz:.0f}", f"{100.0 * mode.damping_ratio:.1f}"
+        lines.append(text("tune.mode", hz=hz, ratio=ratio, fraction=f"{mode.fraction:.2f}"))
+    return lines
+
+
 def _lines(
     machine: MachineProfile, facts: GainFacts | None, trial: StandingTrial | None, text: Catalogue
 ) -> list[str]:
@@ -162,16 +176,13 @@ def _lines(
     if found is None:
         return lines
     lines += [f"  {name}  {was:.11g} -> {value:.11g}" for name, was, value in found.changes]
-    lines += [text("tune.margins", **_margins(margins, key)) for key, margins in _both(found, text)]
+    margins = (text("tune_page.present"), found.before), (text("tune_page.proposed"), found.after)
+    lines += [text("tune.margins", **_margins(each, name)) for name, each in margins]
     for key, stiff, trips_n in zip(("present", "proposed"), facts.stiffness or (), facts.trips_n, strict=False):
         at = ", ".join(f"{um:.2f} @ {hz:.4g} Hz" for hz, um in zip(stiff.hz, stiff.um_per_n, strict=True))
         name, most = text(f"tune_page.{key}"), f"{stiff.most_um_per_n:.2f}"
         lines.append(text("tune.stiffness", which=name, most=most, at=at, trips=f"{trips_n:.1f}"))
     return lines
-
-
-def _both(found: GainProposal, text: Catalogue) -> tuple[tuple[str, LoopMargins], ...]:
-    return (text("tune_page.present"), found.before), (text("tune_page.proposed"), found.after)
 
 
 def _margins(margins: LoopMargins, which: str) -> dict[str, str]:

@@ -55,14 +55,9 @@ def main(options: Namespace, text: Catalogue) -> int:
         fields, lines = trace_fields(measured), roundness_lines(measured, text)
     more = {"meta": dict(measured.trace.meta), "warnings": warnings}
     show(options, lambda: {"file": options.file, **fields, **more}, lambda: lines)
-    if options.fail_out_of_tolerance:
-        return _judged(measured.result.ront_um, job_of(options).job.roundness_tolerance_um)
+    if options.fail_out_of_tolerance and measured.result.ront_um > job_of(options).job.roundness_tolerance_um:
+        return OUT_OF_TOLERANCE
     return 0
-
-
-def _judged(ront_um: float, tolerance_um: float) -> int:
-    """Return the exit code of a part that is judged by the roundness tolerance of its job."""
-    return 0 if ront_um <= tolerance_um else OUT_OF_TOLERANCE
 
 
 def _filter(word: str) -> float | None:

@@ -1,10 +1,13 @@
-"""The console on a recording: the very pages, without a machine behind them; nothing can be commanded or saved."""
+"""The console on a recording: the very pages, without a machine behind them; nothing can be commanded or saved.
+
+The keys of the machine do nothing here, and say so.
+"""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 
@@ -13,7 +16,6 @@ from textual import events
 from console.flight.notes import Kind
 from console.flight.playback import Event, Happened, Playback, ReplayControl
 from console.flight.recorded_forms import RecordedWork
-from console.flight.replay.replay_keys import key_of, keys_line, move, replay_help
 from console.session.appearance import Appearance
 from console.session.station.history.session_log import SessionLog
 from console.session.station.state import StationState
@@ -21,8 +23,9 @@ from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.app import ConsoleApp
 from console.tui.frame import Frame
+from console.tui.key_help import KEY_WIDTH
 from console.tui.keymap import DIGITS, NUMBERED, READING, PageName, action_of
-from console.tui.lines import Line, line, width_of, wrapped
+from console.tui.lines import BLANK, Line, dim, fitted, line, width_of, wrapped
 from console.tui.list_panel import MESSAGES, PAGE, ListPanel
 from console.tui.theme import Palette, Token
 from profiles.problem import Problem
@@ -48,6 +51,7 @@ _SIGNS = {
 """Rank, sign and colour of a mark; where two meet, the higher rank is shown."""
 
 LEAST_TRACK = 8
+LITTLE_S, MUCH_S = 10.0, 60.0
 
 
 def clock_words(seconds: float) -> str:
@@ -85,6 +89,92 @@ def _track(playback: Playback, cells: int) -> Line:
 
 def _mark(event: Event) -> tuple[int, str, Token] | None:
     return None if event.is_low else _SIGNS.get(event.kind)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReplayKey:
+    """One action: its keys by their Textual names or characters, and how they are written."""
+
+    id: str
+    keys: tuple[str, ...]
+    shown: str
+
+
+KEYS = (
+    ReplayKey(id="play", keys=("space",), shown="Space"),
+    ReplayKey(id="back", keys=("left",), shown="←"),
+    ReplayKey(id="on", keys=("right",), shown="→"),
+    ReplayKey(id="minute_back", keys=("pageup",), shown="PgUp"),
+    ReplayKey(id="minute_on", keys=("pagedown",), shown="PgDn"),
+    ReplayKey(id="frame_back", keys=(",",), shown=","),
+    ReplayKey(id="frame_on", keys=(".",), shown="."),
+    ReplayKey(id="event_back", keys=("b", "ㅠ"), shown="b"),
+    ReplayKey(id="event_on", keys=("n", "ㅜ"), shown="n"),
+    ReplayKey(id="slower", keys=("-",), shown="-"),
+    ReplayKey(id="faster", keys=("+", "="), shown="+"),
+    ReplayKey(id="begin", keys=("home",), shown="Home"),
+    ReplayKey(id="end", keys=("end",), shown="End"),
+    ReplayKey(id="follow", keys=("f", "ㄹ"), shown="f"),
+    ReplayKey(id="quit", keys=("q", "ㅂ", "ctrl+q"), shown="q"),
+)
+
+_ROW = (
+    ("Space", "play"),
+    ("←→", "seek"),
+    (",.", "frame"),
+    ("b n", "event"),
+    ("+-", "speed"),
+    ("f", "follow"),
+    ("q", "quit"),
+    ("?", "help"),
+)
+
+
+def key_of(key: str, character: str | None) -> ReplayKey | None:
+    """Return the action of a key, None if it has none here."""
+    return next((each for each in KEYS if key in each.keys or character in each.keys), None)
+
+
+def move(playback: Playback, action: str) -> None:
+    """Go to another time, or at another speed."""
+    match action:
+        case "play":
+            playback.toggle()
+        case "back" | "on":
+            playback.seek(LITTLE_S if action == "on" else -LITTLE_S)
+        case "minute_back" | "minute_on":
+            playback.seek(MUCH_S if action == "minute_on" else -MUCH_S)
+        case "frame_back" | "frame_on":
+            playback.step(1 if action == "frame_on" else -1)
+        case "event_back" | "event_on":
+            playback.to_event(1 if action == "event_on" else -1)
+        case "slower" | "faster":
+            playback.change_speed(1 if action == "faster" else -1)
+        case "begin" | "end":
+            length_s = playback.recording.length_s
+            playback.seek(length_s if action == "end" else -length_s)
+
+
+def keys_line(text: Catalogue, width: int) -> Line:
+    """Return the row of the keys, as far as they fit."""
+    pieces: list[tuple[str, Token]] = [(" ", Token.TEXT)]
+    for written, name in _ROW:
+        fresh = [(written, Token.KEY), (f" {text(f'replay.key.{name}')}  ", Token.DIM)]
+        if width_of((*pieces, *fresh)) > width + 2:
+            break
+        pieces += fresh
+    return tuple(pieces)
+
+
+def replay_help(text: Catalogue, width: int) -> list[Line]:
+    """Return the list of the keys, and the marks of the time bar."""
+    rows = [line((text("replay.help"), Token.TITLE))]
+    pairs = [(each.shown, text(f"replay.help.{each.id}")) for each in KEYS]
+    for shown, said in (*pairs, ("1-6 8", text("replay.help.pages")), ("! ■ ·", text("replay.help.marks"))):
+        head, *more = wrapped(said, max(width - KEY_WIDTH, 1))
+        rows.append(((fitted(shown, KEY_WIDTH), Token.KEY), *head))
+        rows += [(dim(" " * KEY_WIDTH), *row) for row in more]
+    return [*rows, BLANK, *(wrapped(text("replay.help.not_shown"), width, Token.DIM))]
 
 
 class ReplayApp(ConsoleApp):

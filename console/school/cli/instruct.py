@@ -15,8 +15,7 @@ from console.cli.arguments import WRONG_USAGE, control_address
 from console.cli.library import data_of
 from console.cli.output import SCHEMA
 from console.cli.parser import Parser
-from console.school.instructing.answer import Answer
-from console.school.instructing.order import WORDS
+from console.school.instructing.order import WORDS, Answer
 from console.session.dated_input import CLOSED, read_line
 from console.text.catalogue import Catalogue
 from drivers.clock import OLD_S

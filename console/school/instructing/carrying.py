@@ -5,8 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from console.school.instructing.answer import Answer
-from console.school.instructing.order import Do, Order
+from console.school.instructing.order import Answer, Do, Order
 from console.session.errors import SessionError, fault_problem, refuse
 from console.session.station.context import Checkpoint, Shop, StationContext, Training
 from console.session.station.state import Activity
@@ -45,7 +44,7 @@ def _answer(context: StationContext, order: Order) -> Answer:
         return Answer(problem=fault_problem(fault))
 
 
-def _done(context: StationContext, order: Order) -> Answer:  # noqa: C901 - one branch a case
+def _done(context: StationContext, order: Order) -> Answer:
     shop, training = context.shop, context.training
     if shop is None or training is None:
         return Answer(problem=Problem(code="session.not_simulated"))
@@ -54,14 +53,12 @@ def _done(context: StationContext, order: Order) -> Answer:  # noqa: C901 - one 
             return _fault(context, shop, order)
         case Do.SPEED if training.clock.paused:
             training.speed = order.speed
-        case Do.SPEED:
-            run_on(context, training, order.speed)
+        case Do.SPEED | Do.RESUME:
+            run_on(context, training, order.speed if order.do is Do.SPEED else training.speed)
         case Do.PAUSE if training.clock.leaving:
             return Answer(problem=Problem(code="instruct.leaving"))
         case Do.PAUSE:
             set_speed(context, training, 0.0)
-        case Do.RESUME:
-            run_on(context, training, training.speed)
         case Do.CHECKPOINTS:
             known = training.checkpoints.values()
             return Answer(lines=tuple(f"{each.name}  {each.at}" for each in known))

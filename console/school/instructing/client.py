@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from console.school.instructing.answer import Answer, read_answer
 from console.school.instructing.dispatcher import ANSWER_S
+from console.school.instructing.order import Answer, read_answer
 from console.school.instructing.server import ONCE, STAYS
 from console.session.errors import SessionError
 from drivers.errors import LinkError

@@ -7,9 +7,8 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import TYPE_CHECKING
 
-from console.school.instructing.answer import Answer
 from console.school.instructing.mailbox import Act, Mailbox
-from console.school.instructing.order import Do, Order
+from console.school.instructing.order import Answer, Do, Order
 from profiles.problem import Problem
 
 if TYPE_CHECKING:

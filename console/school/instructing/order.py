@@ -1,16 +1,44 @@
-"""One line of the instructor as a value. Pure."""
+"""One line of the instructor as a value, and its answer, which is a JSON object on a line. Pure."""
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import shlex
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 
 from console.session.errors import SessionError
 from profiles.files import printable
 from profiles.problem import Problem
+from profiles.strict_values import from_json, record
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Answer:
+    """What came of an order: lines to print, or the problem why nothing was done.
+
+    `age_s` is how old a picture of the screen is.
+    """
+
+    lines: tuple[str, ...] = ()
+    problem: Problem | None = None
+    age_s: float = 0.0
+
+
+def written(answer: Answer) -> bytes:
+    """Return the line of an answer, with its end."""
+    return json.dumps(asdict(answer)).encode("ascii") + b"\n"
+
+
+def read_answer(line: bytes) -> Answer:
+    """Return the answer in a line. Raises ValueError: there is none in it."""
+    try:
+        return record(Answer, from_json(line))
+    except (AttributeError, TypeError) as error:
+        raise ValueError("no answer") from error
+
 
 LONGEST_LINE = 2000  # bytes, without its end
 SLOWEST, FASTEST = 0.25, 4.0  # times real time

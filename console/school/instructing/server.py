@@ -11,9 +11,8 @@ import asyncio
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
-from console.school.instructing.answer import Answer, written
 from console.school.instructing.dispatcher import Dispatcher
-from console.school.instructing.order import LONGEST_LINE, Do, Order, read_order
+from console.school.instructing.order import LONGEST_LINE, Answer, Do, Order, read_order, written
 from console.school.instructing.token import is_token
 from console.session.bounded_server import GONE, BoundedServer, send
 from console.session.errors import SessionError

@@ -9,8 +9,7 @@ from typing import Any
 from console.school.practice.moment_before import SET_UP
 from console.school.practice.practice import Practice
 from console.school.training.event import Event
-from console.school.training.item import Item
-from console.school.training.lesson import EVENTS, Lesson, Words
+from console.school.training.lesson import EVENTS, Item, Lesson, Words
 from profiles.words.sentences import LANGUAGES
 
 MINUTES = 10.0

@@ -1,21 +1,23 @@
 """The moment before an event, at which a practice begins: the last one at rest. Pure.
 
 Something that moves cannot be taken over. Where the event came in a motion, the practice begins before it, and the
-trainee starts that motion.
+trainee starts that motion. The event is the one for which the recording was frozen, with the simulated fault that
+is like it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
 
 from console.flight.recorded_forms import Moment, RecordedWork
 from console.flight.recording import Recording
-from console.school.practice.recorded_event import RecordedEvent
 from console.session.cut.alignment import Alignment
+from console.session.station.alarms import FAULT
 from console.session.station.state import MOVING, Activity
-from profiles.problem import refused
+from drivers.lathe.snapshot import AxisName
+from profiles.problem import Problem, refused
 
 BEFORE_S = 10.0  # of a practice that does not say how long before its event it is to begin
 JUST_S = 2.0  # so long before an event its motion may have ended; a link that is lost is noticed within it
@@ -32,6 +34,19 @@ SET_UP: Mapping[str, Callable[[Alignment], bool]] = MappingProxyType(
 """Steps of the set-up, by the names of lessons, in their order; whether each is made."""
 
 OF_A_CUT = frozenset({Activity.ARMING, Activity.POSITIONING, Activity.CUTTING})
+SILENT = ("link.silent", "link.out_of_step", "link.not_in_step")
+LOST, TIMEOUT, LAPSED = "link.lost", "machine.timeout", "heartbeat.lapsed"
+OUT_OF_PHASE = ("cut.out_of_phase", "cut.tool_leads")
+
+OVER_S = 20
+"""How long a fault lasts that ends by itself: a trainee has no other way to mend the lathe."""
+
+_AXIS_FAULTS = {
+    "fatal_following_error": "following-error-trip motor={axis}",
+    "amplifier_fault": f"amplifier-fault motor={{axis}} for={OVER_S}",
+    "positive_limit": f"limit motor={{axis}} direction=positive for={OVER_S}",
+    "negative_limit": f"limit motor={{axis}} direction=negative for={OVER_S}",
+}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +75,75 @@ class Before:
     def of_cut(self) -> bool:
         """Whether the event came in a cut, or on the way to it."""
         return self.during in OF_A_CUT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Likeness:
+    """A fault as `console fault` takes it; `doubt` names why the cause may have been another, else ""."""
+
+    fault: str
+    doubt: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordedEvent:
+    """One event at machine time: its reason, the problem of its alarm, and the fault that is like it."""
+
+    at_s: float
+    reason: str
+    problem: Problem | None = None
+    like: Likeness | None = None
+
+    @property
+    def fault(self) -> str:
+        """The name of the fault, "" without one."""
+        return "" if self.like is None else self.like.fault.split()[0]
+
+
+def event_of(recording: Recording) -> RecordedEvent:
+    """Return the event to practise: the first that a fault is surely like, else may be like, else the first."""
+    found = list(_events(recording))
+    sure = [each for each in found if each.like is not None and not each.like.doubt]
+    alike = [each for each in found if each.like is not None]
+    return (sure or alike or found)[0]
+
+
+def _events(recording: Recording) -> Iterator[RecordedEvent]:
+    header = recording.header
+    if not header.causes:
+        yield RecordedEvent(at_s=header.ended_s, reason="")
+    for cause in header.causes:
+        alarms = recording.moments[recording.place_at(cause.at_s)].state.alarms
+        problem = next((each.problem for each in alarms if each.problem.code == cause.reason), None)
+        like = None if problem is None else likeness(problem)
+        yield RecordedEvent(at_s=cause.at_s, reason=cause.reason, problem=problem, like=like)
+
+
+def likeness(problem: Problem) -> Likeness | None:
+    """Return the fault that raises an alarm like this one, None where the catalogue has none."""
+    if problem.code == FAULT:
+        return _of_axis(problem.value)
+    if problem.code == LOST:
+        return Likeness(fault=f"cut-cable for={OVER_S}")
+    if problem.code in SILENT:
+        return Likeness(fault="hang for=3", doubt="practice.doubt_silent")
+    if problem.code == LAPSED:
+        return Likeness(fault="hang for=0.5", doubt="practice.doubt_silent")
+    if problem.code in OUT_OF_PHASE:
+        return Likeness(fault="following-error-trip motor=tool", doubt="practice.doubt_phase")
+    what, _, axis = problem.key.partition(" ")
+    if problem.code == TIMEOUT and what == "home" and axis in tuple(AxisName):
+        return Likeness(fault=f"index-lost motor={axis} for=75", doubt="practice.doubt_index")
+    return None
+
+
+def _of_axis(faults: str) -> Likeness | None:
+    """Return what is like the first of some faults of axes (`tool: amplifier_fault, ...`)."""
+    for each in faults.split(", "):
+        axis, _, flag = each.partition(": ")
+        if flag in _AXIS_FAULTS and axis in tuple(AxisName):
+            return Likeness(fault=_AXIS_FAULTS[flag].format(axis=axis))
+    return None
 
 
 def before(recording: Recording, event: RecordedEvent, before_s: float | None) -> Before:

@@ -7,8 +7,7 @@ from dataclasses import dataclass, replace
 
 from console.flight.recorded_forms import Moment, RecordedWork
 from console.flight.recording import Recording
-from console.school.practice.moment_before import Before, before
-from console.school.practice.recorded_event import RecordedEvent, event_of
+from console.school.practice.moment_before import Before, RecordedEvent, before, event_of
 from console.session.cut.alignment import Alignment, aligned_machine
 from console.session.data.measured_part import MODEL
 from console.session.station.begins import Begins
@@ -34,7 +33,7 @@ class Practice:
 
     @property
     def work(self) -> RecordedWork | None:
-        """The job to open, None where none was open."""
+        """The job to open, None if none was open."""
         return self.before.work
 
 
@@ -78,7 +77,7 @@ def _alignment(begin: Before) -> Alignment:
 
 
 def _clamped_job(begin: Before, alignment: Alignment) -> Job | None:
-    """Return the job whose blank is clamped, None where the recording does not have it."""
+    """Return the job whose blank is clamped, None if the recording does not have it."""
     clamping, work = alignment.clamping, begin.work
     if clamping is None or work is None:
         return None
@@ -87,7 +86,7 @@ def _clamped_job(begin: Before, alignment: Alignment) -> Job | None:
 
 
 def _axes(begin: Before, machine: MachineProfile) -> tuple[float, float, float] | None:
-    """Return where the axes stood, mm and turns; None where the controller did not know."""
+    """Return where the axes stood, mm and turns; None if the controller did not know."""
     state = begin.moment.state
     snapshot, armed = state.snapshot, state.armed
     if snapshot is None or not snapshot.homed:
@@ -113,7 +112,7 @@ def _otherwise(recording: Recording, event: RecordedEvent, begin: Before, placed
     yield from _of_fault(event)
 
 
-def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:  # noqa: C901 - one branch a case
+def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:
     header, state, alignment = recording.header, begin.moment.state, _alignment(begin)
     if not header.simulated:
         yield Problem(code="practice.was_real", key=header.machine.name)
@@ -131,9 +130,8 @@ def _of_machine(recording: Recording, begin: Before, placed: Placed) -> Iterator
         yield Problem(code="practice.trial")
     if not state.controls:
         yield Problem(code="practice.looked_on")
-    for alarm in state.alarms:
-        if alarm.active:
-            yield Problem(code="practice.alarm_stood", value=alarm.problem.code)
+    active = (alarm.problem.code for alarm in state.alarms if alarm.active)
+    yield from (Problem(code="practice.alarm_stood", value=code) for code in active)
 
 
 def _of_part(recording: Recording, begin: Before, placed: Placed) -> Iterator[Problem]:

@@ -6,11 +6,9 @@ from dataclasses import dataclass, replace
 
 from console.school.instructing.mailbox import Act
 from console.school.instructing.order import Do
-from console.school.training.event import CONSOLE, Event
+from console.school.training.event import CONSOLE
 from console.school.training.happened import Happening, PartFact, What, happenings, part_fact
-from console.school.training.lesson import Lesson
-from console.school.training.milestones import MILESTONES, Change
-from console.school.training.question import STEP
+from console.school.training.lesson import MILESTONES, STEP, Change, Lesson
 from console.session.stages import Stage
 from console.session.station.state import StationState
 
@@ -138,7 +136,7 @@ class Attempt:
         return tuple(
             number
             for number, event in enumerate(self.lesson.events)
-            if number not in self.given and _is_due(event, reached, at_s)
+            if number not in self.given and event.after in reached and at_s >= reached[event.after] + event.wait_s
         )
 
     def gave(self, number: int, now_s: float) -> Attempt:
@@ -170,10 +168,6 @@ class Attempt:
     def ended(self, now_s: float) -> Attempt:
         """Return the try after the trainee has ended it."""
         return self if self.ended_s is not None else replace(self, ended_s=now_s - self.began_s)
-
-
-def _is_due(event: Event, reached: dict[str, float], at_s: float) -> bool:
-    return event.after in reached and at_s >= reached[event.after] + event.wait_s
 
 
 def _found(found: Found, state: StationState) -> Found:

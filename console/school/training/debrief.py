@@ -9,7 +9,7 @@ from types import MappingProxyType
 
 from console.school.training.attempt import Attempt
 from console.school.training.happened import Happening, What
-from console.school.training.item import Item
+from console.school.training.lesson import Item
 from console.session.stop_keys import is_by_key
 from drivers.simulator.plant.workshop_view import Truth
 
@@ -51,7 +51,7 @@ class Debrief:
 
     @property
     def worst(self) -> Mark | None:
-        """The mark that cost most, None where nothing was lost."""
+        """The mark that cost most, None if nothing was lost."""
         return max((mark for mark in self.marks if mark.lost > 0.0), key=lambda mark: mark.lost, default=None)
 
 

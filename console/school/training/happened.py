@@ -44,9 +44,9 @@ class Happening:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PartFact:
-    """A measured part: its RONt with what is allowed, and how far its diameter is off; None where not known.
+    """A measured part: its RONt with what is allowed, and how far its diameter is off; None if not known.
 
-    `diameter_passes` is None where the job has no tolerance of the diameter. `full` is whether it was cut with all
+    `diameter_passes` is None if the job has no tolerance of the diameter. `full` is whether it was cut with all
     of its compensation.
     """
 
@@ -66,7 +66,8 @@ def happenings(before: StationState, now: StationState, at_s: float) -> tuple[Ha
     met = now.seen.collisions if now.seen is not None else ()
     found += [(What.MET, kind, None) for kind in met if kind not in known]
     found += _of_alarms(before, now)
-    if now.measured is not None and _is_new(now.measured, before.measured):
+    trace = None if before.measured is None else before.measured.trace
+    if now.measured is not None and now.measured.trace is not trace:
         found.append((What.PART, f"{now.measured.result.ront_um:.2f}", None))
     return tuple(Happening(at_s=at_s, what=what, word=word, problem=problem) for what, word, problem in found)
 
@@ -80,10 +81,6 @@ def part_fact(part: MeasuredPart) -> PartFact:
         diameter_passes=part.diameter_passes,
         full=not part.is_half,
     )
-
-
-def _is_new(part: MeasuredPart, before: MeasuredPart | None) -> bool:
-    return before is None or part.trace is not before.trace
 
 
 def _of_alarms(before: StationState, now: StationState) -> list[tuple[What, str, Problem | None]]:

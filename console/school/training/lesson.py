@@ -1,27 +1,28 @@
-"""A lesson: a simulated lathe, a job, what to reach on it, and its words in each language. A TOML file each.
+"""A lesson: a simulated lathe, a job, what to reach and what counts on it, a question, words. A TOML file each.
 
 Bundled lessons are in `lessons/` beside this module; a file of the same form in the folder `lessons` of the data
 folder is one of the user's own, and goes before a bundled one of its name.
+
+A lesson asks for milestones: things that happen at the lathe, told from two states of the station in a row. A
+milestone stays reached, whatever is lost again afterwards. The right answer to its question is a number in the
+file, or the place of the lathe that was drawn for the try.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from enum import StrEnum
 from pathlib import Path
+from random import Random
+from types import MappingProxyType
 from typing import Any
 
 from console.school.training.event import Event, read_events
-from console.school.training.item import Item
-from console.school.training.milestones import MILESTONES
-from console.school.training.question import (
-    QUESTION_FIELDS,
-    QUESTION_WORDS,
-    drawn_number,
-    lathe_files,
-    question_problems,
-)
-from drivers.simulator.plant.presets import PLANTS, SEEDS
+from console.session.stages import Stage
+from console.session.station.state import Activity, StationState
+from drivers.lathe.standing import Standing
+from drivers.simulator.plant.presets import PLANTS, SEEDS, plant_problems
 from profiles.fields import Field, Kind, read_fields, schema_problem
 from profiles.files import printable, read_toml
 from profiles.problem import Problem, ProfileError
@@ -31,6 +32,177 @@ FOLDER = Path(__file__).parent / "lessons"
 ENGLISH = "en"  # in place of a language in which a lesson has no words
 EVENTS = "event"  # tables of them
 WORDS_CAP = 400
+STEP = "answered"
+LEAST_ANSWERS, MOST_ANSWERS = 2, 6
+QUESTION_CAP, ANSWER_CAP = 120, 70
+
+QUESTION_FIELDS = (
+    Field(key="lathes", kind=Kind.TEXTS, default=()),
+    Field(key="answer", kind=Kind.WHOLE, at_least=1, at_most=MOST_ANSWERS, optional=True),
+)
+"""Of the lesson: files of lathes of which one is drawn, or the number of the right answer."""
+
+QUESTION_WORDS = (
+    Field(key="question", kind=Kind.TEXT, default="", longest=QUESTION_CAP),
+    Field(key="answers", kind=Kind.TEXTS, default=(), longest=ANSWER_CAP),
+)
+"""Of each language."""
+
+
+class Item(StrEnum):
+    """What counts, in the order of the debrief."""
+
+    STEPS = "steps"
+    MET = "met"
+    NEAR = "near"
+    CONTACT = "contact"
+    ROUND = "round"
+    DIAMETER = "diameter"
+    JAW = "jaw"
+    TOUCH_OFF = "touch_off"
+    STOPS = "stops"
+    ANSWER = "answer"
+    ALARMS = "alarms"
+    REACTION = "reaction"
+    TIME = "time"
+
+
+def question_problems(
+    values: Mapping[str, Any], words: Mapping[str, Mapping[str, Any]], where: str
+) -> list[Problem]:
+    """Return what is wrong with a question: it goes with its step, and with as many answers in each language."""
+    if STEP not in values["steps"]:
+        given = [f"{language}.question" for language, said in words.items() if said["question"] or said["answers"]]
+        return [Problem(code="lesson.no_question", where=where, key=key, limit=STEP) for key in given]
+    lathes, answer = values["lathes"], values["answer"]
+    problems = []
+    if (answer is None) == (not lathes):
+        problems.append(Problem(code="lesson.right_answer", where=where, key="answer", limit="lathes | answer"))
+    least, most = (len(lathes),) * 2 if lathes else (max(answer or 0, LEAST_ANSWERS), MOST_ANSWERS)
+    for language, said in words.items():
+        if not said["question"]:
+            problems.append(Problem(code="key.missing", where=where, key=f"{language}.question"))
+        if not least <= len(said["answers"]) <= most:
+            value, limit = str(len(said["answers"])), f"{least} - {most}" if most > least else str(least)
+            key = f"{language}.answers"
+            problems.append(Problem(code="lesson.answers", where=where, key=key, value=value, limit=limit))
+    return problems
+
+
+def lathe_files(names: Sequence[str], folder: Path) -> tuple[tuple[str, ...], list[Problem]]:
+    """Return the files of lathes beside a lesson, and why those cannot be used that cannot."""
+    files = tuple(str(folder / f"{name}.toml") for name in names)
+    return files, [problem for file in files for problem in plant_problems(file)]
+
+
+def drawn_number(seed: int | None, lathes: Sequence[str]) -> int:
+    """Return which of the lathes a try is on, from 0."""
+    return Random(f"{seed} lathe of the lesson").randrange(len(lathes))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """Two states, one after the other; `stage` is that of the cut that was armed last.
+
+    `answered` is whether the question of the lesson is.
+    """
+
+    before: StationState
+    now: StationState
+    stage: Stage | None = None
+    answered: bool = False
+
+    def ended(self, activity: Activity) -> bool:
+        """Whether the station was busy with this, and is no longer."""
+        return self.before.activity is activity is not self.now.activity
+
+
+Reached = Callable[[Change], bool]
+_CUT = "cut"  # of `CutStage`, which is not there for the first page
+
+
+def _cut(stage: Stage) -> Reached:
+    """Return whether a cut of this stage has come to its end."""
+
+    def reached(change: Change) -> bool:
+        cut, whole = change.now.cut, change.now.stop is None
+        return (
+            change.ended(Activity.CUTTING)
+            and whole
+            and change.stage is stage
+            and cut is not None
+            and cut.fraction >= 1.0
+        )
+
+    return reached
+
+
+def _by_indicator(change: Change) -> bool:
+    jaw = change.now.alignment.jaw
+    return jaw is not None and jaw.spread_deg is not None
+
+
+def _skimmed(change: Change) -> bool:
+    touch_off = change.now.alignment.touch_off
+    return touch_off is not None and touch_off.skimmed
+
+
+def _in_cut(change: Change) -> bool:
+    cut = change.now.cut
+    return change.now.activity is Activity.CUTTING and cut is not None and cut.stage == _CUT
+
+
+def _clamped_lighter(change: Change) -> bool:
+    clamping, plain = change.now.alignment.clamping, change.now.uncompensated
+    return clamping is not None and plain is not None and clamping.force_n < plain.job.chucking_force_n
+
+
+def _measured_rounder(change: Change) -> bool:
+    before, now = change.before.uncompensated, change.now.uncompensated
+    if before is None or now is None or now is before:
+        return False
+    return now.result.ront_um < before.result.ront_um
+
+
+def _acknowledged(change: Change) -> bool:
+    new = [alarm for alarm in change.before.alarms if not alarm.acknowledged]
+    return bool(new) and all(alarm.acknowledged for alarm in change.now.alarms)
+
+
+MILESTONES: Mapping[str, Reached] = MappingProxyType(
+    {
+        "clamped": lambda change: change.now.alignment.clamping is not None,
+        "drives_on": lambda change: change.now.alignment.drives_on,
+        "homed": lambda change: change.now.alignment.homed,
+        "jaw_found": lambda change: change.now.alignment.jaw is not None,
+        "jaw_by_indicator": _by_indicator,
+        "touched_off": lambda change: change.now.alignment.touch_off is not None,
+        "skimmed": _skimmed,
+        "armed": lambda change: change.now.armed is not None,
+        "in_cut": _in_cut,
+        "air_cut": _cut(Stage.AIR),
+        "half_cut": _cut(Stage.PARTIAL),
+        "full_cut": _cut(Stage.FULL),
+        "measured": lambda change: change.now.measured is not None,
+        "measured_plain": lambda change: change.now.uncompensated is not change.before.uncompensated,
+        "held": lambda change: change.now.paused,
+        "resumed": lambda change: change.before.paused and not change.now.paused and change.now.moving,
+        "stopped": lambda change: change.now.stop is not None,
+        "stopped_in_cut": lambda change: change.now.stop is not None and change.now.stop.of_cut,
+        "retracted": lambda change: change.ended(Activity.RETRACTING) and change.now.stop is None,
+        "recovered": lambda change: change.before.stop is not None and change.now.stop is None,
+        "link_lost": lambda change: change.now.activity is Activity.LOST or change.now.lost_link is not None,
+        "reconnected": lambda change: change.before.lost_link is not None and change.now.lost_link is None,
+        "acknowledged": _acknowledged,
+        "clamped_lighter": _clamped_lighter,
+        "measured_rounder": _measured_rounder,
+        "ousted": lambda change: change.now.standing is Standing.OUSTED,
+        "control_back": lambda change: change.before.standing is not Standing.OWNER and change.now.controls,
+        "answered": lambda change: change.answered,
+    }
+)
+"""Every milestone by the name that lessons use, in the order in which they usually come."""
+
 
 _FIELDS = (
     Field(key="schema", kind=Kind.WHOLE, default=1, at_least=1, at_most=1),

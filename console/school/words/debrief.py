@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from console.school.training.debrief import Mark
 from console.school.training.happened import Happening, What
-from console.school.training.item import Item
+from console.school.training.lesson import Item
 from console.session.station.alarms import collision_problems
 from console.text.catalogue import Catalogue
 

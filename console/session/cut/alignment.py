@@ -73,7 +73,7 @@ class Clamping:
 class JawAngle:
     """Spindle angle at which jaw 1 meets the mark, degrees from the index in [0, 360), for this number of jaws.
 
-    `spread_deg` is that of the results of an indicator, the uncertainty of the angle; None where taken by eye.
+    `spread_deg` is that of the results of an indicator, the uncertainty of the angle; None if taken by eye.
     """
 
     angle_deg: float
@@ -145,7 +145,7 @@ def held_by(tables: tuple[Problem, ...]) -> tuple[Problem, ...]:
 
 
 def mounted_on(machine: MachineProfile) -> Mounted:
-    """Return what is mounted on a machine according to its profile."""
+    """Return the tool and chuck mounted on a machine according to its profile."""
     return Mounted(machine=machine.name, chuck=machine.chuck.name, tool=machine.tool.name)
 
 
@@ -291,7 +291,7 @@ def current_step(alignment: Alignment, job: Job) -> AlignStep | None:
 
 
 def step_now(alignment: Alignment, job: Job | None) -> AlignStep | None:
-    """Return the present step; without a job only one that needs none."""
+    """Return the present step; without a job only a step that needs none."""
     if job is not None:
         return current_step(alignment, job)
     steps = (AlignStep.VERIFY, AlignStep.DRIVES, AlignStep.HOME)

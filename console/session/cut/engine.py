@@ -115,7 +115,7 @@ class CutContext:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CutEnd:
-    """End of a cut: `last` proves that the tool is clear. `figures` is None where a hold left too few polls."""
+    """End of a cut: `last` proves that the tool is clear. `figures` is None if a hold left too few polls."""
 
     last: Snapshot
     figures: CutFigures | None

@@ -41,6 +41,17 @@ class Interlock:
         return not self.problems
 
 
+def of_drives(snapshot: Snapshot) -> Interlock:
+    """Check that every loop is closed."""
+    problems = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
+    return Interlock(name="drives_on", problems=problems)
+
+
+def of_home(snapshot: Snapshot) -> Interlock:
+    """Check that the zeros of all axes are known."""
+    return Interlock(name="homed", problems=() if snapshot.homed else (Problem(code="alignment.not_homed"),))
+
+
 def of_job(job: Job, machine: MachineProfile, where: str = "") -> Interlock:
     """Check that the job fits the machine at all; `where` is the file of the job."""
     problems = tuple(replace(finding.problem, where=where) for finding in refusals(check(job, machine)))

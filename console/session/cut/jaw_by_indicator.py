@@ -43,7 +43,7 @@ def spread_deg(results: Sequence[float]) -> float:
 
 
 def reading_problem(flanks: Sequence[float], angle_deg: float, jaws: int) -> Problem | None:
-    """Return why a reading cannot be the next one; None where it can.
+    """Return why a reading cannot be the next one; None if it can.
 
     The second of a pair is at the other flank of the same jaw: less than half a pitch of the jaws away.
     """

@@ -61,7 +61,7 @@ def clear_tables(lathe: Lathe, clock: Clock) -> None:
 
 
 def refuse_unless_still(lathe: Lathe, clock: Clock) -> None:
-    """Refuse while anything turns: with open loops rest is judged by two polls, not by what is commanded."""
+    """Refuse while anything turns: with open loops two polls prove rest, not the command."""
     deadline_s = clock.now_s() + STILL_TIMEOUT_S
     before = lathe.snapshot()
     while clock.now_s() < deadline_s:

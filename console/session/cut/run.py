@@ -46,7 +46,7 @@ class RunPlan:
     There is no `reference`, the same without compensation, where the controller does not drive the spindle: only a
     program that follows it can be cut there. `compensation` is the learned version, None the model's;
     `inverted` the name of the identified response, empty for the model's. `fingerprint` says how the part is
-    clamped, where an indicator showed it; empty where none did.
+    clamped, where an indicator showed it; empty if none did.
     """
 
     job: Job

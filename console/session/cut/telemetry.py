@@ -213,7 +213,7 @@ def _slowly(count: int) -> Floats:
 
 
 def phase_limit_deg(target: LobedPath, tolerance_um: float) -> float | None:
-    """Return the limit of the phase error, spindle degrees either way; None where no phase spoils the part.
+    """Return the limit of the phase error, spindle degrees either way; None if no phase spoils the part.
 
     A sine of N lobes and amplitude A that is cut dphi late leaves the difference of the two, a sine of its own, of
     peak-to-peak height 2 * A * 2 * sin(N * dphi / 2): 2.9 um of 55 at 1 degree and three lobes. The limit is
@@ -238,7 +238,7 @@ def lag_left_um_pp(target: LobedPath, lag_deg: float) -> float:
 
 
 def is_in_phase(phase: Phase | None, limit_deg: float | None, expected: Lag = NO_LAG) -> bool | None:
-    """Return whether the phase may be within its limit, given its uncertainty; None where it is not known.
+    """Return whether the phase may be within its limit, given its uncertainty; None if it is unknown.
 
     An uncertainty above the limit that is not of the blank is no noise: such a tool does not follow the lobe, so
     the allowance is capped at the limit once more.

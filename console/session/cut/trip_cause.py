@@ -50,14 +50,11 @@ def with_cause(lathe: Lathe, problems: Sequence[Problem]) -> tuple[Problem, ...]
         friction = lathe.friction()
         found = tuple(_identified(problem, friction) if friction else problem for problem in problems)
         return (*found, *suspected)
-    told = (_after_change(problem) if problem.code == BY_FRICTION else problem for problem in problems)
+    after_change = {"code": AFTER_CHANGE, "where": "", "key": AxisName.TOOL}
+    told = (replace(each, **after_change) if each.code == BY_FRICTION else each for each in problems)
     return (*told, *(problem for problem in changed if problem not in problems), *suspected)
 
 
 def _identified(problem: Problem, friction: str) -> Problem:
-    """Return the cause with the friction that was measured in this axis in place of what is usual."""
+    """Return the cause with the measured friction of this axis instead of the usual one."""
     return replace(problem, code=IDENTIFIED, key=friction) if problem.code == BY_FRICTION else problem
-
-
-def _after_change(problem: Problem) -> Problem:
-    return replace(problem, code=AFTER_CHANGE, where="", key=AxisName.TOOL)

@@ -1,19 +1,23 @@
-"""What a feed observes of `console run`: who cuts leaves references, the thread of the feed does the rest."""
+"""What a feed observes of `console run`: who cuts leaves references, the thread of the feed does the rest.
+
+Its alarms are made from the status polls: what the controller reports, and a motion that lost its host.
+"""
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from statistics import linear_regression
+from typing import Protocol
 
 from console.session.cut.cut_verdict import CutVerdict
 from console.session.cut.engine import Step
 from console.session.cut.recording import CutRecorder
 from console.session.feed.observed import RUN, Observed, ShownCut
-from console.session.feed.run_alarms import RunAlarms
-from console.session.station.alarms import AT_REST, IN_PROGRAM
+from console.session.station.actions import alarm_events
+from console.session.station.alarms import AT_REST, IN_PROGRAM, Alarms, Priority, raised, with_faults
 from console.session.station.state import Activity, StationState, StopState
 from drivers.cutting.planning import CutPlan
 from drivers.cutting.sampling import Batch
@@ -22,6 +26,7 @@ from drivers.lathe.standing import Standing
 from drivers.lathe.stop import StopPath
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from profiles.problem import Problem
 from profiles.traces import Trace
 
 POLLS = 40  # about a second of polls, over which the speed is averaged
@@ -35,6 +40,8 @@ _ACTIVITIES = {
     Step.RETRACT: Activity.RETRACTING,
     Step.MEASURE: Activity.MEASURING,
 }
+Note = Callable[[str, Mapping[str, object]], object]
+"""Adds an event to the record of the run; returns at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,6 +53,37 @@ class Run:
     run_id: str
     simulated: bool
     air: bool = False
+
+
+class GuardedMotion(Protocol):
+    """The heartbeat of the machine, as far as it is asked here."""
+
+    def loss(self, lost: int) -> Problem | None:
+        """Return why something was ended without its host; `lost` is what the controller reports of it."""
+
+
+class RunAlarms:
+    """What stands now. Nobody acknowledges: an alarm ends with its cause, that of a lapse with the next motion."""
+
+    def __init__(self, note: Note = lambda *_: None) -> None:
+        self.standing: Alarms = ()
+        self.heartbeat: GuardedMotion | None = None
+        self._note = note
+
+    def see(self, snapshot: Snapshot, during: str) -> None:
+        """Take a poll, `during` rest or a program; returns at once."""
+        loss = None if self.heartbeat is None else self.heartbeat.loss(snapshot.lost)
+        if not (self.standing or loss or snapshot.axis_faults):
+            return
+        faults = tuple(alarm for alarm in self.standing if alarm.faults)
+        after = with_faults(faults, snapshot.axis_faults, snapshot.at_s, during)
+        if loss is not None:
+            before = tuple(alarm for alarm in self.standing if alarm.problem == loss)
+            after = (*after, *before) if before else raised(after, loss, Priority.HIGH, snapshot.at_s)
+        after = tuple(alarm for alarm in after if alarm.active)
+        for kind, data in alarm_events(self.standing, after):
+            self._note(kind, data)
+        self.standing = after
 
 
 class FollowedRun(CutRecorder):

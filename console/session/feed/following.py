@@ -144,9 +144,6 @@ class Follower:
         ready, _, _ = select.select(list(paths), [], [], timeout_s)
         for stream in ready:
             self._take(paths[stream], stream)
-        return self._chosen()
-
-    def _chosen(self) -> Heard | None:
         return max(self.heard(), key=lambda each: rank(each.state), default=None)
 
     def heard(self) -> list[Heard]:

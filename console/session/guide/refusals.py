@@ -14,7 +14,7 @@ from console.session.guide.rows import Condition, Row, always, at_step
 from console.session.guide.situation import Phase, Situation, phase_of
 from console.session.guide.start_checks import failing
 from console.session.guide.waiting import wait_problems, waiting
-from console.session.station.adjusting.holding import hold_refusal
+from console.session.station.adjusting import hold_refusal
 from console.session.station.commands import HoldFeed, ResumeFeed
 from console.session.station.jogging import no_retract
 from console.session.station.state import Activity
@@ -32,7 +32,7 @@ _OF_CHOOSER = ("up", "down", "page_up", "page_down", "first", "last", "path", "s
 
 
 def refused(action: str, now: Situation, key: str = "") -> Problems:
-    """Return why an action cannot be done, empty where it can; `key` is how its key is written."""
+    """Return why an action cannot be done, empty if it can; `key` is how its key is written."""
     for when, problems in AGAINST.get(action, ()):
         if when(now):
             return wait_problems(now.state, key) if problems is _wait else problems(now)

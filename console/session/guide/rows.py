@@ -1,7 +1,7 @@
 """The decision tables of the guide: in each situation the first row that applies is the next step.
 
 A word is PAGE.NAME, and its sentence `PAGE_page.next.NAME` of the catalogues. A key is an action of the keymap,
-None where there is nothing to do but to wait. The last row of a table always applies.
+None if there is nothing to do but to wait. The last row of a table always applies.
 """
 
 from __future__ import annotations
@@ -122,7 +122,7 @@ ALIGN_STEPS = (
         at_step(AlignStep.JAW),
         Row("align.jaw_flanks_all", lambda s: len(s.alignment.flanks) >= READINGS, "align.take", do.TakeJaw),
         Row("align.jaw_flanks", lambda s: bool(s.alignment.flanks), "align.flank", do.TakeFlank),
-        Row("align.jaw_enable", lambda s: not s.jog_enabled, "align.enable"),
+        Row("align.jaw_enable", lambda s: not s.state.jog_enabled, "align.enable"),
     ),
     *_when(
         at_step(AlignStep.TOUCH_OFF, None),
@@ -132,7 +132,7 @@ ALIGN_STEPS = (
         lambda s: s.step is AlignStep.TOUCH_OFF and s.over_part,
         Row("align.touch_off_scratched", _is_scratched, "align.out", do.Jog),
         Row("align.touch_off_touching", lambda s: s.touches, "align.take", do.TakeTouchOff),
-        Row("align.touch_off_over_enable", lambda s: not s.jog_enabled, "align.enable"),
+        Row("align.touch_off_over_enable", lambda s: not s.state.jog_enabled, "align.enable"),
         Row("align.touch_off_over", always, "align.in", do.Jog),
     ),
     Row("align.jaw_off", lambda s: s.step is None and s.jaw_off, "align.back", do.Forget),

@@ -61,7 +61,7 @@ def angle_deg(snapshot: Snapshot, machine: MachineProfile) -> float:
 
 
 def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
-    """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None where the simulator does not show it."""
+    """Return how far (deg, 0 or more) from the mark jaw 1 was taken; None if the simulator does not show it."""
     jaw, seen, snapshot = state.alignment.jaw, state.seen, state.snapshot
     if jaw is None or seen is None or seen.dials is not None or snapshot is None:
         return None
@@ -75,12 +75,11 @@ def jaw_off_deg(state: StationState, machine: MachineProfile) -> float | None:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Situation:
-    """One moment. `now_s` is machine time, `jog_enabled` whether the jog keys move the machine now."""
+    """One moment. `now_s` is machine time."""
 
     state: StationState
     work: Work | None
     machine: MachineProfile
-    jog_enabled: bool = False
     now_s: float = 0.0
 
     @property
@@ -95,7 +94,7 @@ class Situation:
 
     @cached_property
     def step(self) -> AlignStep | None:
-        """The present step of the alignment; None where all are done."""
+        """The present step of the alignment; None if all are done."""
         return step_now(self.alignment, self.job)
 
     @property
@@ -138,7 +137,7 @@ class Situation:
 
     @cached_property
     def in_part(self) -> bool | None:
-        """Whether the tool is in or at the clamped part, whatever job is open; None where that is not known."""
+        """Whether the tool is in or at the clamped part, whatever job is open; None if that is not known."""
         if self.state.snapshot is None:
             return None
         return tool_in_part(self.state.snapshot, self.machine, self.alignment)
@@ -192,7 +191,7 @@ class Situation:
 
     @cached_property
     def first_failed(self) -> str:
-        """The name of the first interlock that does not hold; empty where all hold."""
+        """The name of the first interlock that does not hold; empty if all hold."""
         return next((check.name for check in self.checks if check.problems), "")
 
     @property

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from console.session.cut.alignment import aligned_job, aligned_machine, problems
 from console.session.cut.compensated import chosen_problems
-from console.session.cut.interlocks import Interlock, of_job, of_lobe
+from console.session.cut.interlocks import Interlock, of_drives, of_home, of_job, of_lobe
 from console.session.learning.fingerprint import expected_of
 from console.session.stages import Stage
 from console.session.station.progress import CutStage
@@ -26,8 +26,6 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
         return (Interlock(name="link", problems=(Problem(code="screen.nothing_known"),)),)
     stopped = () if state.stop is None else (Problem(code="screen.stopped_first", key="F5"),)
     faults = tuple(_fault(fault, snapshot) for fault in snapshot.axis_faults)
-    drives = () if snapshot.loops_closed else (Problem(code="alignment.drives_off"),)
-    homed = () if snapshot.homed else (Problem(code="alignment.not_homed"),)
     rest = (Problem(code="screen.in_motion"),) if state.seen_moving else ()
     return (
         *([Interlock(name="commissioned", problems=state.uncommissioned)] if state.uncommissioned else []),
@@ -35,8 +33,8 @@ def checks(state: StationState, work: Work | None, machine: MachineProfile) -> t
         # Disabled drives report none, whatever is wrong.
         Interlock(name="no_fault", problems=faults, waits=not faults and not snapshot.loops_closed),
         *_of_work(state, work, machine),
-        Interlock(name="drives_on", problems=drives),
-        Interlock(name="homed", problems=homed),
+        of_drives(snapshot),
+        of_home(snapshot),
         Interlock(name="at_rest", problems=rest),
         *_blank_check(state),
         Interlock(name="program", waits=state.armed is None),

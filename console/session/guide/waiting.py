@@ -32,6 +32,6 @@ def waiting(state: StationState) -> str:
 
 
 def wait_problems(state: StationState, key: str) -> tuple[Problem, ...]:
-    """Return why the station cannot take a command now, empty where it can; `key` is how its key is written."""
+    """Return why the station cannot take a command now, empty if it can; `key` is how its key is written."""
     word = waiting(state)
     return (Problem(code=_REFUSALS[word], key=key),) if word else ()

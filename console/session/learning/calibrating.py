@@ -41,7 +41,7 @@ class PartLobe:
 
     @property
     def reasons(self) -> tuple[Problem, ...]:
-        """Why the job cannot take it, empty where it can."""
+        """Why the job cannot take it, empty if it can."""
         return self.problems if self.found is None else (*self.found.reasons, *self.problems)
 
 
@@ -120,7 +120,7 @@ def keep_lobe(
 
 
 def lobe_step(job: Job, found: FoundLobe) -> Step | None:
-    """Return the large step from the lobe of a job, at its present force, to the one that was found."""
+    """Return the large step from the present lobe of a job, at its present force, to the fitted lobe."""
     at_force_um = job.lobe_error_um_pp * job.chucking_force_n / job.error_force_n
     return step_of("lobe_error_um_pp", found.fit.error_um_pp, (at_force_um,))
 

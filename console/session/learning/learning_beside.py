@@ -53,7 +53,7 @@ class AirWatch:
         self._gather.see(snapshot)
 
     def last(self) -> Batch:
-        """Return what was gathered; `learning.nothing_gathered` where that is nothing."""
+        """Return the gathered samples; `learning.nothing_gathered` if there are none."""
         self._gather.finish()
         if not self._batches:
             raise SessionError(Problem(code="learning.nothing_gathered"))

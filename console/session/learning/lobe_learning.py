@@ -30,7 +30,7 @@ class LeftLobe:
     """The lobe that a part has left, um p-p, as two of which it is the sum with their angles.
 
     `own_um_pp` is of this clamping alone, whose force was off that of the mean by `force_deviation`, a fraction:
-    it does not repeat. `repeats_um_pp` is the rest. Both are what is most likely after the parts so far.
+    it does not repeat. `repeats_um_pp` is the rest. Both are the most likely values after the parts so far.
     """
 
     left_um_pp: float

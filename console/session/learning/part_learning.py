@@ -85,7 +85,7 @@ def accept(learning: PartLearning, data: Path) -> LearnedCompensation:
 def revert(
     used: LearnedCompensation | None, job: LoadedJob, machine: LoadedMachine, data: Path, *, simulated: bool
 ) -> LearnedCompensation:
-    """Keep the version before the one that is `used` again as the newest, and return it.
+    """Keep the version before the `used` one again as the newest, and return it.
 
     That is the version from whose part it was learned; before the first comes the model.
 

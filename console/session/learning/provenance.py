@@ -1,4 +1,4 @@
-"""Whether a file of a gauge is the trace of the part that it is taken for: by its content, and by its date."""
+"""Check that a gauge file is the trace of the assumed part, by its content and its date."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def _ended_at(cuts: Sequence[tuple[str, str, str]]) -> datetime | None:
 def _measured_at(path: Path, meta: Mapping[str, str]) -> datetime | None:
     """Return the earlier of the date in a file and that of its last change; None if neither is known."""
     dates: list[datetime] = []
-    with suppress(ValueError, OverflowError, OSError):  # what is no date states none
+    with suppress(ValueError, OverflowError, OSError):  # anything else than a date states none
         dates += [datetime.fromisoformat(meta[DATE]).astimezone()] if DATE in meta else []
     with suppress(OSError, ValueError, OverflowError):
         dates.append(datetime.fromtimestamp(os.stat(path).st_mtime).astimezone())

@@ -114,7 +114,7 @@ def raised(alarms: Alarms, problem: Problem, priority: Priority, at_s: float) ->
 
 
 def restated(alarms: Alarms, problem: Problem) -> Alarms:
-    """Return the alarms with more known of one that stands: it is neither raised again nor unseen again."""
+    """Return the alarms with the problem of an active one updated; it is neither raised nor unseen again."""
     return tuple(
         replace(alarm, problem=problem)
         if alarm.active and (alarm.problem.code, alarm.problem.key) == (problem.code, problem.key)
@@ -166,7 +166,7 @@ def with_faults(alarms: Alarms, faults: Iterable[str], at_s: float, during: str 
 
 
 def foremost(alarms: Alarms) -> Alarm | None:
-    """Return the one to show: unseen before seen, then by priority, what is so before what is over, the oldest."""
+    """Return the alarm to show: unseen before seen, then by priority, active before cleared, oldest first."""
     return min(alarms, key=lambda a: (a.acknowledged, a.priority, not a.active, a.at_s), default=None)
 
 

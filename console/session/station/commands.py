@@ -76,6 +76,14 @@ class Jog(Command):
 
 
 @dataclass(frozen=True, kw_only=True)
+class NoteJog(Command):
+    """Note whether the jog keys of this screen are enabled, for the guide and the feed. Nothing moves."""
+
+    logged: ClassVar[bool] = False
+    enabled: bool
+
+
+@dataclass(frozen=True, kw_only=True)
 class GoTo(Command):
     """Go to a typed target with one jog: Z, mm from its zero, or C, degrees from the index the shorter way."""
 
@@ -147,7 +155,7 @@ class Forget(Command):
 class Arm(Command):
     """Plan, load, read back and check a cut; start is allowed for `valid_s` seconds after it.
 
-    `loaded` is the file that the job is from, None where it differs from it: then nothing was learned of it.
+    `loaded` is the file that the job is from, None if it differs from it: then nothing was learned of it.
     `compensation` is what was learned of it, None the model's; `stage` is a `console.session.stages.Stage`.
     `inverts` is the identified response that a cut without anything learned inverts, None the model's.
     """
@@ -218,7 +226,7 @@ class TakeFingerprint(Command):
 
 
 class AskTruth(Command):
-    """Ask the simulated lathe what is so, when a lesson is over."""
+    """Ask the simulated lathe for its true state when a lesson is over."""
 
     logged: ClassVar[bool] = False
 
@@ -280,7 +288,7 @@ class Control(Protocol):
 
     @property
     def side(self) -> SideLine | None:
-        """Where worker threads ask the controller, between two polls; None where there is no controller."""
+        """Where worker threads ask the controller, between two polls; None if there is no controller."""
 
     def now_s(self) -> float:
         """Return machine time, to compute the age of the state."""

@@ -9,14 +9,15 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Protocol
 
-from console.session.cut.alignment import Alignment, aligned_machine, mounted_on
+from console.session.cut.alignment import Alignment, aligned_machine, mounted_on, table_problems
 from console.session.cut.engine import CutContext, Workshop
+from console.session.cut.interlocks import of_drives, of_home
 from console.session.cut.recording import CutRecorder, LogRecorder
 from console.session.cut.telemetry import NO_LAG, Lag
 from console.session.data.records import RunRecord
 from console.session.data.run_rows import problem_events
 from console.session.data.run_story import COMMAND
-from console.session.errors import SessionError
+from console.session.errors import SessionError, refuse
 from console.session.station.actions import alarm_events, command_event
 from console.session.station.alarms import Alarms, Priority, cleared, raised
 from console.session.station.begins import Begins
@@ -51,7 +52,7 @@ class Shop(Workshop, Protocol):
         """How many blanks were clamped on it so far."""
 
     def truth(self) -> Truth:
-        """Return what is so at the lathe, for a debrief."""
+        """Return the true state of the lathe, for a debrief."""
 
     def fault(self, line: str) -> str:
         """Inject a fault: `inject NAME [KEY=VALUE ...]`; or end all of them: `clear`."""
@@ -174,6 +175,15 @@ class StationContext:
             return context
         return replace(context, commissioned=self.commissioned.problems)
 
+    def refuse_unless_homed(self) -> None:
+        """Refuse unless the drives are enabled and the zeros known: `alignment.drives_off`, `alignment.not_homed`.
+
+        Also while a table is left on (`cut.table_on`): it would move the tool with the carriage and the spindle.
+        """
+        refuse(of_drives(self.lathe.snapshot()).problems)
+        refuse(table_problems(self._state.alignment))
+        refuse(of_home(self.lathe.snapshot()).problems)
+
     def tell(self, **changes: Any) -> None:
         """Publish a state with these fields changed."""
         with self._lock:
@@ -209,7 +219,7 @@ class StationContext:
         return self.clock.now_s() if self.training is None else self.training.clock.real_s()
 
     def change_alarms(self, change: Callable[[Alarms], Alarms]) -> None:
-        """Publish changed alarms; none that another thread raises meanwhile is lost."""
+        """Publish changed alarms; alarms that another thread raises meanwhile are kept."""
         with self._lock:
             before = self._state.alarms
             after = change(before)
@@ -234,7 +244,7 @@ class StationContext:
         return any(alarm.active and alarm.problem == problem for alarm in self._state.alarms)
 
     def open_record(self, record: RunRecord) -> None:
-        """Record from now on, beginning with the alarms that are active: one that is over is of another run."""
+        """Record from now on, beginning with the active alarms: a cleared alarm belongs to another run."""
         with self._lock:
             self.record = record
             standing = tuple(alarm for alarm in self._state.alarms if alarm.active)
@@ -273,7 +283,7 @@ class StationContext:
             self.alarm(error.problems[0], Priority.MEDIUM)
 
     def end_record(self, *, marked: bool = False) -> None:
-        """Complete the record of this cut; report one that was lost. `marked`: the next start tells of it."""
+        """Complete the record of this cut, and report a lost record. `marked`: the next start reports the mark."""
         if self.record is not None:
             try:
                 self.record.refuse_lost()

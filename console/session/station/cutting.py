@@ -28,7 +28,7 @@ from console.session.force_record import ForceCheck, force_event
 from console.session.learning.fingerprint import Fingerprint, fingerprinted, refuse_unusable
 from console.session.learning.learning_steps import check_of
 from console.session.stages import Stage
-from console.session.station.adjusting.refusals import beyond, stepped
+from console.session.station.adjusting import beyond, stepped
 from console.session.station.commands import Adjust, Arm, ClearTables, Disarm, HoldFeed, Retract, Start
 from console.session.station.context import StationContext
 from console.session.station.gain_trial import trial_problems
@@ -191,7 +191,7 @@ class Adjusting:
 
     @property
     def changed(self) -> Changed | None:
-        """What was changed by now; None where nothing was."""
+        """What was changed by now; None if nothing was."""
         if self.changed_mm is None:
             return None
         return Changed(override_percent=self._last.override_percent, trim=self._last.trim, from_mm=self.changed_mm)
@@ -287,11 +287,11 @@ def _checked_before(context: StationContext, job: Job, loaded: LoadedJob | None)
     try:
         return check_of(newest_part(context.records, asked), loaded.job)
     except ProblemError:
-        return None  # what is wrong with the record is reported by what needs it
+        return None  # whoever needs the record reports what is wrong with it
 
 
 def _response(command: Arm, machine: MachineProfile) -> ServoResponse:
-    """Return the response that the cut inverts: the one that was chosen, else the model of its path."""
+    """Return the response that the cut inverts: the chosen one, else the model of its path."""
     if command.inverts is not None:
         return command.inverts.response
     return path_response(command.strategy, machine)
@@ -342,7 +342,7 @@ def _planned(context: StationContext, command: Arm, job: Job) -> tuple[CutPlan, 
 
 
 def _clamped(context: StationContext, command: Arm, job: Job, path: CutPath | None) -> Fingerprint | None:
-    """Return the fingerprint of this clamping with its path, None where none was taken."""
+    """Return the fingerprint of this clamping with its path, None if none was taken."""
     readings, learned, strategy = context.state.alignment.readings, command.compensation, command.strategy
     if readings is None or not strategy.traits.inverts or Stage(command.stage) is Stage.AIR:
         return None

@@ -18,7 +18,7 @@ def jog_s(machine: MachineProfile, axis: AxisName, distance: float) -> float:
 
 
 def approach_s(machine: MachineProfile, now: Snapshot, over_counts: float, clear_counts: float) -> float:
-    """Return the duration of the approach: tool out where it is further in, carriage over the part, tool in."""
+    """Return the duration of the approach: tool out if it is further in, carriage over the part, tool in."""
     tool, carriage = (settings_of(machine, axis) for axis in (AxisName.TOOL, AxisName.CARRIAGE))
     out_counts = min(now.tool.position, clear_counts)
     return (

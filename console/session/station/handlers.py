@@ -13,15 +13,14 @@ from typing import Any
 
 from console.session.cut.alignment import clamped, force_problems, table_problems
 from console.session.cut.engine import tool_clear
-from console.session.cut.interlocks import of_job
+from console.session.cut.interlocks import of_drives, of_job
 from console.session.cut.retracting import refuse_unless_still
 from console.session.data import health, identified
 from console.session.data.kept_files import utc_now
-from console.session.errors import SessionError, refuse
+from console.session.errors import SessionError, refuse, require
 from console.session.station import commands, jogging
 from console.session.station.alarms import NOBODYS, OUSTED, recovered
 from console.session.station.begins import Begins
-from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from console.session.station.cutting import arm, clear_left_tables, disarm, retract, start
 from console.session.station.durations import approach_s, home_s, jog_s
@@ -105,7 +104,7 @@ def confirm_clamping(context: StationContext, command: commands.ConfirmClamping)
 
 
 def ask_truth(context: StationContext, _: commands.AskTruth) -> None:
-    """Ask the simulated lathe what is so; `session.not_simulated`."""
+    """Ask the simulated lathe for its true state; `session.not_simulated`."""
     if context.shop is None:
         raise SessionError(Problem(code="session.not_simulated"))
     context.tell(truth=context.shop.truth())
@@ -144,7 +143,7 @@ def switch_off(context: StationContext, _: commands.DisableDrives) -> None:
 
 def home(context: StationContext, _: commands.Home) -> None:
     """Home all axes."""
-    require(context.lathe.snapshot().loops_closed, "alignment.drives_off")
+    refuse(of_drives(context.lathe.snapshot()).problems)
     refuse(table_problems(context.state.alignment))
     ends_s = home_s(context.machine, context.lathe.snapshot())
     latest_s = None if ends_s is None else context.clock.now_s() + ends_s
@@ -155,7 +154,7 @@ def home(context: StationContext, _: commands.Home) -> None:
 
 def approach(context: StationContext, command: commands.Approach) -> None:
     """Move the tool out, the carriage over the part, and the tool in to the retract distance."""
-    refuse_unless_homed(context)
+    context.refuse_unless_homed()
     machine = context.machine
     setup = cut_setup(command.job, machine)
     over_mm = min(OVER_PART_MM, 0.5 * command.job.cut_length_mm)
@@ -172,7 +171,7 @@ def approach(context: StationContext, command: commands.Approach) -> None:
 
 def jog(context: StationContext, command: commands.Jog) -> None:
     """Jog one step; toward the work no further than to the clamped part, as far as that is known."""
-    refuse_unless_homed(context)
+    context.refuse_unless_homed()
     if command.axis is AxisName.TOOL:
         nominal, alignment = context.loaded_machine.machine, context.state.alignment
         toward = jogging.step_problem(command.distance, context.lathe.snapshot(), nominal, alignment)
@@ -184,7 +183,7 @@ def jog(context: StationContext, command: commands.Jog) -> None:
 
 def go_to(context: StationContext, command: commands.GoTo) -> None:
     """Go to a target with one jog, if nothing is in the way; the carriage or the spindle."""
-    refuse_unless_homed(context)
+    context.refuse_unless_homed()
     require(command.axis in GO_TO, "machine.no_target_axis")
     snapshot, machine = context.lathe.snapshot(), context.loaded_machine.machine
     refuse(target_problems(snapshot, machine, context.state.alignment, command.axis, command.target))

@@ -99,7 +99,7 @@ def tool_radius_mm(position_counts: float, machine: MachineProfile, alignment: A
 
 
 def longest_in_mm(gap_mm: float | None) -> float:
-    """Return the longest step toward the work that is allowed; `gap_mm` is None where it is not known."""
+    """Return the longest allowed step toward the work; `gap_mm` is None if it is unknown."""
     return BLIND_STEP_MM if gap_mm is None else max(gap_mm, FEELING_STEP_MM)
 
 
@@ -123,7 +123,7 @@ def longest_toward_mm(snapshot: Snapshot | None, machine: MachineProfile, alignm
 def step_problem(
     step_mm: float, snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment
 ) -> Problem | None:
-    """Return why a step of the tool toward the work is refused; None where it is not. Nothing is shortened."""
+    """Return why a step of the tool toward the work is refused, else None. Nothing is shortened."""
     longest_mm = longest_toward_mm(snapshot, machine, alignment)
     if not is_too_long(step_mm, longest_mm):
         return None
@@ -152,7 +152,7 @@ def setup_speed(axis: AxisName) -> float:
 
 
 def speed_problem(machine: MachineProfile, axis: AxisName, distance: float) -> Problem | None:
-    """Return why a jog over a distance is too fast for set-up; None where it is not. Nothing is slowed down."""
+    """Return why a jog over a distance is too fast for set-up, else None. Nothing is slowed down."""
     speed, most = step_speed(machine, axis, distance), setup_speed(axis)
     if speed <= most * (1.0 + SPEED_TOLERANCE):
         return None
@@ -173,7 +173,7 @@ def stopping_distance(machine: MachineProfile, axis: AxisName, step: float) -> f
 def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> float | None:
     """Return the radial distance from the tip to the surface of the clamped blank, negative inside.
 
-    None where it is not known: nothing is clamped, or the axes are not homed.
+    None if it is not known: nothing is clamped, or the axes are not homed.
     """
     if alignment.clamping is None or not snapshot.homed:
         return None
@@ -182,7 +182,7 @@ def tool_gap_mm(snapshot: Snapshot, machine: MachineProfile, alignment: Alignmen
 
 
 def tool_in_part(snapshot: Snapshot, machine: MachineProfile, alignment: Alignment) -> bool | None:
-    """Return whether the tip is over the clamped blank and not clear of it; None where that is not known.
+    """Return whether the tip is over the clamped blank and not clear of it; None if that is unknown.
 
     Before the touch-off the tip position is only known to within the touch-off band.
     """
@@ -218,7 +218,7 @@ def clears_tables(snapshot: Snapshot | None, alignment: Alignment) -> bool:
 
 
 def no_retract(snapshot: Snapshot | None, machine: MachineProfile, alignment: Alignment) -> Problem | None:
-    """Return why the tool cannot be retracted, with what is known of its position; None where it can be.
+    """Return why the tool cannot be retracted, with its position as far as known; None if it can be.
 
     A disabled drive does not hold the tool: it does not count as out, wherever it was seen. An unknown position is
     reported as unknown, and not as a tool in the part.

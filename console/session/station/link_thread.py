@@ -80,7 +80,7 @@ class LinkThread:
 
     @property
     def run_id(self) -> str | None:
-        """The record of the current run, None where there is none."""
+        """The record of the current run, None if there is none."""
         return None if (opened := self._opened) is None else opened.station.run_id
 
     @property
@@ -111,7 +111,7 @@ class LinkThread:
         return taken
 
     def stop(self, reason: str) -> None:
-        """Stop the machine now; one that is still being opened is stopped before anything else is done with it."""
+        """Stop the machine now; a machine that is still being opened is stopped before anything else."""
         # Set the flag before checking, where the thread checks in reverse order: one of the two sends it.
         self._stopped = self._stopped or reason
         if self._opened is not None:

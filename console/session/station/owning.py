@@ -177,7 +177,7 @@ def lock_path(data: Path, address: str) -> Path:
 
 
 def open_lock(path: Path) -> int:
-    """Open the lock file, creating it where it is missing; OSError unless a plain file of ours alone."""
+    """Open the lock file, creating it if it is missing; OSError unless it is a plain file of ours alone."""
     make_private_folder(path.parent)
     if path.parent.is_symlink() or path.is_symlink():
         raise OSError(errno.ELOOP, FOREIGN)

@@ -178,23 +178,23 @@ class CutProgress:
     `errors_um` (tool against the target path at the spindle angle of that instant, infeed positive) are the last
     samples in the part, oldest first, read-only. `phase` is the phase lag of the tool behind the target path, in
     spindle degrees, None until enough was sampled or without a lobe; `phase_limit_deg` is its limit by the part,
-    None where no phase spoils it, about the `expected_lag` that learning counts on. `lag_deg` is the lag beyond
+    None if no phase spoils it, about the `expected_lag` that learning counts on. `lag_deg` is the lag beyond
     that, behind the path as it is trimmed. `fraction` is that of the cut length. `figures` are those of the whole
-    cut, once it has ended. `judged` is False where the strategy follows no lobe: the tool error is then the lobe
-    itself, and there is no phase. `synchronisation` is None where nothing must be synchronised, or too little was
+    cut, once it has ended. `judged` is False if the strategy follows no lobe: the tool error is then the lobe
+    itself, and there is no phase. `synchronisation` is None if nothing must be synchronised, or too little was
     sampled.
-    `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None where it
+    `ripple` is the speed ripple of the spindle within a turn, by the last samples in the part; None if it
     cannot be determined. A cut `in_air` has all of it beside the part, at the planned clearance.
 
     `phases` are those that are not over, with the time left. `to_go` is how far the axes have to go: to the start
     of the program, in the cut the carriage to its end. `place` is the line of the program, by the controller; None
     where it has not reported one.
 
-    `hold` is the feed hold, by the controller; it may be asked for from Z `hold_from_mm` on, None where the
+    `hold` is the feed hold, by the controller; it may be asked for from Z `hold_from_mm` on, None if the
     program cannot be held. `holds_mm` is where it was held, `held_left_s` how long the program still waits.
     `adjusted` is what was changed of the running cut. Times go with its override; error and phase are against the
     target of the job, so that they show what a trim does; `path_phase` is that against the trimmed path. `changed`
-    is what was changed of a cut that has ended, None where nothing was; `force` what the force of one in the half
+    is what was changed of a cut that has ended, None if nothing was; `force` what the force of one in the half
     stage says of sign and angle.
     """
 

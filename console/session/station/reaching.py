@@ -242,7 +242,7 @@ def _parts_before(loaded: LoadedMachine, address: SimulatedAddress, data: Path) 
 
 
 def owning_of(lathe: Lathe, address: str, data: Path, *, simulated: bool) -> Owning:
-    """Return the control of a machine; one that others can reach, too, is locked here and signed there."""
+    """Return the control of a machine; if others can reach it, too, lock it here and sign at the controller."""
     if simulated:
         return Owning(lathe, address, data)
     lock, client = partial(take_lock, data, address), remote_client(os.environ)

@@ -10,9 +10,8 @@ from dataclasses import replace
 
 from console.session.cut.alignment import TouchOff, jaw_found, touched_off, without_reading
 from console.session.cut.jaw_by_indicator import mean_deg, reading_problem, results_deg, spread_deg, spread_problem
-from console.session.errors import SessionError, refuse
+from console.session.errors import SessionError, refuse, require
 from console.session.station import commands, jogging
-from console.session.station.conditions import refuse_unless_homed, require
 from console.session.station.context import StationContext
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.fingerprint.readings import readings_problem
@@ -109,7 +108,7 @@ def forget(context: StationContext, _: commands.Forget) -> None:
 
 
 def _rested(context: StationContext) -> Snapshot:
-    refuse_unless_homed(context)
+    context.refuse_unless_homed()
     snapshot = context.lathe.snapshot()
     require(snapshot.at_rest, "machine.moving")
     return snapshot

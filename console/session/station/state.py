@@ -89,7 +89,7 @@ POLLED = MOVING - {Activity.TESTING, Activity.STOPPING}  # a test also reads wha
 class StopState:
     """A stop that was sent: why, when (machine time), as which character, and when rest was proven.
 
-    `still_s` is the first poll from which on nothing has moved, None where none is known: the proof takes longer.
+    `still_s` is the first poll from which on nothing has moved, None if none is known: the proof takes longer.
     `taken_s` is when a poll first showed that the controller obeys it. `delivered` is False when the link did not
     take it. `tool_in_part` is None while it is not known; `can_retract` is whether every loop is closed. `of_cut`
     is whether it ended a cut, `mark_mm` where the tool then came to rest in the part, mm behind its face; None
@@ -114,7 +114,7 @@ class Armed:
     """A cut that may be started until `until_s` (machine time). `job` has jaw 1 where it was found.
 
     `alignment` is that of the arming. `made` is how the part will have been cut, `loaded` the file of
-    the job, None where it was edited. `bounds` is by how much the cut may be changed while it runs, `warnings`
+    the job, None if it was edited. `bounds` is by how much the cut may be changed while it runs, `warnings`
     what its fingerprint has against it.
     """
 
@@ -135,7 +135,7 @@ class MeasuredPart:
 
     `marks_mm` is where a stop left the tool in it, mm behind its face. `learning` is its learning step. Where not
     `phase_known`, nobody knows where jaw 1 is in the trace. `diameter_mm` is the mean one, `tool_offset_um` how
-    much deeper the tool has to go for the nominal one; both are None where the trace does not have the size.
+    much deeper the tool has to go for the nominal one; both are None if the trace does not have the size.
     `offset_taken`: the touch-off was corrected by it. `lobe` is that of a part cut without compensation. `run_id`
     is its run in the record. Where its cut is not `proven` to be the planned one, it is neither good nor bad.
     """
@@ -157,12 +157,12 @@ class MeasuredPart:
 
     @property
     def size_doubt(self) -> Problem | None:
-        """Why its size is not one of its job, so that it is no measure of the tool; None where it may be."""
+        """Why the size cannot be that of its job, and so says nothing of the tool offset; None if it may be."""
         return None if self.diameter_mm is None else size_doubt(self.diameter_mm / 2.0, self.job)
 
     @property
     def diameter_passes(self) -> bool | None:
-        """Whether the mean diameter is within the tolerance of its job; None where that is not judged."""
+        """Whether the mean diameter is within the tolerance of its job; None if it is not judged."""
         most_um, doubt = self.job.diameter_tolerance_um, self.size_doubt
         if most_um is None or self.diameter_mm is None or (doubt is not None and doubt.code == DIAMETER_STATED):
             return None
@@ -187,25 +187,24 @@ class StationState:
     """One moment. `at_s` is machine time.
 
     `cut_done` means that the clamped part has been cut to its end. `uncompensated` is the last part, of whatever
-    job, that was cut without compensation and measured. `refusals` answer the last command, and end with the next.
-    `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
-    `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is
-    where stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is
-    cut, by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not
-    cut at all, as of the last time its settings were read. `standing` is this console's role at the
-    machine, `holder` the number of the console that controls it, `held_by` who that is as far as it has said so,
-    `onlookers` how many others of this data folder look on while this one controls. `lathe` is which simulated
-    lathe it is, empty for a real machine. `jogs` counts the jogs that
-    ended in position, `ends_s` is when the present motion should end (machine time), None where that is not known,
-    `ends_at_most` whether it may end long before.
-    `firmware` is the version and the type of the controller, `controller` both as text.
-    `lost_link` is the loss of the link, until F2 after it is back. `tool_loop` is the loop of the tool as it was
-    read last, `tested` the name of the file with the last test of the tool. `trial` are gains that were applied on
-    trial, as the controller had them when it was compared last. `force` is what the force of the last half-stage
-    cut says of sign and angle. `truth` is what is so at a simulated lathe, once
-    it was asked; `indicated` what an indicator shows there of the clamping, likewise. `speed` is how many times as
-    fast as real time that runs, 0 while its instructor has paused it; `stop_waits` is whether a stop was sent to
-    it meanwhile.
+    job, that was cut without compensation and measured. `refusals` answer the last command, and end with the
+    next. `loading_until_s` is about when the program will have been loaded, machine time; None while none is.
+    `spindle_rpm` is None until enough was sampled. `stops` counts those that were settled. `marks_mm` is where
+    stops left the tool in the clamped part while it turned, mm behind its face. `touched` is how far it is cut,
+    by however many cuts, None while no tool has been in it. `uncommissioned` is why this machine may not cut at
+    all, as of the last time its settings were read. `standing` is this console's role at the machine, `holder`
+    the number of the console that controls it, `held_by` who that is as far as it has said so, `onlookers` how
+    many others of this data folder look on while this one controls. `lathe` is which simulated lathe it is, empty
+    for a real machine. `jogs` counts the jogs that ended in position, `jog_enabled` is whether the jog keys of
+    the screen move the machine now, `ends_s` is when the present motion should end (machine time), None where
+    that is not known, `ends_at_most` whether it may end long before. `firmware` is the version and the type of
+    the controller, `controller` both as text. `lost_link` is the loss of the link, until F2 after it is back.
+    `tool_loop` is the loop of the tool as it was read last, `tested` the name of the file with the last test of
+    the tool. `trial` are gains that were applied on trial, as the controller had them when it was compared last.
+    `force` is what the force of the last half-stage cut says of sign and angle. `truth` is what is so at a
+    simulated lathe, once it was asked; `indicated` what an indicator shows there of the clamping, likewise.
+    `speed` is how many times as fast as real time that runs, 0 while its instructor has paused it; `stop_waits`
+    is whether a stop was sent to it meanwhile.
     """
 
     activity: Activity = Activity.CONNECTING
@@ -230,6 +229,7 @@ class StationState:
     stop: StopState | None = None
     stops: int = 0
     jogs: int = 0
+    jog_enabled: bool = False
     ends_s: float | None = None
     ends_at_most: bool = False
     lost_link: LostLink | None = None
@@ -258,7 +258,7 @@ class StationState:
 
     @property
     def cut_to(self) -> TouchedBlank | None:
-        """How far the clamped blank is cut: a mark beyond the last poll in the cut tells where the tool got to."""
+        """How far the clamped blank is cut; a mark beyond the last poll of the cut shows how far the tool got."""
         if self.touched is None:
             return None
         return replace(self.touched, to_mm=max(self.touched.to_mm, *self.marks_mm, 0.0))
@@ -286,7 +286,7 @@ class StationState:
         return self.controls and moves
 
     def age_s(self, now_s: float) -> float | None:
-        """Return the greatest age of any value that was read; None where none was."""
+        """Return the greatest age of any value that was read; None if none was."""
         return None if self.snapshot is None else self.snapshot.age_s(now_s)
 
     def is_stale(self, now_s: float) -> bool:

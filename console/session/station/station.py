@@ -10,15 +10,31 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
+from typing import Any
 
 from console.session.cut.alignment import observed
 from console.session.cut.trip_cause import BY_FRICTION, with_cause
 from console.session.data.records import LEFT_IN_PART
 from console.session.errors import SessionError, fault_problem
-from console.session.station.adjusting.at_once import taken_at_once
-from console.session.station.alarms import OF_A_CUT, Priority
-from console.session.station.armed_watch import PollPause, age_problem, watch_armed
-from console.session.station.commands import Arm, Command, ReadLoop, Recover, Start, TakeControl, Verify
+from console.session.station.adjusting import adjust_refusal, hold_refusal
+from console.session.station.alarms import OF_A_CUT, Priority, seen
+from console.session.station.commands import (
+    Acknowledge,
+    Adjust,
+    Arm,
+    Command,
+    EndCut,
+    HoldFeed,
+    InjectFault,
+    NoteJog,
+    ReadLoop,
+    Recover,
+    ResumeFeed,
+    Start,
+    TakeControl,
+    Verify,
+)
 from console.session.station.context import StationContext
 from console.session.station.handlers import HANDLERS, begin_as
 from console.session.station.link.holding import HolderWatch
@@ -27,11 +43,14 @@ from console.session.station.link.reconnecting import SILENT_CODES, Reconnecting
 from console.session.station.progress import SpindleWatch
 from console.session.station.state import IDLE, MOVING, Activity, StationState
 from console.session.station.stops import Stops, leaves_tool_in_part
-from console.session.station.training import carry_out
+from console.session.station.training import Instruct, carry_out
 from console.session.station.watches import (
     ChuckSight,
     LinkTime,
+    PollPause,
+    age_problem,
     give_faults,
+    watch_armed,
     watch_axes,
     watch_loss,
     watch_phase,
@@ -49,6 +68,66 @@ from profiles.problem import Problem, ProblemError
 SCREEN_TIMEOUT_S = 2.0  # timeout of a silent screen while something moves
 OBSERVERS_COMMANDS = (Verify, Recover, TakeControl, ReadLoop)
 """Commands open to a console that only observes; a stop needs no permission."""
+
+
+def _acknowledge(context: StationContext, command: Acknowledge) -> None:
+    context.change_alarms(partial(seen, shown=command.shown))
+
+
+def _end_cut(context: StationContext, _: EndCut) -> Problem | None:
+    cutting = context.state.activity is Activity.CUTTING
+    context.end_asked = context.end_asked or cutting
+    return None if cutting else Problem(code="session.nothing_to_hold")
+
+
+def _hold(context: StationContext, command: HoldFeed | ResumeFeed) -> Problem | None:
+    problem = hold_refusal(command, context.state)
+    context.hold_asked = command if problem is None else context.hold_asked
+    return problem
+
+
+def _adjust(context: StationContext, command: Adjust) -> Problem | None:
+    problem = adjust_refusal(command, context.state)
+    if problem is None:
+        context.adjust_asked.append(command)
+    return problem
+
+
+def _inject(context: StationContext, command: InjectFault) -> Problem | None:
+    if context.shop is None:
+        return Problem(code="session.not_simulated")
+    context.faults_asked.append(command.line)
+    return None
+
+
+_AT_ONCE: dict[type[Command], Callable[[StationContext, Any], Problem | None]] = {
+    Acknowledge: _acknowledge,
+    EndCut: _end_cut,
+    HoldFeed: _hold,
+    ResumeFeed: _hold,
+    Adjust: _adjust,
+    InjectFault: _inject,
+    NoteJog: lambda context, command: context.tell(jog_enabled=command.enabled),
+    Instruct: lambda context, command: context.orders.append(command.carry_out),
+}
+"""Commands that do not wait their turn: taken from any thread, whatever the machine is doing."""
+
+
+def _taken_at_once(context: StationContext, command: Command) -> tuple[Problem, ...] | None:
+    """Take what does not wait its turn: return why not, empty if it was taken; None for all else."""
+    take = next((take for kind, take in _AT_ONCE.items() if isinstance(command, kind)), None)
+    if take is not None:
+        if command.logged:
+            context.log_command(command)
+        problem = take(context, command)
+    elif context.state.speed != 0.0:
+        return None
+    elif isinstance(command, Recover) and context.training is not None:
+        context.training.clock.ask_on()  # its instructor may be gone
+        problem = None
+    else:
+        problem = Problem(code="instruct.paused")
+    return () if problem is None else (problem,)
 
 
 class Station:
@@ -118,7 +197,7 @@ class Station:
 
     @property
     def run_id(self) -> str | None:
-        """The record of the current run, None where there is none."""
+        """The record of the current run, None if there is none."""
         record = self._context.record
         return None if record is None else record.run_id
 
@@ -169,9 +248,9 @@ class Station:
         return True
 
     def post(self, intent: Command) -> bool:
-        """Take a command, from any thread; False where it is refused because the machine is busy."""
+        """Take a command, from any thread; False if it is refused because the machine is busy."""
         context = self._context
-        refused = taken_at_once(context, intent)
+        refused = _taken_at_once(context, intent)
         if refused is not None:
             return self._refuse(refused[0]) if refused else True
         with self._slot:

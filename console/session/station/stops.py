@@ -141,7 +141,7 @@ class Stops:
         return StopState(reason="", killed=False, sent_s=0.0, of_cut=of_cut, mark_mm=mark_mm)
 
     def _behind_face_mm(self) -> float | None:
-        """Return where the tool is in the clamped part, by the last poll; None where that is not known."""
+        """Return the place of the tool in the clamped part at the last poll; None if it is unknown."""
         context, clamping = self._context, self._context.state.alignment.clamping
         snapshot = context.state.snapshot
         if snapshot is None or clamping is None or not snapshot.homed:

@@ -1,11 +1,16 @@
-"""Monitors run on every status poll, each with an alarm for as long as its condition holds."""
+"""Monitors run on every status poll, each with an alarm for as long as its condition holds.
+
+An armed cut is what was read in its summary: it is disarmed at a poll that shows anything else, or comes late.
+"""
 
 from __future__ import annotations
 
+import time
 from collections import deque
 
 from console.session.cut.alignment import HANDED_OVER, NOT_KEPT, handed_over
 from console.session.cut.telemetry import lag_left_um_pp
+from console.session.station import commands
 from console.session.station.alarms import (
     COLLISION_CODES,
     HOME_LOST,
@@ -19,14 +24,94 @@ from console.session.station.alarms import (
 from console.session.station.context import StationContext
 from console.session.station.progress import CutStage
 from console.session.station.state import IDLE, MOVING, Activity, StationState
+from drivers.clock import FROZEN_S, OLD_S, boot_s
 from drivers.errors import LinkError
 from drivers.lathe.guards import reset_problem, unasked_opening
 from drivers.lathe.safety import device_problems
-from drivers.lathe.snapshot import Snapshot
+from drivers.lathe.snapshot import REAL_TIME_PERCENT, Snapshot
 from drivers.lathe.standing import Standing
 from drivers.lathe.stop import way_problems
 from drivers.pmac.heartbeat.arming import lost_problem
 from profiles.problem import Problem, ProblemError
+
+OVERRIDE_BAND_PERCENT = 0.5
+AWAKE_S = 0.5  # time after a pause in which what waited through it may still be read
+AT_ANY_AGE = (
+    commands.Acknowledge,
+    commands.DisableDrives,
+    commands.Disarm,
+    commands.EndCut,
+    commands.HoldFeed,
+    commands.ReadLoop,
+    commands.Recover,
+    commands.TakeControl,
+    commands.Verify,
+)
+"""Commands that move nothing, or end a motion."""
+
+
+def watch_armed(context: StationContext, snapshot: Snapshot) -> None:
+    """Disarm once a poll differs from what was armed: alignment, drives, home; somebody moves an axis."""
+    armed = context.state.armed
+    if armed is None:
+        return
+    changed = None
+    if context.state.alignment != armed.alignment:
+        changed = Problem(code="session.arm_realigned")
+    elif snapshot.moving:
+        changed = Problem(code="session.arm_moved")
+    elif abs(snapshot.override_percent - REAL_TIME_PERCENT) > OVERRIDE_BAND_PERCENT:
+        changed = Problem(code="session.arm_override")
+    if changed is not None:
+        context.tell(armed=None, refusals=(changed,))
+
+
+def age_problem(command: commands.Command, posted_s: float) -> Problem | None:
+    """Return why a command of a time of `boot_s` is too old to be carried out, None if it may be."""
+    age_s = boot_s() - posted_s
+    return None if age_s <= OLD_S or isinstance(command, AT_ANY_AGE) else _frozen(age_s)
+
+
+class PollPause:
+    """Pauses of the polls of an idle machine, or of this process: nothing stays armed through one."""
+
+    def __init__(self, context: StationContext) -> None:
+        self._context = context
+        self._polled = self._now()
+
+    def end(self, froze_s: float = 0.0) -> None:
+        """Note the end of a command, which polls as it needs; disarm if this process was frozen within it."""
+        self._polled = self._now()
+        self._judge(froze_s)
+
+    def see(self) -> None:
+        """Note a poll; after a pause disarm."""
+        pause_s = self._pause_s()
+        self._polled = self._now()
+        self._judge(pause_s)
+
+    def _judge(self, pause_s: float) -> None:
+        if pause_s > FROZEN_S and self._context.state.armed is not None:
+            self._context.tell(armed=None, refusals=(_frozen(pause_s),))
+
+    def problem(self) -> Problem | None:
+        """Return why an order that has no date is not obeyed; None if there was no pause just now."""
+        freezes = self._context.lathe.stop.freezes
+        pause_s = 0.0 if freezes is None else freezes.woke_from_s(AWAKE_S)
+        return _frozen(pause_s) if pause_s else None
+
+    def _pause_s(self) -> float:
+        """Return the time since the last poll, less that of a paused lathe, plus that of a suspended computer."""
+        screen, machine, asleep = (now - at for now, at in zip(self._now(), self._polled, strict=True))
+        return min(screen, machine) + asleep
+
+    def _now(self) -> tuple[float, float, float]:
+        return self._context.screen_s(), self._context.clock.now_s(), boot_s() - time.monotonic()
+
+
+def _frozen(pause_s: float) -> Problem:
+    return Problem(code="session.frozen", value=f"{pause_s:.1f} s")
+
 
 HELD_S = 0.3  # for how long a simulated lathe may hold its time between two samples, unmentioned
 KEPT_S = 5.0  # window over which the longest response time is reported
@@ -181,7 +266,7 @@ def rounded_up_ms(answer_ms: float) -> float:
 
 
 def give_faults(context: StationContext) -> None:
-    """Give the simulated lathe the faults that were asked for; one that cannot be is an alarm."""
+    """Give the simulated lathe the requested faults; raise an alarm for a fault it refuses."""
     while context.shop is not None and context.faults_asked:
         line = context.faults_asked.popleft()
         try:
@@ -200,7 +285,7 @@ class ChuckSight:
         self._held_s, self._moved = 0.0, False
 
     def sample_now(self) -> None:
-        """Sample at once: what is seen belongs to the end of a command, not to a moment before."""
+        """Sample at once: the view has to show the end of a command, not a moment before it."""
         self._seen_s = float("-inf")
         self.sample()
 

@@ -14,8 +14,7 @@ from statistics import median
 from console.cli.library import data_of
 from console.cli.output import show
 from console.session.extras import require_extra
-from console.site.study.cells import MADE, Row, cells
-from console.site.study.description import read_study
+from console.site.study.cells import MADE, Row, cells, read_study
 from console.site.study.results import write_parquet, write_table
 from console.site.study.running import Progress, carry_out
 from console.site.study.workers import Workers, cluster, processes

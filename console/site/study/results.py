@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -36,11 +36,7 @@ def write_parquet(folder: Path, rows: Sequence[Row]) -> Path:
     types: dict[type, Any] = {str: arrow.string(), int: arrow.int64(), float: arrow.float64(), bool: arrow.bool_()}
     schema = arrow.schema([(name, types[kind]) for name, kind in COLUMNS.items()])
     written = io.BytesIO()
-    parquet.write_table(arrow.Table.from_pylist(_plain(rows), schema=schema), written)
+    parquet.write_table(arrow.Table.from_pylist([dict(row) for row in rows], schema=schema), written)
     path = folder / PARQUET
     write_atomically(path, written.getvalue(), overwrite=True)
     return path
-
-
-def _plain(rows: Iterable[Row]) -> list[dict[str, Value]]:
-    return [dict(row) for row in rows]

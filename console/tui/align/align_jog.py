@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from console.session.cut.alignment import AlignStep, step_now
-from console.session.station.commands import GoTo, Jog
+from console.session.station.commands import GoTo, Jog, NoteJog
 from console.session.station.durations import jog_s
 from console.session.station.jogging import JogEnable, Steps, speed_problem, step_problem
 from console.session.station.state import Activity, StationState
@@ -23,8 +23,7 @@ from console.tui.align.hold_run import (
     Tier,
     overrun,
 )
-from console.tui.align.jog_presses import SURE_S, JogPresses
-from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.align.jog_presses import SURE_S, JogPresses, ReportedStrokes
 from console.tui.application.key_releases import SLOWEST_S
 from console.tui.pages.jog_lines import JogView
 from console.tui.ui_context import KEYS, UiContext, refusal
@@ -94,7 +93,7 @@ class StepQueue:
         return self._posted is None and self.left > 0
 
     def add(self, key: str, now_s: float) -> bool:
-        """Ask for one more step; return False where too many wait already."""
+        """Ask for one more step; return False if too many wait already."""
         if self.waiting >= MOST_WAITING:
             return False
         if key != self.key or (not self.left and now_s - self._asked_s > SERIES_S):
@@ -110,7 +109,7 @@ class StepQueue:
         self._posted = _Posted(state.jogs, state.refusals)
 
     def follow(self, state: StationState, now_s: float) -> bool:
-        """Note what became of the step under way; return False where those that wait were dropped.
+        """Note what became of the step under way; return False if those that wait were dropped.
 
         They are dropped with a step that the machine has refused, and after a screen that was held up.
         """
@@ -153,11 +152,6 @@ class JogKeys:
         self._presses, self._queue = JogPresses(), StepQueue()
         self._hold, self._calibration, self._strokes = HoldRun(), Calibration(), ReportedStrokes()
 
-    @property
-    def enabled(self) -> bool:
-        """Whether the jog keys move the machine now."""
-        return self._jog is not None
-
     def heard(self, key: str | None) -> None:
         """Drop the steps that wait at any key but their own; the one under way goes to its end."""
         if key is None or key != self._queue.key:
@@ -168,7 +162,9 @@ class JogKeys:
 
     def end(self) -> None:
         """Disable the jog; no step waits any more."""
-        self._jog = None
+        if self._jog is not None:
+            self._jog = None
+            self.ui.control.post(NoteJog(enabled=False))
         self._forget()
 
     def _forget(self) -> None:
@@ -222,6 +218,7 @@ class JogKeys:
         """Enable the jog keys for a while."""
         if not self.ui.refuses(key):
             self._jog = JogEnable(used_s=self.ui.control.now_s(), stops=self.ui.control.state.stops)
+            self.ui.control.post(NoteJog(enabled=True))
 
     def change_rung(self, key: str) -> None:
         """Select the next longer or shorter step of the axis."""
@@ -289,7 +286,7 @@ class JogKeys:
 
     @property
     def repeat(self) -> Repeat | None:
-        """How the terminal repeats a held key; None where a held key makes single steps."""
+        """How the terminal repeats a held key; None if a held key makes single steps."""
         if self.tier is Tier.RELEASE:
             return self._calibration.measured or UNMEASURED
         return None if self.tier is Tier.STEP else self._calibration.measured
@@ -311,7 +308,7 @@ class JogKeys:
             self.ui.say_until_key(Problem(code="screen.repeat_measured", value=value, limit=limit))
 
     def _why_no_hold(self, key: str) -> Problem | None:
-        """Return why a held key is one step; None where it runs. The tool goes to the work by presses alone."""
+        """Return why a held key is one step; None if it runs. The tool goes to the work by presses alone."""
         releases, limit = self.ui.releases, f"{1000.0 * SLOWEST_S:.0f} ms"
         if releases is not None and releases.is_slow:
             value = f"> {limit}" if releases.late else f"{1000.0 * (releases.round_trip_s or 0.0):.0f} ms"

@@ -235,7 +235,7 @@ def _missing(text: Catalogue, now: Situation, width: int) -> list[Line]:
 
 def hint(text: Catalogue, now: Situation, job: Job) -> str:
     """Return in a sentence or two how to do the present step."""
-    row = row_of(ALIGN_STEPS, replace(now, jog_enabled=True))
+    row = row_of(ALIGN_STEPS, replace(now, state=replace(now.state, jog_enabled=True)))
     if now.step is AlignStep.CLAMP and now.must_come_out:
         return text(row.sentence)
     how = row.sentence.replace(".next.", ".hint.")

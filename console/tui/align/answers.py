@@ -5,11 +5,12 @@ from __future__ import annotations
 from console.session.station.durations import jog_s
 from console.session.station.jogging import TOUCH_OFF_BAND_MM, setup_speed, step_speed
 from console.session.station.targets import distance_to, target_problems, target_range
-from console.session.typed_length import typed_length
+from console.session.typed_number import typed_length
 from console.text.catalogue import Catalogue
 from console.tui.align.asked import (
     AXES,
     CLAMPING,
+    MOST_TYPED,
     UNITS,
     Answer,
     Asked,
@@ -19,7 +20,6 @@ from console.tui.align.asked import (
     range_of,
     range_words,
 )
-from console.tui.align.clamp_typing import MOST_TYPED
 from console.tui.lines import BLANK, NOTHING, Line, Piece, dim, first_fitting, hanging, line, wrapped
 from console.tui.pages.fields import named
 from console.tui.theme import Token

@@ -1,14 +1,16 @@
-"""Keys of the entry of the page Align: which number is asked for, and what becomes of it."""
+"""Keys of the entry of the page Align: which number is asked for, and what becomes of it.
+
+The entry lies over the panel that says how the number is understood.
+"""
 
 from __future__ import annotations
 
 from console.session.station.commands import Indicate, NoteSkim, TakeFingerprint, TakeTouchOff
 from console.session.station.state import StationState
-from console.tui.align.align_entry import AlignEntry
 from console.tui.align.align_jog import JOGS, JogKeys
 from console.tui.align.answers import answered
-from console.tui.align.asked import AXES, CLAMPING, Answer, Asked, Question
-from console.tui.align.clamp_typing import ClampTyping
+from console.tui.align.asked import AXES, CLAMPING, ENTRY_WIDTH, Answer, Asked, ClampTyping, Question
+from console.tui.entry import EntryLine
 from console.tui.ui_context import KEYS, UiContext, View, refusal
 from profiles.problem import Problem
 
@@ -22,6 +24,30 @@ _NOTHING_TYPED = {
 }
 _NOT_MEANWHILE = (*JOGS, "align.step")
 """Keys that would move something else while a number is typed."""
+
+
+_CAP_CHARACTERS = 12
+
+
+class AlignEntry(EntryLine):
+    """One number; `asked` says which."""
+
+    DEFAULT_CSS = f"AlignEntry {{ width: {ENTRY_WIDTH}; }}"
+
+    def __init__(self) -> None:
+        super().__init__(id="align-entry", cap_characters=_CAP_CHARACTERS)
+        self.asked = Asked.NOTHING
+
+    def open(self, asked: Asked) -> None:
+        """Ask for a number."""
+        self.asked = asked
+        self.begin()
+
+    def close(self) -> str:
+        """Ask for nothing more; what was typed is forgotten."""
+        typed = super().close()
+        self.asked, self.value = Asked.NOTHING, ""
+        return typed
 
 
 class AskKeys:

@@ -1,8 +1,13 @@
-"""Presses of one jog key: which are presses of a finger, and which are a terminal's repeats of a held key."""
+"""Presses of one jog key: which are presses of a finger, and which are a terminal's repeats of a held key.
+
+A terminal may report them itself: which press is one of a finger then.
+"""
 
 from __future__ import annotations
 
 import math
+
+from console.tui.application.key_releases import Stroke
 
 REPEAT_S = 0.12  # presses of one key closer together are a terminal's repeats of a held key
 SURE_S = REPEAT_S  # decision time for a press that may be such a repeat: the next one follows within it
@@ -49,3 +54,15 @@ class JogPresses:
             return None
         self._sure_at_s = None
         return self._key
+
+
+class ReportedStrokes:
+    """A press so close behind another stroke that no finger made both waited somewhere on the line."""
+
+    def __init__(self) -> None:
+        self._heard_s = -math.inf
+
+    def is_finger(self, stroke: Stroke, now_s: float) -> bool:
+        """Note a stroke of a jog key, at a time of any monotonic clock; return whether a finger presses now."""
+        gap_s, self._heard_s = now_s - self._heard_s, now_s
+        return not stroke.repeated and gap_s >= REPEAT_S

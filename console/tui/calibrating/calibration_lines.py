@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from console.text.catalogue import Catalogue
-from console.tui.calibrating.chuck_facts import ChuckFacts
+from console.tui.calibrating.chuck_facts import ChuckFacts, KeptCalibration, Standing
 from console.tui.calibrating.draft import Draft
-from console.tui.calibrating.kept_list import KeptCalibration, Standing
 from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, dim, fact, fitted, hanging, line, to_the_right, wrapped
 from console.tui.theme import Token

@@ -1,18 +1,33 @@
-"""One calibration as numbers: its fit with the points that it rests on, as far as they are still there."""
+"""One calibration as numbers: its fit with the points that it rests on, as far as they are still there.
+
+And the calibrations of a machine's chuck, newest first, with which of them counts; those of the lobes of all jobs.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from enum import StrEnum
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
-from console.session.data.calibrated_chuck import fit_of
+from console.session.data.calibrated_chuck import (
+    calibrated_or_stated,
+    calibrations_of,
+    fit_of,
+    judged_calibrations,
+)
+from console.session.data.calibrations import FOLDER, Calibration, files_of, load
+from console.session.data.kept_files import file_error
 from console.session.learning.chuck_calibrating import ChuckFit, fit_warnings, fitted, profile_values
 from console.tui.calibrating.draft import Draft
-from console.tui.calibrating.kept_list import LOBE, KeptCalibration
 from profiles.calibration.table import MeasuredTable, read_table
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProfileError
+from profiles.store import LoadedMachine, load_machine
+
+LOBE = "lobe"
+MOST = 200
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -43,6 +58,86 @@ def draft_facts(draft: Draft, machine: MachineProfile) -> ChuckFacts:
     except ProfileError as error:
         return ChuckFacts(measured=measured, problems=tuple(error.problems))
     return _facts(fit, measured)
+
+
+class Standing(StrEnum):
+    """Whether a calibration counts, or why it does not."""
+
+    IN_FORCE = "in_force"
+    NEXT_START = "next_start"  # this console has read the calibrations when it began
+    PROFILE = "profile"  # the profile states these values, and not as assumed
+    OLDER = "older"
+    OTHER_CHUCK = "other_chuck"
+    IMPLAUSIBLE = "implausible"  # a large step that nobody has typed out
+    UNREADABLE = "unreadable"
+    OF_JOB = "of_job"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class KeptCalibration:
+    """One file: its calibration, or why it cannot be read."""
+
+    file: Path
+    kept: Calibration | None
+    standing: Standing
+    problems: tuple[Problem, ...] = ()
+
+
+def kept_list(data: Path, machine: LoadedMachine, kind: str) -> tuple[KeptCalibration, ...]:
+    """Return the calibrations of one kind. Raises ProfileError: `file.unreadable`, the folder or the profile."""
+    if kind == LOBE:
+        return lobe_list(data)
+    name, chuck = machine.machine.name, machine.machine.chuck.name
+    now_used = set(calibrations_of(machine).values())
+    profile = load_machine(str(machine.path))
+    next_used = set(calibrated_or_stated(profile, data).used.values())
+    steps = {each.file: each.step for each in judged_calibrations(data, profile.machine, kind)[0]}
+    found: list[KeptCalibration] = []
+    newest = True
+    for file in files_of(data, name, kind)[:MOST]:
+        try:
+            kept = load(file, name, kind)
+        except ProfileError as error:
+            found.append(_unreadable(file, error))
+            continue
+        if kept.chuck not in (None, chuck):
+            standing = Standing.OTHER_CHUCK
+        elif (step := steps.get(file)) is not None:
+            why = (step.problem("calibration.step_kept", kept.date),)
+            found.append(KeptCalibration(file=file, kept=kept, standing=Standing.IMPLAUSIBLE, problems=why))
+            continue
+        elif not newest:
+            standing = Standing.OLDER
+        else:
+            newest = False
+            standing = Standing.IN_FORCE if kept.date in now_used else Standing.NEXT_START
+            standing = standing if kept.date in next_used else Standing.PROFILE
+        found.append(KeptCalibration(file=file, kept=kept, standing=standing))
+    return tuple(found)
+
+
+def lobe_list(data: Path) -> tuple[KeptCalibration, ...]:
+    """Return the calibrations of the lobes of all jobs, the newest by its date first."""
+    try:
+        folders = [folder for folder in (data / FOLDER).iterdir() if folder.is_dir()]
+    except (FileNotFoundError, NotADirectoryError):
+        return ()
+    except OSError as error:
+        raise file_error("file.unreadable", data / FOLDER, error) from error
+    found = []
+    for folder in folders:
+        subject = unquote(folder.name)
+        for file in files_of(data, subject, LOBE):
+            try:
+                found.append(KeptCalibration(file=file, kept=load(file, subject, LOBE), standing=Standing.OF_JOB))
+            except ProfileError as error:
+                found.append(_unreadable(file, error))
+    found.sort(key=lambda each: ("" if each.kept is None else each.kept.date, each.file.name), reverse=True)
+    return tuple(found[:MOST])
+
+
+def _unreadable(file: Path, error: ProfileError) -> KeptCalibration:
+    return KeptCalibration(file=file, kept=None, standing=Standing.UNREADABLE, problems=tuple(error.problems))
 
 
 def kept_facts(row: KeptCalibration) -> ChuckFacts:

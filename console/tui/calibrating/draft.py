@@ -9,7 +9,7 @@ from pathlib import Path
 from console.session.data.calibrations import FOLDER
 from console.session.data.kept_files import folder_name, make_folder, utc_now
 from console.session.learning.chuck_calibrating import stated_number
-from console.session.typed_length import stored_length
+from console.session.typed_number import stored_length
 from console.session.work import entered_number
 from console.units import METRIC, Units
 from profiles.calibration.table import CAP_BYTES, COLUMNS, CalibrationKind, MeasuredTable, parse_table
@@ -29,7 +29,7 @@ AGAIN = frozenset({"angle_deg", "deflection_um", "torque_n_m", "force_n"})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Draft:
-    """Points of one kind. `file` and `content` are those of an imported file, empty where they were entered."""
+    """Points of one kind. `file` and `content` are those of an imported file, empty if they were entered."""
 
     kind: CalibrationKind
     rows: tuple[tuple[float, ...], ...] = ()

@@ -13,15 +13,21 @@ from console.session.data.calibrated_chuck import large_step
 from console.session.learning.chuck_calibrating import chuck_calibration, keep_chuck
 from console.session.station.state import StationState
 from console.tui.calibrating.calibration_lines import fit_lines
-from console.tui.calibrating.chuck_facts import ChuckFacts, draft_facts, kept_facts
+from console.tui.calibrating.chuck_facts import (
+    LOBE,
+    ChuckFacts,
+    KeptCalibration,
+    draft_facts,
+    kept_facts,
+    kept_list,
+)
 from console.tui.calibrating.draft import AGAIN, MODULUS, TYPED_OUT, Draft, imported, value_of, written
-from console.tui.calibrating.kept_list import LOBE, KeptCalibration, kept_list
 from console.tui.calibrating.panels import WIDE, CalibratePanels, Kept
 from console.tui.further.problem_lines import problem_lines
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, line
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
@@ -30,8 +36,6 @@ from profiles.fields import Field
 from profiles.problem import Problem, ProfileError
 
 KINDS = (CalibrationKind.WRENCH.value, CalibrationKind.DEFLECTION.value, LOBE)
-STEPS = {"calibrate.up": -1, "calibrate.down": 1, "calibrate.first": -sys.maxsize, "calibrate.last": sys.maxsize}
-PAGES = {"calibrate.page_up": -1, "calibrate.page_down": 1}
 OF_DRAFT = ("calibrate.undo", "calibrate.drop", "calibrate.keep", "calibrate.offset")
 WRITES = ("calibrate.new", "calibrate.import", "calibrate.keep")
 STATISTICS = "scipy.stats"
@@ -65,7 +69,7 @@ class CalibratePage(Page):
         self._visits, self._away = 0, True
         self._shown: object = None
 
-    def act(self, action: str) -> None:  # noqa: C901 - one branch a case
+    def act(self, action: str) -> None:
         """Choose, enter points, keep them."""
         if self._all.entry.is_open:
             if action == "calibrate.take":
@@ -73,11 +77,13 @@ class CalibratePage(Page):
                 self.fit()
                 return
             self._end_entry()
-        if self.ui.answers(self.why_not(action, self.ui.view)):
-            return
-        if action in STEPS or action in PAGES:
-            by = STEPS[action] if action in STEPS else PAGES[action] * self._list_rows
-            self._selected = min(max(self._selected + by, 0), max(self._count - 1, 0))
+        if not self.ui.answers(self.why_not(action, self.ui.view)):
+            self._do(action)
+            self.fit()
+
+    def _do(self, action: str) -> None:
+        if (by := rows_moved(action, self._list_rows)) is not None:
+            self._selected = moved(self._selected, by, self._count)
         elif action == "calibrate.kind":
             self._kind, self._selected = (self._kind + 1) % len(KINDS), 0
         elif action == "calibrate.view":
@@ -94,7 +100,6 @@ class CalibratePage(Page):
             self._change(None)
         elif action == "calibrate.keep":
             self._keep()
-        self.fit()
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why there is nothing to keep or to enter now."""

@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 from textual.containers import Vertical
-from textual.widgets import Input
 
 from console.tui.controller.views import VIEWS, ControllerViews, ViewName
+from console.tui.entry import EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, line
-from console.tui.page import Page
+from console.tui.page import Page, rows_moved
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
 
 WIDE = 150  # columns from which the terminal is beside the view
 BESIDE = (ViewName.TERMINAL, ViewName.WATCH, ViewName.STATUS)  # what is shown besides, the first beside the view
-_LINE_STEPS = {"controller.up": -1, "controller.down": 1}
-_ENDS = {"controller.first": -1_000_000, "controller.last": 1_000_000}
-TEXT_CAP_CHARACTERS = 120
 
 
 class ControllerPage(Page):
@@ -34,10 +31,7 @@ class ControllerPage(Page):
             width: 1fr; height: 1fr; }
         #controller-left { width: 1fr; height: 1fr; }
         #controller-beside, #controller-below { display: none; }
-        #controller-entry {
-            layer: entry; position: absolute; display: none; width: 60%; height: 1; offset: 4 1;
-            background: $background; color: $foreground;
-        }
+        #controller-entry { width: 60%; offset: 4 1; }
     }
     ControllerPage.-two #controller-beside { display: block; }
     ControllerPage.-two.-tall #controller-below { display: block; height: 40%; }
@@ -48,27 +42,23 @@ class ControllerPage(Page):
         self._sheet = Sheet(ui.palette, id="controller-view")
         self._beside = Sheet(ui.palette, id="controller-beside")
         self._below = Sheet(ui.palette, id="controller-below")
-        self._entry = Input(id="controller-entry", compact=True, select_on_focus=False)
-        self._entry.cursor_blink = False
-        self._entry.max_length = TEXT_CAP_CHARACTERS
+        self._entry = EntryLine(id="controller-entry")
         self.panels = (Vertical(self._sheet, self._below, id="controller-left"), self._beside, self._entry)
         self._views = ControllerViews(ui)
 
     def act(self, action: str) -> None:
         """Show another view, scroll, ask, read, write a backup."""
-        if self._is_typing:
+        if self._entry.is_open:
             if action == "controller.enter":
                 self._take_entry()
             return
-        page = max(self._sheet.size.height - 2, 1)
-        ways = {**_LINE_STEPS, "controller.page_up": -page, "controller.page_down": page, **_ENDS}
-        if action in ways:
-            self._views.move(ways[action], page=action not in _LINE_STEPS)
+        if (by := rows_moved(action, max(self._sheet.size.height - 2, 1))) is not None:
+            self._views.move(by, page=action not in ("controller.up", "controller.down"))
         elif action in ("controller.left", "controller.right"):
             self._views.step(-1 if action == "controller.left" else 1)
         elif not self.ui.answers(self.why_not(action, self.ui.view)):
             if action == "controller.enter" and self._views.view in (ViewName.WATCH, ViewName.TERMINAL):
-                self._type()
+                self._entry.begin()
             else:
                 with self.ui.answering():
                     self._views.do(action.removeprefix("controller."))
@@ -84,11 +74,10 @@ class ControllerPage(Page):
 
     def show(self, view: View) -> None:
         """Show the newest state, and ask for what the views show."""
-        if self._is_typing and (view.state.may_move or view.state.seen_moving):
-            self._end_typing()
+        if self._entry.is_open and (view.state.may_move or view.state.seen_moving):
+            self._entry.close()
             self.ui.say("screen.entry_moving")
-        if self._is_typing and self.screen.focused is not self._entry:
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         first, panels = self._views.view, [self._sheet]
         if self.has_class("-two"):
             panels += [self._beside, *([self._below] if self.has_class("-tall") else [])]
@@ -100,7 +89,7 @@ class ControllerPage(Page):
 
     def next_step(self, view: View) -> Line:
         """Return what the keys do in this view."""
-        return line((self._views.next_words(typing=self._is_typing), Token.ACTION))
+        return line((self._views.next_words(typing=self._entry.is_open), Token.ACTION))
 
     def in_full(self, view: View, width: int) -> list[Line]:
         """Return what the view shows, uncut."""
@@ -111,17 +100,17 @@ class ControllerPage(Page):
         """Free text while an item or a query is typed, and nothing moves: in any doubt Space stops."""
         state = self.ui.control.state
         moving = state.may_move or state.seen_moving
-        return FieldKind.TEXT if self._is_typing and not moving else FieldKind.NONE
+        return FieldKind.TEXT if self._entry.is_open and not moving else FieldKind.NONE
 
     def leave(self) -> None:
         """End an entry, and what is being read."""
-        self._end_typing()
+        self._entry.close()
         self._views.leave()
 
     def _paint(self, sheet: Sheet, shown: ViewName, view: View) -> None:
         width, height = max(sheet.size.width, 1), max(sheet.size.height, 1)
         rows = self._views.lines(shown, view, width, height)
-        if self._is_typing and sheet is self._sheet:
+        if self._entry.is_open and sheet is self._sheet:
             rows = [(), *rows[: height - 1]]  # the entry lies over the first row
         title = "  ".join(
             f"[{name}]" if each is shown else name
@@ -130,23 +119,7 @@ class ControllerPage(Page):
         )
         sheet.show(rows, title, self._views.subtitle(shown))
 
-    @property
-    def _is_typing(self) -> bool:
-        return bool(self._entry.display)
-
-    def _type(self) -> None:
-        self._entry.value = ""
-        self._entry.display = True
-        self.screen.set_focus(self._entry, scroll_visible=False)
-
     def _take_entry(self) -> None:
-        words = self._entry.value.strip()
-        self._end_typing()
-        if words:
+        if words := self._entry.close():
             with self.ui.answering():
                 self._views.take(words)
-
-    def _end_typing(self) -> None:
-        if self._is_typing:
-            self._entry.display = False
-            self.screen.set_focus(None)

@@ -6,9 +6,8 @@ from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
 
-from textual.widgets import Input
-
 from console.session.station.history.session_log import LogEntry, SessionLog
+from console.tui.entry import EntryLine
 from console.tui.further.log_lines import log_part
 from console.tui.further.log_text import export_log, found
 from console.tui.gate import FieldKind
@@ -18,7 +17,6 @@ from console.tui.page import Page
 from console.tui.records.background_reader import BackgroundReader
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
-from profiles.fields import TEXT_CAP_CHARACTERS
 from profiles.files import printable
 from profiles.problem import Problem
 
@@ -35,18 +33,14 @@ class LogPage(Page):
         layers: base entry;
         Sheet { border: round $secondary; border-title-color: $foreground; border-subtitle-color: $foreground; }
         #log-list { height: 1fr; }
-        #log-entry {
-            layer: entry; position: absolute; display: none; width: 60%; height: 1; offset: 3 1;
-            background: $background; color: $foreground;
-        }
+        #log-entry { width: 60%; offset: 3 1; }
     }
     """
 
     def __init__(self, ui: UiContext) -> None:
         super().__init__(ui)
         self._list = Sheet(ui.palette, id="log-list")
-        self._entry = Input(id="log-entry", compact=True, select_on_focus=False, max_length=TEXT_CAP_CHARACTERS)
-        self._entry.cursor_blink = False
+        self._entry = EntryLine(id="log-entry")
         self.panels = (self._list, self._entry)
         self._words = ""
         self._end: int | None = None  # past the newest entry shown, among all that were found in the session
@@ -57,16 +51,13 @@ class LogPage(Page):
 
     def act(self, action: str) -> None:
         """Scroll, search, export."""
-        if self._is_typing:
+        if self._entry.is_open:
             if action == "log.take":
-                self._words, self._end = self._entry.value.strip(), None
-                self._end_typing()
+                self._words, self._end = self._entry.close(), None
         elif self.ui.answers(self.why_not(action, self.ui.view)):
             return
         elif action == "log.search":
-            self._entry.value = self._words
-            self._entry.cursor_position = len(self._words)
-            self._entry.display = True
+            self._entry.begin(self._words)
         elif action == "log.export":
             self._export = datetime.now(), self.ui.log
         else:
@@ -74,7 +65,7 @@ class LogPage(Page):
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a key has no effect now."""
-        if action == "log.take" and not self._is_typing:
+        if action == "log.take" and not self._entry.is_open:
             return (Problem(code="screen.log_no_entry"),)
         if action == "log.export" and self._export is not None:
             return (Problem(code="screen.log_exporting"),)
@@ -82,12 +73,11 @@ class LogPage(Page):
 
     def show(self, view: View) -> None:
         """Show the entries that fit, up to the one that was scrolled to."""
-        if self._is_typing and self.screen.focused is not self._entry:
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         self._answer_export()
         log, size, text = self._shown, self._list.size, self.ui.text
         end = None if self._end is None else self._end - log.dropped
-        part = log_part(log, end, text, max(size.width, 1), size.height - self._is_typing)
+        part = log_part(log, end, text, max(size.width, 1), size.height - self._entry.is_open)
         self._seen = part.end - part.first
         if self._end is not None and part.end:
             self._end = log.dropped + part.end
@@ -96,27 +86,23 @@ class LogPage(Page):
         above, below = part.first, len(log.entries) - part.end
         hidden = [f"↑ {text('jobs_page.above', count=above)}"] if above > 0 else []
         hidden += [f"↓ {text('jobs_page.below', count=below)}"] if below > 0 else []
-        prompt: list[Line] = [line(("/ ", Token.KEY))] if self._is_typing else []
+        prompt: list[Line] = [line(("/ ", Token.KEY))] if self._entry.is_open else []
         self._list.show([*prompt, *rows], self._title(log), "  ".join(hidden))
 
     @property
     def field(self) -> FieldKind:
         """Free text while the words of a search are typed."""
-        return FieldKind.TEXT if self._is_typing else FieldKind.NONE
+        return FieldKind.TEXT if self._entry.is_open else FieldKind.NONE
 
     def next_step(self, view: View) -> Line:
         """Return what the keys do."""
-        name = "typing" if self._is_typing else "found" if self._words else "list"
+        name = "typing" if self._entry.is_open else "found" if self._words else "list"
         return line((self.ui.text(f"log_page.next.{name}"), Token.ACTION))
 
     def leave(self) -> None:
         """End an entry; show the end of the log the next time."""
-        self._end_typing()
+        self._entry.close()
         self._end = None
-
-    @property
-    def _is_typing(self) -> bool:
-        return bool(self._entry.display)
 
     @property
     def _shown(self) -> SessionLog:
@@ -165,8 +151,3 @@ class LogPage(Page):
             self.ui.say("screen.log_exported", value=printable(str(written)))
         else:
             self.ui.said = tuple(written)
-
-    def _end_typing(self) -> None:
-        if self._is_typing:
-            self._entry.display = False
-            self.screen.set_focus(None)

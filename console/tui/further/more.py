@@ -7,7 +7,7 @@ from textual.widget import Widget
 from console.tui.key_help import help_lines
 from console.tui.keymap import ACTIONS, FURTHER, PageName
 from console.tui.lines import Line, Sheet, dim, fitted, line, wrapped
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
@@ -40,9 +40,8 @@ class MorePage(Page):
 
     def act(self, action: str) -> None:
         """Choose a page, or show one."""
-        steps = {"more.up": -1, "more.down": 1}
-        if action in steps:
-            self._selected = min(max(self._selected + steps[action], 0), len(FURTHER) - 1)
+        if (by := rows_moved(action)) is not None:
+            self._selected = moved(self._selected, by, len(FURTHER))
         elif action == "more.open":
             self.ui.go(FURTHER[self._selected])
         else:

@@ -10,26 +10,23 @@ from typing import Any
 
 from textual.containers import Horizontal, Vertical
 from textual.widget import Widget
-from textual.widgets import Input
 
 from console.session.appearance import CHOICES, Appearance, OwnKeys, own_keys_text
 from console.session.configuration import Origin, Setting, account_file
 from console.session.kept_settings import keep_settings
 from console.text.catalogue import LANGUAGES, Catalogue
 from console.tui.application.own_keys import REMAPPABLE, key_typed, why_not_key
+from console.tui.entry import EntryLine
 from console.tui.gate import FieldKind
 from console.tui.key_help import words_of, written_key
 from console.tui.keymap import Action, PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, dim, fitted, line, name_in, ranged, wrapped
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.theme import COLOUR_VARIABLE, MONO, Palette, Token
 from console.tui.ui_context import UiContext, View, locked
 from profiles.files import printable
 from profiles.problem import Problem, ProblemError
 
-STEPS = {"settings.up": -1, "settings.down": 1}
-JUMPS = {"settings.page_up": -1, "settings.page_down": 1}
-ENDS = {"settings.first": 0, "settings.last": -1}
 CHANGES = {"settings.next": 1, "settings.previous": -1}
 LONGEST_KEY = 8
 _ABOUT_ROWS = 9
@@ -46,7 +43,7 @@ FIXED = (Origin.VARIABLE, Origin.OPTION)
 
 def choices_of(setting: str) -> tuple[str, ...]:
     """Return the values of a setting; none for the own keys."""
-    return LANGUAGES if setting == "language" else CHOICES.get(setting, ())
+    return tuple(LANGUAGES) if setting == "language" else CHOICES.get(setting, ())
 
 
 def value_of(appearance: Appearance, setting: str) -> str:
@@ -237,10 +234,7 @@ class SettingsPage(Page):
         #settings-keys {{ height: 1fr; }}
         #settings-key {{ height: {_ABOUT_ROWS - 3}; }}
         #settings-right {{ display: none; }}
-        #settings-entry {{
-            layer: entry; position: absolute; display: none; width: {LONGEST_KEY + 1}; height: 1; offset: 3 0;
-            background: $background; color: $foreground;
-        }}
+        #settings-entry {{ width: {LONGEST_KEY + 1}; offset: 3 0; }}
     }}
     SettingsPage.-keys #settings-left {{ display: none; }}
     SettingsPage.-keys #settings-right {{ display: block; }}
@@ -253,8 +247,7 @@ class SettingsPage(Page):
         self._list, self._about, self._keys, self._key = (
             Sheet(ui.palette, id=f"settings-{name}") for name in ("list", "about", "keys", "key")
         )
-        self._entry = Input(id="settings-entry", compact=True, select_on_focus=False, max_length=LONGEST_KEY)
-        self._entry.cursor_blink = False
+        self._entry = EntryLine(id="settings-entry", cap_characters=LONGEST_KEY)
         left = Vertical(self._list, self._about, id="settings-left")
         right = Vertical(self._keys, self._key, id="settings-right")
         self.panels = (Horizontal(left, right), self._entry)
@@ -268,7 +261,7 @@ class SettingsPage(Page):
         if self._mode is Mode.TYPING:
             if action == "settings.change":
                 self._take_key()
-        elif action in (*STEPS, *JUMPS, *ENDS):
+        elif rows_moved(action) is not None:
             self._select(action)
         elif action == "settings.previous" and self._mode is Mode.KEYS:
             self._mode = Mode.SETTINGS
@@ -290,7 +283,7 @@ class SettingsPage(Page):
 
     def why_not(self, action: str, view: View) -> tuple[Problem, ...]:
         """Return why a setting cannot be changed, or a key not removed."""
-        if action in (*STEPS, *JUMPS, *ENDS) or (self._mode is Mode.KEYS and action == "settings.previous"):
+        if rows_moved(action) is not None or (self._mode is Mode.KEYS and action == "settings.previous"):
             return ()
         if self._mode is Mode.SETTINGS and self._shown_setting == "keys" and action not in ("settings.remove",):
             return ()  # the list of the actions can always be read
@@ -304,8 +297,7 @@ class SettingsPage(Page):
     def show(self, view: View) -> None:
         """Show the settings, or the actions; both where there is room."""
         self.set_class(self._mode is not Mode.SETTINGS, "-keys")
-        if self._mode is Mode.TYPING and self.screen.focused is not self._entry:
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         ui, sizes = self.ui, (self._list.size, self._about.size, self._keys.size, self._key.size)
         chosen = (self._mode, self._setting, self._action)
         before, self._shown_for = self._shown_for, (*chosen, ui.text, ui.appearance, ui.configuration, *sizes)
@@ -354,8 +346,7 @@ class SettingsPage(Page):
         keys = self._mode is Mode.KEYS
         count, place = (len(REMAPPABLE), self._action) if keys else (len(SETTINGS), self._setting)
         page = max(self._keys.size.height - 2, 1) if keys else count
-        place = ENDS[action] % count if action in ENDS else place + STEPS.get(action, page * JUMPS.get(action, 0))
-        place = min(max(place, 0), count - 1)
+        place = moved(place, rows_moved(action, page) or 0, count)
         if keys:
             self._action = place
         else:
@@ -366,10 +357,8 @@ class SettingsPage(Page):
         if action == "settings.remove":
             self._keep({name: key for name, key in keys.items() if name != self._chosen.id})
             return
-        self._entry.value = keys.get(self._chosen.id, "")
-        self._entry.cursor_position = len(self._entry.value)
-        self._mode, self._entry.display = Mode.TYPING, True
-        self.screen.set_focus(self._entry, scroll_visible=False)
+        self._mode = Mode.TYPING
+        self._entry.begin(keys.get(self._chosen.id, ""))
 
     def _take_key(self) -> None:
         key, keys = key_typed(self._entry.value), self.ui.appearance.keys
@@ -385,8 +374,8 @@ class SettingsPage(Page):
 
     def _end_typing(self) -> None:
         if self._mode is Mode.TYPING:
-            self._mode, self._entry.display = Mode.KEYS, False
-            self.screen.set_focus(None)
+            self._mode = Mode.KEYS
+            self._entry.close()
 
     def _show_settings(self) -> None:
         text, width = self.ui.text, max(self._list.size.width, 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -26,8 +25,7 @@ from console.tui.further.health_lines import (
     step_picture,
     trend_lines,
 )
-from console.tui.further.loop_facts import LoopFacts, loop_facts
-from console.tui.further.loop_lines import loop_lines, reason_lines
+from console.tui.further.loop_lines import LoopFacts, loop_facts, loop_lines, reason_lines
 from console.tui.further.problem_lines import problem_lines
 from console.tui.further.tune_panels import WIDE, LoopPanels, TuneView
 from console.tui.keymap import PageName
@@ -45,7 +43,7 @@ from console.tui.lines import (
     to_the_right,
     wrapped,
 )
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.plot.trace_view import TraceView
 from console.tui.records.background_reader import BackgroundReader, Problems
 from console.tui.theme import Token
@@ -61,8 +59,6 @@ from profiles.files import printable
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 
-STEPS = {"tune.up": -1, "tune.down": 1, "tune.first": -sys.maxsize, "tune.last": sys.maxsize}
-PAGES = {"tune.page_up": -1, "tune.page_down": 1}
 MOST_TESTS = 200
 BEFORE_A_TEST = {"alignment.drives_off": "align", "alignment.not_homed": "align", "machine.tool_in_part": "away"}
 """What comes before a test, by the reason why it cannot be armed."""
@@ -395,9 +391,8 @@ class TunePage(Page):
             self._visits += 1
         elif action == "tune.view":
             self._next_view()
-        elif action in STEPS or action in PAGES:
-            by = STEPS[action] if action in STEPS else PAGES[action] * self._list_rows
-            self._selected = min(max(self._selected + by, 0), max(self._count - 1, 0))
+        elif (by := rows_moved(action, self._list_rows)) is not None:
+            self._selected = moved(self._selected, by, self._count)
         elif action == "tune.kind":
             self._kind = KINDS[(KINDS.index(self._kind) + 1) % len(KINDS)]
             self._view = TuneView.TESTS

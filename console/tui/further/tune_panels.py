@@ -9,8 +9,15 @@ import numpy as np
 from textual.containers import Horizontal, Vertical
 from textual.geometry import Size
 
-from console.tui.further.loop_facts import Curve, LoopFacts
-from console.tui.further.loop_lines import heading, legend, loop_lines, reason_lines, response_lines
+from console.tui.further.loop_lines import (
+    Curve,
+    LoopFacts,
+    heading,
+    legend,
+    loop_lines,
+    reason_lines,
+    response_lines,
+)
 from console.tui.further.problem_lines import problem_lines
 from console.tui.lines import Line, Sheet, clipped, dim, entitle, line
 from console.tui.plot.frame import nice_limits

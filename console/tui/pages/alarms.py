@@ -8,7 +8,7 @@ from console.session.station.history.alarm_history import AlarmEntry, AlarmHisto
 from console.tui.further.log_lines import log_part
 from console.tui.keymap import PageName
 from console.tui.lines import Line, Sheet, clipped, line, wrapped
-from console.tui.page import Page
+from console.tui.page import Page, moved, rows_moved
 from console.tui.pages.alarm_lines import (
     alarm_lines,
     all_lines,
@@ -23,7 +23,6 @@ from console.tui.theme import Token
 from console.tui.ui_context import UiContext, View
 from profiles.problem import Problem
 
-STEPS = {"alarms.up": -1, "alarms.down": 1, "alarms.page_up": -1, "alarms.page_down": 1}
 _ROOMY_ROWS = 22  # rows of the page from which the most frequent alarms have a panel
 
 
@@ -132,9 +131,8 @@ class AlarmsPage(Page):
         listed = self._history.listed
         if not listed:
             return
-        by = STEPS.get(action, 0) * (max(self._list.size.height - 2, 1) if "page" in action else 1)
-        ends = {"alarms.first": 0, "alarms.last": len(listed) - 1}
-        place = min(max(ends.get(action, self._place + by), 0), len(listed) - 1)
+        by = rows_moved(action, max(self._list.size.height - 2, 1)) or 0
+        place = moved(self._place, by, len(listed))
         self._number = listed[place].number if place else None
 
     def _acknowledge_all(self) -> None:

@@ -19,10 +19,9 @@ from console.session.station import commands
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import Catalogue
 from console.tui.align import align_lines
-from console.tui.align.align_entry import AlignEntry
 from console.tui.align.align_jog import JOGS, JogKeys, hold_the_key
 from console.tui.align.answers import asked_lines, asked_title
-from console.tui.align.ask_keys import FORCES, TARGETS, AskKeys
+from console.tui.align.ask_keys import FORCES, TARGETS, AlignEntry, AskKeys
 from console.tui.application.far_terminal import WITHIN_S
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
@@ -59,7 +58,7 @@ class JawSeen:
 
 
 def jaw_seen(state: StationState, machine: MachineProfile) -> JawSeen | None:
-    """Return where jaw 1 is now; None where that is not known."""
+    """Return where jaw 1 is now; None if that is not known."""
     snapshot, jaw = state.snapshot, state.alignment.jaw
     if state.activity is Activity.LOST or snapshot is None:
         return None
@@ -216,8 +215,7 @@ class AlignPage(Page):
         return refused(action, self._now(view), KEYS[action])
 
     def _now(self, view: View) -> Situation:
-        enabled, machine = self._jog.enabled, self.ui.machine.machine
-        return Situation(state=view.state, work=view.work, machine=machine, jog_enabled=enabled, now_s=view.now_s)
+        return Situation(state=view.state, work=view.work, machine=self.ui.machine.machine, now_s=view.now_s)
 
     @property
     def field(self) -> FieldKind:

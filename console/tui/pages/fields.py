@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from console.session.station.state import StationState
-from console.session.typed_length import stored_length
+from console.session.typed_number import stored_length
 from console.session.work import NO_VALUE, Work, edited
 from console.text.catalogue import Catalogue
 from console.tui.ui_context import locked
@@ -121,7 +121,7 @@ def bounds(field: FormField, units: Units) -> str:
 
 
 def why_not_changed(action: str, work: Work | None, state: StationState) -> tuple[Problem, ...]:
-    """Return why an action of the form cannot be done now, without an open entry; empty where it can."""
+    """Return why an action of the form cannot be done now, without an open entry; empty if it can."""
     if work is None:
         return (Problem(code="screen.no_job"),)
     if action == "setup.undo" and not work.undo:

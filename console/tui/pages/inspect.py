@@ -16,7 +16,7 @@ from console.session.station.state import MeasuredPart, StationState
 from console.session.work import Work
 from console.text.catalogue import Catalogue
 from console.tui.calibrating.draft import TYPED_OUT, value_of
-from console.tui.calibrating.entry import CalibrateEntry
+from console.tui.entry import CalibrateEntry
 from console.tui.gate import FieldKind
 from console.tui.inspecting.comparison import (
     VERDICT,

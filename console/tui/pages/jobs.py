@@ -10,18 +10,18 @@ from pathlib import Path
 
 from textual.widget import Widget
 from textual.widgets import Input
-from textual.widgets.input import Selection
 
 from console.session.data.history import last_results
 from console.session.data.kept_files import jobs_folder
 from console.session.job_files import import_folder, offered_jobs
 from console.session.station.state import StationState
 from console.session.work import Work, blank_form, differs, opened
-from console.tui.application.scan_codes import found
+from console.tui.application.scans import found
+from console.tui.entry import PATH_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import BLANK, Line, Sheet, clipped, line, name_in, wrapped
-from console.tui.page import Page
+from console.tui.page import Page, rows_moved
 from console.tui.pages import job_changes as changes
 from console.tui.pages.job_shelf import Shelf, listed_jobs
 from console.tui.pages.jobs_lines import JobList, hidden_words, summary_lines, table_lines, visible
@@ -35,13 +35,9 @@ from profiles.store import LibraryEntry, LoadedJob, list_jobs, load_job
 
 OPENS = "screen.open_moving", "screen.open_armed"
 CHANGES = "screen.jobs_moving", "screen.jobs_armed"  # what is written to disk waits for rest
-ENDS = {"jobs.first": -1, "jobs.last": 1}
-PAGES = {"jobs.page_up": -1, "jobs.page_down": 1}
-STEPS = {"jobs.up": -1, "jobs.down": 1}
 READS = ("jobs.open", "jobs.copy", "jobs.new", "jobs.search", "jobs.sort", "jobs.export")
 """Actions that change nothing on disk, but for the copy of an export."""
 
-_MOVES = (*STEPS, *PAGES, *ENDS)
 _OPENING = ("jobs.open", "jobs.copy", "jobs.new")
 _OF_IMPORTS = ("jobs.open", "jobs.path", "jobs.back", "jobs.import")
 _REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
@@ -50,7 +46,6 @@ _REFUSES: dict[str, Callable[[UiContext, LibraryEntry], None]] = {
     "jobs.note": lambda _, entry: changes.own_or_refused(entry),
     "jobs.tags": lambda _, entry: changes.own_or_refused(entry),
 }
-_PATH_CAP_CHARACTERS = 1000
 
 
 class Typing(StrEnum):
@@ -64,47 +59,25 @@ class Typing(StrEnum):
     PATH = "path"
 
 
-class JobsEntry(Input):
-    """One line of free text over the heading of the list; hidden while nothing is typed."""
+class JobsEntry(EntryLine):
+    """One line of free text over the heading of the list."""
 
-    DEFAULT_CSS = """
-    JobsEntry {
-        layer: entry; position: absolute; display: none; width: 50%; height: 1; offset: 3 1;
-        background: $background; color: $foreground;
-    }
-    """
+    DEFAULT_CSS = "JobsEntry { width: 50%; offset: 3 1; }"
 
     def __init__(self) -> None:
-        super().__init__(id="jobs-entry", compact=True, select_on_focus=False)
-        self.cursor_blink = False
+        super().__init__(id="jobs-entry")
         self.typing = Typing.NOTHING
 
     def open(self, typing: Typing, value: str) -> None:
-        """Begin with this text, the cursor behind it; the next characters are for the entry.
-
-        The words of a search are selected: a character begins another search, an arrow key keeps them.
-        """
+        """Begin with this text; the words of a search are marked: an arrow key keeps them."""
         self.typing = typing
-        self.max_length = _PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
-        self.value = value
-        begin = 0 if typing is Typing.SEARCH else len(value)
-        self.selection = Selection(begin, len(value))
-        self.display = True
-        self.keep_focus()
-
-    def keep_focus(self) -> None:
-        """Take the focus again, which a list in place of the page has taken."""
-        if self.typing is not Typing.NOTHING and self.screen.focused is not self:
-            self.screen.set_focus(self, scroll_visible=False)
+        self.max_length = PATH_CAP_CHARACTERS if typing is Typing.PATH else TEXT_CAP_CHARACTERS
+        self.begin(value, marked=typing is Typing.SEARCH)
 
     def close(self) -> str:
         """End the entry, and return what was typed."""
-        typed = self.value.strip()
-        if self.typing is not Typing.NOTHING:
-            self.typing = Typing.NOTHING
-            self.display = False
-            self.screen.set_focus(None)
-        return typed
+        self.typing = Typing.NOTHING
+        return super().close()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,12 +91,13 @@ class Listed:
 
 
 def refused_now(ui: UiContext, view: View, action: str, shelf: Shelf, *, importing: bool) -> tuple[Problem, ...]:
-    """Return why an action can do nothing now, or nothing to the selected job; empty where it can."""
-    if importing and action not in (*_MOVES, *_OF_IMPORTS):
+    """Return why an action can do nothing now, or nothing to the selected job; empty if it can."""
+    moves = rows_moved(action) is not None
+    if importing and not moves and action not in _OF_IMPORTS:
         return (Problem(code="screen.jobs_list_first"),)
     if action == "jobs.path" and not importing:
         return (Problem(code="screen.jobs_import_only"),)
-    changing = action not in (*_MOVES, *READS, "jobs.back")
+    changing = not moves and action not in (*READS, "jobs.back")
     if action in _OPENING or changing:
         if refused := locked(view.state, *(OPENS if action in _OPENING else CHANGES)):
             return (refused,)
@@ -219,7 +193,6 @@ class JobsPanels:
 
 
 _ENTRIES = {"jobs.rename": Typing.NAME, "jobs.note": Typing.NOTE, "jobs.tags": Typing.TAGS}
-_FAR = 1_000_000
 
 
 class JobsPage(Page):
@@ -350,9 +323,9 @@ class JobsPage(Page):
 
     def _move(self, action: str) -> bool:
         page = max(len(visible(self._panels.jobs(self._listed), self._panels.table.size.height)) - 1, 1)
-        by = STEPS.get(action, 0) + page * PAGES.get(action, 0) + _FAR * ENDS.get(action, 0)
-        self._shelf.move(by)
-        return by != 0
+        by = rows_moved(action, page)
+        self._shelf.move(by or 0)
+        return by is not None
 
     def _do_reading(self, action: str) -> None:
         if action in ("jobs.open", "jobs.copy"):

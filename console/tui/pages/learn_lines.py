@@ -27,6 +27,7 @@ _DATED = re.compile(r"-(\d{4})-?(\d\d)-?(\d\d)T(\d\d):?(\d\d)")
 _LONGEST_NAME = 16
 _MARK = ("! ", Token.WARNING)
 _CAUSE = ("✗ ", Token.WARNING)
+NOTHING_LEFT = "learned.nothing"
 
 
 def learn_title(learning: PartLearning, text: Catalogue) -> str:

@@ -31,8 +31,7 @@ from console.session.station.jogging import clears_tables
 from console.session.station.state import Activity
 from console.session.work import Work, changed_since_opened
 from console.text.catalogue import Catalogue
-from console.tui.align.jog_presses import JogPresses
-from console.tui.align.reported_strokes import ReportedStrokes
+from console.tui.align.jog_presses import JogPresses, ReportedStrokes
 from console.tui.application.key_releases import Stroke
 from console.tui.keymap import Action, PageName, actions_of
 from console.tui.lines import BLANK, Line, dim, hanging, line, wrapped

@@ -6,11 +6,11 @@ from dataclasses import replace
 from enum import Enum, auto
 
 from textual.containers import Vertical
-from textual.widgets import Input
 
 from console.session.data.calibrated_chuck import warnings_of
 from console.session.data.kept_files import jobs_folder
 from console.session.work import Work, lobe_choices, saved, saved_as, undone, with_lobe_from
+from console.tui.entry import NUMBER_CAP_CHARACTERS, EntryLine
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from console.tui.lines import NOTHING, Line, Sheet, clipped, dim, hanging, line, name_in, wrapped
@@ -47,7 +47,6 @@ from profiles.problem import Problem
 from profiles.rules import check
 from profiles.store import list_jobs
 
-_NUMBER_CAP_CHARACTERS = 24
 _TIGHT_BELOW_ROWS = 16
 
 
@@ -74,10 +73,7 @@ class SetupPage(Page):
         .side { width: 1fr; height: 1fr; }
         .speed { height: 9; }
         .findings { height: 1fr; }
-        .entry {
-            layer: entry; position: absolute; display: none; width: 10; height: 1;
-            background: $background; color: $foreground;
-        }
+        .entry { width: 10; }
     }
     SetupPage.tight .speed { height: 5; }
     .-mid SetupPage .speed { height: 10; }
@@ -91,8 +87,7 @@ class SetupPage(Page):
         self._form = Sheet(ui.palette, classes="form")
         self._speed = Sheet(ui.palette, classes="speed")
         self._findings = Sheet(ui.palette, classes="findings")
-        self._entry = Input(classes="entry", compact=True, select_on_focus=False)
-        self._entry.cursor_blink = False
+        self._entry = EntryLine(classes="entry")
         self.panels = (self._form, Vertical(self._speed, self._findings, classes="side"), self._entry)
         self._entering = Entering.NOTHING
         self._selected = 0
@@ -126,9 +121,7 @@ class SetupPage(Page):
             self._ask_name(self.ui.work, copying=True)
         if self._locked is not None and self._entering is not Entering.NOTHING:
             self._drop()
-        if self._entering is not Entering.NOTHING and self.screen.focused is not self._entry:
-            # A list in place of the page has taken the focus.
-            self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.keep_focus()
         self._paint()
 
     def act(self, action: str) -> None:
@@ -224,7 +217,7 @@ class SetupPage(Page):
         if field.chosen:
             self._choose_lobe(work)
             return
-        self._entry.max_length = _NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
+        self._entry.max_length = NUMBER_CAP_CHARACTERS if field.numeric else TEXT_CAP_CHARACTERS
         self._open(Entering.VALUE, entry_of(field, work, self.ui.text.units))
 
     def _choose_lobe(self, work: Work) -> None:
@@ -303,16 +296,11 @@ class SetupPage(Page):
 
     def _open(self, entering: Entering, value: str) -> None:
         self._entering = entering
-        self._entry.value = value
-        self._entry.select_all()
-        self._entry.display = True
-        # At once, not with the next message: the characters after this key are for the entry.
-        self.screen.set_focus(self._entry, scroll_visible=False)
+        self._entry.begin(value, marked=True)
 
     def _close(self) -> None:
         self._entering = Entering.NOTHING
-        self._entry.display = False
-        self.screen.set_focus(None)
+        self._entry.close()
 
     # What is shown ---------------------------------------------------------------------------------------------
 

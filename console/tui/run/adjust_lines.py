@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rich.cells import cell_len
 
-from console.session.station.adjusting.refusals import adjust_refusal
+from console.session.station.adjusting import adjust_refusal
 from console.session.station.commands import Adjust
 from console.session.station.progress import CutProgress
 from console.session.station.state import Activity, StationState

@@ -66,6 +66,8 @@ def test_the_next_step_has_its_key_and_what_is_against_it() -> None:
     jaw = said(replace(ready, alignment=scenes.AT_JAW), work=scenes.signed())["next"]
     assert (jaw["word"], jaw["key"]) == ("align.jaw_enable", "align.enable")
     assert [each["code"] for each in jaw["why"]] == ["alignment.no_jaw", "alignment.no_touch_off"]
+    enabled = said(replace(ready, alignment=scenes.AT_JAW, jog_enabled=True), work=scenes.signed())["next"]
+    assert (enabled["word"], enabled["key"]) == ("align.jaw", "align.take")
     assert said(ready)["next"]["word"] == "run.no_job"
     assert said(CUTTING, work=scenes.signed())["next"] == {**arm, "word": "run.cutting", "key": None}
     assert said(CUTTING, program=RUN)["next"] is None

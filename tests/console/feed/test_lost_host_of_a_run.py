@@ -10,9 +10,8 @@ import pytest
 from console.session.cut.engine import CutContext
 from console.session.cut.recording import CutRecorder
 from console.session.cut.run import plan_run, run_once
-from console.session.feed.followed_run import FollowedRun, Run
+from console.session.feed.followed_run import FollowedRun, Run, RunAlarms
 from console.session.feed.report import report
-from console.session.feed.run_alarms import RunAlarms
 from console.site.exchange.mtconnect import conditions
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import Heartbeat

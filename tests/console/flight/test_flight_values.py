@@ -14,7 +14,7 @@ from hypothesis import HealthCheck, given, settings
 
 from console.flight.plain_values import ARRAY, changes, plain
 from console.flight.recorded_forms import Moment, recorded, work_of
-from console.flight.typed_values import Typed, machine_of, patched
+from console.flight.recording import Typed, machine_of, patched
 from console.session.station.progress import CutProgress
 from console.tui.keymap import PageName
 from profiles.arrays import Floats

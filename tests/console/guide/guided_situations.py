@@ -154,7 +154,8 @@ def works_after() -> Iterator[Work | None]:
 
 
 def situation(state: StationState, work: Work | None, *, jog_enabled: bool = False) -> Situation:
-    return Situation(state=state, work=work, machine=lathe().machine, jog_enabled=jog_enabled, now_s=100.0)
+    state = replace(state, jog_enabled=jog_enabled)
+    return Situation(state=state, work=work, machine=lathe().machine, now_s=100.0)
 
 
 def before_the_cut() -> Iterator[Situation]:

@@ -10,7 +10,7 @@ from console.session.guide.refusals import refused
 from console.session.guide.rows import Row, next_step
 from console.session.guide.situation import Situation
 from console.session.learning.part_learning import accept
-from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, TakeTouchOff
+from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, NoteJog, TakeTouchOff
 from console.session.work import Work, opened
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
@@ -25,17 +25,14 @@ class Novice:
     def __init__(self, floor: Floor, work: Work, data: Path) -> None:
         self.floor, self.work, self.data = floor, work, data
         self.open: Work | None = None
-        self.jog_enabled = False
 
     def now(self) -> Situation:
         machine = self.work.machine.machine
         at_s = self.floor.state.at_s
-        return Situation(
-            state=self.floor.idle(), work=self.open, machine=machine, jog_enabled=self.jog_enabled, now_s=at_s
-        )
+        return Situation(state=self.floor.idle(), work=self.open, machine=machine, now_s=at_s)
 
     def follow(self, row: Row) -> None:
-        self.jog_enabled = row.key == "align.enable"
+        self.floor.station.post(NoteJog(enabled=row.key == "align.enable"))
         if row.key == "page.jobs":
             self.open = self.work
         elif row.word == "align.jaw":

@@ -10,8 +10,8 @@ import pytest
 
 from console.flight.recording import Recording
 from console.school.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
+from console.school.practice.moment_before import likeness
 from console.school.practice.practice import Practice, practice_of
-from console.school.practice.recorded_event import likeness
 from console.school.training.lesson import lesson_of
 from console.school.words.practice import lesson_words, practice_lines
 from console.session.station.progress import CutStage

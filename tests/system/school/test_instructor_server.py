@@ -12,12 +12,11 @@ from pathlib import Path
 import pytest
 
 from console.__main__ import main
-from console.school.instructing.answer import Answer
 from console.school.instructing.carrying import CarryOut
 from console.school.instructing.client import Instructor
 from console.school.instructing.dispatcher import Dispatcher
 from console.school.instructing.mailbox import Mailbox
-from console.school.instructing.order import LONGEST_LINE
+from console.school.instructing.order import LONGEST_LINE, Answer
 from console.school.instructing.server import MOST_CLIENTS, InstructorServer
 from console.school.instructing.token import forget_token, keep_token, kept_token, new_token, token_path
 from console.session.errors import SessionError

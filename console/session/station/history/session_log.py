@@ -78,7 +78,7 @@ class SessionLog:
         return len(self.entries) + self.dropped
 
     def with_entries(self, *fresh: LogEntry) -> SessionLog:
-        """Return the log with more entries; one that repeats the last one is counted."""
+        """Return the log with more entries; an entry that repeats the last one only raises its count."""
         entries = self.entries
         for entry in fresh:
             last = entries[-1] if entries else None
@@ -91,7 +91,7 @@ class SessionLog:
 
 
 def command_entry(name: str, *, taken: bool, at: datetime, axis: str = "", distance: float = 0.0) -> LogEntry:
-    """Return the entry of a command of the operator; `taken` is False where the machine was busy."""
+    """Return the entry of a command of the operator; `taken` is False if the machine was busy."""
     kind = LogKind.COMMAND if taken else LogKind.REFUSED
     return LogEntry(at=at, kind=kind, word=name, axis=axis, distance=distance)
 

@@ -20,7 +20,7 @@ class HolderWatch:
         self._holder, self._readings, self._next_s = NOBODY, 0, float("-inf")
 
     def look(self) -> None:
-        """Read it where it is not known yet. Errors as for a poll."""
+        """Read the signature if it is not known yet. Errors as for a poll."""
         context, state = self._context, self._context.state
         if context.onlookers is not None:
             context.onlookers.say(looks_on=not state.controls)
@@ -47,7 +47,7 @@ class HolderWatch:
                 context.change_alarms(lambda alarms: restated(alarms, taken))
 
     def _gone(self) -> None:
-        """Tell that the console has gone for which this one only looks on: what it asked for is over."""
+        """Report that the controlling console has gone, so that its requests are void."""
         context = self._context
         if not any(context.alarmed(code) for code in BESIDE):
             return

@@ -58,7 +58,7 @@ def validity_of(
 
     `before` is the alignment when the link was lost. `homed_axes` and `unhomed` are the axes that are homed, and
     those that are not, by the last poll. `ours` is whether nobody else has had control. `chuck` is what the
-    controller senses of it: True closed, None where it senses nothing.
+    controller senses of it: True closed, None if it senses nothing.
     """
     return (
         _home(before, homed_axes, unhomed),

@@ -87,7 +87,7 @@ def _context(
         clock=reached.clock,
         shop=reached.shop,
         records=data,
-        local_time=_local_time,
+        local_time=lambda: time.strftime("%H:%M"),
         side=SideLine(reached.client, reached.clock, heard, lambda: stop.reason is not None),
         client=reached.client,
         commissioned=commissioning(reached, machine, data),
@@ -96,7 +96,3 @@ def _context(
         begins=begins,
         training=None if trained is None or reached.shop is None else Training(lathe=reached.shop, clock=trained),
     )
-
-
-def _local_time() -> str:
-    return time.strftime("%H:%M")

@@ -66,7 +66,7 @@ class Reconnecting:
         return opened
 
     def step(self) -> None:
-        """Try to open the link, or watch the machine on the one that was opened."""
+        """Try to open the link; once it is open, watch the machine on it."""
         context, reopening = self._context, self._context.reopening
         if reopening is None:
             return

@@ -40,7 +40,7 @@ class Reopening:
         self.attempts, self.problem, self._next_s = 0, None, now_s
 
     def lose(self, problem: Problem) -> None:
-        """Give up a connection that is good, for this reason: what is sent from now on fails with it."""
+        """Give up a good connection for this reason: everything sent from now on fails with it."""
         self._link.drop(problem)
         if self._attempt is not None:
             self._attempt.abandon()

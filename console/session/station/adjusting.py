@@ -1,8 +1,8 @@
-"""When a running cut may be changed, and by how much."""
+"""When a running cut may be held, resumed or changed, and by how much."""
 
 from __future__ import annotations
 
-from console.session.station.commands import Adjust
+from console.session.station.commands import Adjust, HoldFeed, ResumeFeed
 from console.session.station.state import Activity, StationState
 from drivers.cutting.bounds import STEPS, Adjustable, Bounds
 from profiles.problem import Problem
@@ -10,6 +10,24 @@ from profiles.problem import Problem
 IN_PART = "cut"  # of `CutStage`: what it imports is not there for the first page
 
 UNITS = {Adjustable.OVERRIDE: "%", Adjustable.GAIN: "%", Adjustable.PHASE: "deg"}
+
+
+def hold_refusal(command: HoldFeed | ResumeFeed, state: StationState) -> Problem | None:
+    """Return why a cut cannot be held, or resumed, now."""
+    cut = state.cut
+    if state.activity is not Activity.CUTTING or cut is None:
+        return Problem(code="session.nothing_to_hold")
+    if isinstance(command, ResumeFeed):
+        return None if state.paused else Problem(code="cut.not_held")
+    if cut.hold_from_mm is None:
+        return Problem(code="cut.no_hold")
+    if cut.holding:
+        return Problem(code="screen.holding_already")
+    if cut.hold.active:
+        return Problem(code="cut.hold_asked")
+    if cut.stage != IN_PART or cut.z_mm < cut.hold_from_mm:
+        return Problem(code="cut.hold_early", limit=f"Z >= {max(cut.hold_from_mm, 0.0):.1f} mm")
+    return None
 
 
 def adjust_refusal(command: Adjust, state: StationState) -> Problem | None:

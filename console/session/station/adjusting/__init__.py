@@ -1,1 +1,0 @@
-"""Override and trim of a running cut, on the operator's commands."""
