@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -16,13 +16,11 @@ from drivers.pmac.client import PmacClient
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import Axis
-from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
-from tests.drivers.beside_home import beside_home
 
-MachineMaker = Callable[[], MachineProfile]
 JobMaker = Callable[[int], Job]
 
 
@@ -157,6 +155,19 @@ class Bench:
 
 BenchMaker = Callable[[], Bench]
 TrueBenchMaker = Callable[[TrueParameters], Bench]
+
+
+def beside_home(machine: MachineProfile, true: TrueParameters | None = None) -> TrueParameters:
+    """Return what a lathe is, with a tenth of the way to go: one that stands elsewhere on purpose stays there."""
+    own = true or ideal(machine)
+    usual = ideal(machine)
+    if (own.tool_start_mm, own.carriage_start_mm, own.spindle_start_turns) != (
+        usual.tool_start_mm,
+        usual.carriage_start_mm,
+        usual.spindle_start_turns,
+    ):
+        return own
+    return replace(own, tool_start_mm=0.1, carriage_start_mm=0.2, spindle_start_turns=0.95)
 
 
 def build(machine: MachineProfile, true: TrueParameters | None = None) -> Bench:

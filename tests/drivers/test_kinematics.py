@@ -17,10 +17,7 @@ from tests.drivers.families import of_family
 from tests.drivers.wire_card import Wire, wire
 
 UPPER, FORE, PER_DEGREE = 400.0, 300.0, 100.0
-FORWARD = (
-    "Q7=Q91*COS(P4/Q93)+Q92*COS((P4+P5)/Q93)",
-    "Q8=Q91*SIN(P4/Q93)+Q92*SIN((P4+P5)/Q93)",
-)
+FORWARD = ("Q7=Q91*COS(P4/Q93)+Q92*COS((P4+P5)/Q93)", "Q8=Q91*SIN(P4/Q93)+Q92*SIN((P4+P5)/Q93)")
 INVERSE = (
     "Q20=(Q7*Q7+Q8*Q8-Q91*Q91-Q92*Q92)/(2*Q91*Q92)",
     "Q21=ACOS(Q20)",
@@ -101,23 +98,17 @@ def test_each_move_ends_where_the_joints_have_to_be(machine: MachineProfile, seg
     assert card.ask("Q7Q8Q10") == ["400", "350", "0"]
 
 
-def test_segments_follow_the_straight_line_and_end_points_do_not(machine: MachineProfile) -> None:
+def test_a_path_in_segments_keeps_its_line_its_time_and_its_circle(machine: MachineProfile) -> None:
     line = ("LINEAR ABS TA100 TS0 TM400 X600 Y-200",)
     ends = (450.0, 250.0), (600.0, -200.0)
     assert off_the_line(played(arm(machine, *line)), *ends) > 5.0
     assert off_the_line(played(arm(machine, *line, segment_ms=10)), *ends) < 1e-3
     assert off_the_line(played(arm(machine, *line, segment_ms=50)), *ends) < 0.1
-
-
-def test_a_circle_in_segments_is_round(machine: MachineProfile) -> None:
     card = arm(machine, "CIRCLE1 ABS TA50 TS0 TM800 X450 Y250 I50 J0", "LINEAR", segment_ms=5)
     radius = [np.hypot(*(tip(*row) - (500.0, 250.0))) for row in played(card)]
     middle = np.array(radius[len(radius) // 4 : -len(radius) // 4])
     assert np.abs(middle - 50.0).max() < 1e-3
-
-
-def test_the_path_in_segments_has_the_time_and_the_speed_of_the_axes(machine: MachineProfile) -> None:
-    """100 units at 200 units a second: 0.5 s, and TA more."""
+    # 100 units at 200 units a second: 0.5 s, and TA more.
     card = arm(machine, "LINEAR INC TA100 TS0 F200 X100", segment_ms=5)
     began_s = card.sim.now_s()
     played(card)

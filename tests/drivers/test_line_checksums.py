@@ -30,7 +30,6 @@ from tests.system.lathe_sites import compact
 FAMILIES = ("pmac", "turbo")
 every_family = pytest.mark.parametrize("family", FAMILIES)
 
-PRINTABLE = [chr(code) for code in range(0x20, 0x7F)]
 MOTION = re.compile(rb"#\d(?:J|HM)|B\d+R")
 """What is in each line that moves or energises, and in no other."""
 

@@ -270,9 +270,7 @@ def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> Non
         (("date",), None),
     ],
 )
-def test_a_version_with_a_value_of_another_type_is_refused_and_not_converted(
-    keys: tuple[str, ...], value: object
-) -> None:
+def test_a_version_of_another_type_is_refused(keys: tuple[str, ...], value: object) -> None:
     made = taught(CutWith(path=MODEL, fraction=0.5, version=None), part({3: 20 + 0j}, noise_um=0.01)).next
     table = json.loads(json.dumps(as_table(made)))
     inner = table

@@ -41,9 +41,7 @@ PAPER = lee_2001()
         (Ramps.S_CURVE, 0.1, 0.80890, None),
     ],
 )
-def test_the_waves_of_a_blended_zigzag(
-    ramps: Ramps, share: float, fundamental: float, third: float | None
-) -> None:
+def test_the_waves_of_blended_zigzags(ramps: Ramps, share: float, fundamental: float, third: float | None) -> None:
     harmonics = zigzag(ramps, share)
     assert fundamental_fraction(harmonics) == pytest.approx(fundamental, abs=1e-5)
     if third is not None:
@@ -132,9 +130,7 @@ def test_more_jaws_make_more_of_the_depth_of_eq_3() -> None:
 
 
 @pytest.mark.parametrize(("stiffness_n_per_um", "exponent"), [(5.0, 0.1), (50.0, 0.5), (500.0, 0.85)])
-def test_what_is_true_by_construction_is_true_whatever_is_assumed(
-    stiffness_n_per_um: float, exponent: float
-) -> None:
+def test_what_is_true_by_construction_stays_true(stiffness_n_per_um: float, exponent: float) -> None:
     held = replace(PAPER.machine.chuck, jaw_stiffness_n_per_um=stiffness_n_per_um, jaw_contact_exponent=exponent)
     records = chuck.section(replace(PAPER.machine, chuck=held)).records
     marked = [record for record in records if record.basis is Basis.CONSTRUCTION]
@@ -218,15 +214,12 @@ def test_the_rows_of_the_symbols_the_conditions_and_the_motor() -> None:
     assert rows_of("eq5.a0")[0].ours == pytest.approx(1e6 * 30 / (2 * 394784.18) * 0.1, rel=1e-6)
 
 
-def test_what_was_fitted_is_called_circular_and_only_its_chi_square_is_judged() -> None:
+def test_what_was_fitted_is_circular_and_a_number_that_had_to_come_out_no_success() -> None:
     fitted = [record for record in rows_of("table5.fitted.amplitude") + rows_of("table5.fitted.phase")]
     assert {(record.basis, record.why) for record in fitted} == {(Basis.FITTED, "circular")}
     (chi2,) = rows_of("table5.chi2")
     assert (chi2.basis, chi2.holds) == (Basis.COMPUTED, False)
-
-
-def test_a_number_that_could_not_have_come_out_otherwise_is_no_success() -> None:
-    """A tick is for what has other inputs than itself: of the whole paper the overshoot and the peak current."""
+    # A tick is for what has other inputs than itself: of the whole paper the overshoot and the peak current.
     ticked = [r.name for s in sections(PAPER) if s.name != "acceptance" for r in s.records if is_ticked(r)]
     assert ticked == ["eq9.overshoot", "motor.current"]
     bandwidths = {record.at: record.basis for record in rows_of("fig11.bandwidth")}
@@ -245,7 +238,7 @@ def is_ticked(record: Record) -> bool:
     return record.holds is True and record.basis is Basis.COMPUTED
 
 
-def test_table_3_contradicts_tables_2_4_and_5() -> None:
+def test_tables_3_5_and_6_are_shown_and_compared() -> None:
     """By hand: 8 m/s over 0.2 um; 2000 N over 4.74 kg; 39.3216 MHz is the fastest encoder clock of a PMAC2."""
     (counts,), (thrown,), (accuracy,) = (
         rows_of(f"encoder.{each}") for each in ("counts", "acceleration", "accuracy")
@@ -255,16 +248,10 @@ def test_table_3_contradicts_tables_2_4_and_5() -> None:
     assert (thrown.expected, thrown.holds) == (250.0, False) and thrown.ours == pytest.approx(421.94, abs=0.01)
     assert thrown.facts["force_n"] == pytest.approx(1185.0)
     assert (accuracy.ours, accuracy.expected, accuracy.holds) == (3.0, 2.7, False)
-
-
-def test_the_counts_of_prog_1_are_those_of_tables_3_and_6() -> None:
     assert [record.ours for record in rows_of("prog1.depth")] == pytest.approx([500.0, 300.0])
     assert [record.ours for record in rows_of("prog1.counts")] == pytest.approx([275.0, 165.0])
     assert [record.ours for record in rows_of("prog1.sixth")] == pytest.approx([2500 * 4 / 6])
-
-
-def test_table_5_is_shown_by_each_of_its_readings() -> None:
-    """|1 - g exp(-0.241 j)| of 55 um at 50 Hz, with g = 1 - 5.8 / 25 and 1 - 5.8 / 50."""
+    # |1 - g exp(-0.241 j)| of 55 um at 50 Hz, with g = 1 - 5.8 / 25 and 1 - 5.8 / 50.
     gains = {"loss_of_amplitude": 1 - 5.8 / 25, "loss_peak_to_peak": 1 - 5.8 / 50}
     left = {record.at: record.ours for record in rows_of("table5.left")}
     assert left == pytest.approx({at: 55.0 * abs(1 - g * np.exp(-0.241j)) for at, g in gains.items()}, rel=1e-6)
