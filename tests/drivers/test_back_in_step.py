@@ -146,16 +146,22 @@ def test_data_in_the_reply_to_a_command_are_a_fault(bench: Recorded) -> None:
     assert (told.value.problems[0].value, told.value.problems[0].limit) == ("1 CR", "≠ 0 CR")
 
 
-def test_a_request_that_was_given_up_leaves_nothing_to_the_next(bench: Recorded) -> None:
+def test_a_late_reply_that_nobody_waits_for_is_no_reply_to_the_next_question(bench: Recorded) -> None:
     """It comes behind the flush: the card of this line does not forget what it has begun to say."""
     bench.line.port.announce(b"25\r\x06")
     bench.sim.wait(0.02)
     assert bench.client.query("P2") == ("50",)
     assert bench.client.faults.count(FaultKind.UNASKED) == 1
+
+
+def test_a_request_whose_reply_was_not_taken_is_given_up_before_the_next_one(bench: Recorded) -> None:
     bench.client.send("P1")
     assert bench.client.query("P2") == ("50",)
     assert bench.client.faults.count(FaultKind.ABANDONED) == 1
-    # The stop is repeated between two looks: a way back must not hold them up.
+
+
+def test_a_silent_card_keeps_a_request_no_longer_than_its_own_time_and_two_quiet_ones(bench: Recorded) -> None:
+    """The stop is repeated between two looks: a way back must not hold them up."""
     bench.sim.faults.inject("hang")
     for _ in range(4):
         before_s = bench.sim.now_s()

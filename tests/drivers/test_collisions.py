@@ -382,18 +382,24 @@ def test_a_chuck_that_is_mounted_as_the_job_says_is_seen_there(bench: Bench, exp
     assert bench.sim.look().jaw_1_past_mark_deg == 0.0
 
 
-def test_the_gap_is_between_the_tip_and_the_blank_in_front_of_it(bench: Bench, experiment: JobMaker) -> None:
+def test_the_gap_is_between_the_tip_and_the_blank(bench: Bench, experiment: JobMaker) -> None:
     homed(bench).sim.mount(experiment(1))
     assert tool_at(bench, 30.0, IN_THE_PART_MM).tool_gap_mm == pytest.approx(4.0, abs=SETTLED_MM)
     bench.lathe.jog_to(AxisName.TOOL, (76.0 - 26.0) * TOOL_COUNTS_PER_MM)
     assert bench.sim.look().tool_gap_mm == pytest.approx(0.0, abs=SETTLED_MM)
     bench.lathe.jog_to(AxisName.TOOL, (76.0 - 25.5) * TOOL_COUNTS_PER_MM)
     assert bench.sim.look().tool_gap_mm == pytest.approx(-0.5, abs=SETTLED_MM)
-    # 30 mm in front of the jaw faces at 200 mm; the carriage is let go further than its limit of 199 mm.
+
+
+def test_a_gap_is_seen_only_in_front_of_the_part(bench: Bench, experiment: JobMaker) -> None:
+    """30 mm in front of the jaw faces at 200 mm; the carriage is let go further than its limit of 199 mm."""
     homed(bench).sim.mount(experiment(1))
     bench.client.request("I313=0")
     seen = {z_mm: tool_at(bench, 30.0, z_mm).tool_gap_mm is not None for z_mm in (169.9, 170.1, 199.0, 200.1)}
     assert seen == {169.9: False, 170.1: True, 199.0: True, 200.1: False}
+
+
+def test_without_a_part_there_is_no_gap(bench: Bench) -> None:
     assert tool_at(homed(bench), 30.0, IN_THE_PART_MM).tool_gap_mm is None
 
 

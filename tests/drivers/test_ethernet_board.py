@@ -118,7 +118,7 @@ def test_a_long_response_comes_in_pieces_of_1400_bytes(client: Client) -> None:
     assert client.fetched() == b"\0"
 
 
-def test_what_waits_is_fetched_in_order_before_the_next_response_or_flushed(client: Client) -> None:
+def test_what_sendline_brings_is_fetched_later_and_in_order(client: Client) -> None:
     assert client.ask(RequestCode.SENDLINE, b"P1=7 P1") == b"@"
     assert client.ask(RequestCode.SENDLINE, b"UUU") == b"@"
     assert client.ask(RequestCode.SENDLINE, b"P2..3") == b"@"
@@ -126,9 +126,15 @@ def test_what_waits_is_fetched_in_order_before_the_next_response_or_flushed(clie
     assert client.fetched() == b"7\r\x06"
     assert client.fetched() == b"\x07ERR003\r"
     assert [client.ask(RequestCode.GETLINE) for _ in range(4)] == [b"0\r", b"0\r", b"\x06", b"\0"]
+
+
+def test_what_nobody_fetched_comes_before_the_response_to_the_next_line(client: Client) -> None:
     client.ask(RequestCode.SENDLINE, b"P1=7 P1")
     assert client.response(b"P1=8 P1") == b"7\r\x06"
     assert client.fetched() == b"8\r\x06"
+
+
+def test_a_flush_forgets_what_waits(client: Client) -> None:
     client.ask(RequestCode.SENDLINE, b"P0..1000")
     assert client.ask(RequestCode.FLUSH, value=500) == b"@"
     assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
@@ -241,12 +247,15 @@ def test_a_new_address_is_kept_and_firmware_changes_nothing(connect: Connect) ->
     assert one.response(b"P1") == b"0\r\x06"
 
 
-def test_each_client_has_its_own_addressing_and_queue(connect: Connect) -> None:
+def test_each_client_has_its_own_addressing_and_its_own_queue(connect: Connect) -> None:
     one, other = connect(), connect()
     one.ask(RequestCode.SENDLINE, b"#2 P1=1 P1")
     other.ask(RequestCode.SENDLINE, b"#3 P2=2 P2")
     assert (one.fetched(), other.fetched()) == (b"1\r\x06", b"2\r\x06")
     assert (one.response(b"#"), other.response(b"#")) == (b"2\r\x06", b"3\r\x06")
+
+
+def test_a_control_x_of_one_client_leaves_the_queue_of_the_other(connect: Connect) -> None:
     one, other = connect(), connect()
     other.ask(RequestCode.SENDLINE, b"P1")
     one.ask(RequestCode.FLUSH)

@@ -273,13 +273,16 @@ def test_with_the_same_seed_the_same_share_of_replies_is_hit(machine: MachinePro
     assert 5 <= sum(said.startswith(b"\r") for said in run) <= 25
 
 
-def test_faults_that_are_there_together_all_have_their_effect_on_every_host(card: Wire) -> None:
+def test_faults_that_are_there_together_all_have_their_effect(card: Wire) -> None:
     card.sim.faults.inject("extra-line")
     card.sim.faults.inject("dropped-ack")
     card.sim.faults.inject("late-reply", delay_ms=100)
     assert card.raw("P1\r") == b""
     card.sim.wait(0.11)
     assert card.port.take_output() == b"\r25\r"
+
+
+def test_every_host_has_the_fault(card: Wire) -> None:
     other = Wire(sim=card.sim, port=card.sim.connect())
     card.sim.faults.inject("nul")
     assert (card.raw("P1\r"), other.raw("P1\r")) == (b"\0", b"\0")
@@ -293,6 +296,9 @@ def test_a_garbled_line_is_another_line_once_and_the_host_is_not_told(card: Wire
     assert card.sim.faults.active() == ()
     card.raw("P1=1\r")
     assert card.raw("P1\r") == b"1\r\x06"
+
+
+def test_what_is_garbled_may_come_in_pieces_and_grow_too_long(card: Wire) -> None:
     card.sim.faults.inject("garbled-line", find="J=1", replace="J=11")
     card.port.receive(b"#1J=")
     assert card.raw("1 P1=3" + " " * 245 + "\r") == b"\x07ERR003\r"
@@ -306,6 +312,9 @@ def test_the_checksum_of_a_garbled_line_is_that_of_what_was_read(card: Wire) -> 
     assert card.raw("P1\r") == b"50\r\x72\x06\x82"
     card.sim.faults.inject("garbled-line", find="P1", replace="P2")
     assert card.raw("P1\x0e") == b"\x82"
+
+
+def test_nothing_is_garbled_any_more_after_a_clear(card: Wire) -> None:
     card.sim.faults.inject("garbled-line", find="P1", replace="P2")
     card.sim.faults.clear()
     assert card.raw("P1\r") == b"25\r\x06"

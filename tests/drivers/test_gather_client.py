@@ -116,12 +116,15 @@ def test_nothing_moves_because_of_it(bench: Bench) -> None:
     assert [line for line in said if HARMLESS.fullmatch(line) is None] == []
 
 
-def test_a_long_gather_is_listed_in_parts_a_stopped_one_is_short_a_second_starts_empty(bench: Bench) -> None:
+def test_a_long_gather_is_listed_in_parts(bench: Bench) -> None:
     plan = bench.gathering.prepare(bench.gathering.motor_channels("#1 actual", "#2 actual"), 400)
     bench.line.heard = b""
     assert bench.gathered(plan).times_ms.shape == (400,)
     listed = re.findall(rb"LIST GATHER (\d+),(\d+)\r", bench.line.heard)
     assert listed == [(b"0", b"256"), (b"256", b"256"), (b"512", b"256"), (b"768", b"32")]
+
+
+def test_one_that_is_stopped_early_has_fewer_samples(bench: Bench) -> None:
     plan = bench.gathering.prepare(bench.gathering.motor_channels("#1 actual"), 10_000)
     bench.gathering.start(plan)
     bench.sim.wait(0.1)
@@ -129,7 +132,10 @@ def test_a_long_gather_is_listed_in_parts_a_stopped_one_is_short_a_second_starts
     data = bench.gathering.fetch(plan)
     assert len(bench.tracks[1]) == len(data.times_ms) == len(data.values["#1 actual"])
     assert 200 < len(data.times_ms) < 400
-    # Samples of two gathers in a row would be taken for one.
+
+
+def test_a_second_start_begins_with_an_empty_buffer(bench: Bench) -> None:
+    """Samples of two gathers in a row would be taken for one."""
     plan = bench.gathering.prepare(bench.gathering.motor_channels("#1 actual"), 1000)
     bench.gathered(plan)
     bench.tracks.clear()

@@ -174,20 +174,26 @@ def test_a_long_line_of_heavy_commands_is_done_in_parts_and_answered_once(card: 
     assert said == (card.raw(RANGE)[:-1]) * 5 + b"\x06"
 
 
-def test_an_error_or_control_x_ends_a_line_that_is_done_in_parts(card: Wire) -> None:
+def test_an_error_ends_a_line_that_is_done_in_parts(card: Wire) -> None:
     assert card.raw(b"P1..8191=P1+1P1..8191=P1+1CLEAR P1=7\r") == b"\x07ERR005\r"
     assert p1(card) == 2
+
+
+def test_control_x_ends_a_line_that_is_done_in_parts(card: Wire) -> None:
     card.port.receive(b"P1..8191=P1+1" * 12 + b"\r")
     card.sim.attend(card.port)
     assert card.raw(b"\x18P0\r") == b"0\r\x06"
     assert p1(card) == 1
 
 
-def test_a_program_that_is_listed_and_a_repeated_line_count_with_their_lines(card: Wire) -> None:
+def test_a_program_that_is_listed_counts_with_its_lines(card: Wire) -> None:
     card.tell("OPEN PROG 1 CLEAR", *("X1" for _ in range(600)), "CLOSE")
     card.sim.wait(20 * CYCLE_S)
     card.port.receive(b"LIST PROG 1\r" * 100)
     assert answers(card, 90).count(b"\x06") <= 15
+
+
+def test_a_line_that_is_repeated_thousands_of_times_is_a_line_each_time(card: Wire) -> None:
     card.raw(b"P1=P1+1\r")
     card.port.receive(b"\t" * 60_000)
     card.sim.attend(card.port)

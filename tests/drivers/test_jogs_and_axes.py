@@ -216,7 +216,7 @@ def velocities(bench: Bench, recorder: Recorder) -> np.ndarray:
     return np.diff(recorder.commands) / bench.cycle_ms
 
 
-def test_the_rates_of_a_jog_set_its_time(closed: Bench) -> None:
+def test_a_jog_to_a_position_takes_distance_over_speed_and_one_acceleration_time(closed: Bench) -> None:
     """Ix22 = 10, Ix20 = 100: 5000 counts take 500 + 100 ms."""
     recorder = closed.record(3)
     closed.client.request("#3J=5000")
@@ -224,6 +224,9 @@ def test_the_rates_of_a_jog_set_its_time(closed: Bench) -> None:
     assert recorder.commands[-1] == 5000
     assert moving_ms(closed, recorder) == pytest.approx(600, abs=SLOW_CYCLES * closed.cycle_ms)
     assert velocities(closed, recorder).max() == pytest.approx(10, rel=1e-6)
+
+
+def test_two_s_curves_longer_than_the_jog_acceleration_time_set_it(closed: Bench) -> None:
     closed.client.request("I320=40 I321=60 I319=0")
     recorder = closed.record(3)
     closed.client.request("#3J=-5000")
@@ -246,13 +249,19 @@ def test_factory_rates_take_two_seconds_to_stop_a_jog(closed: Bench) -> None:
     assert recorder.commands[-1] - before == pytest.approx(0.5 * 32 * 2048, abs=32 * 12)
 
 
-def test_a_jog_without_a_way_without_times_or_with_a_speed_of_the_other_sign_ends(closed: Bench) -> None:
+def test_a_speed_of_the_other_sign_is_still_a_speed(closed: Bench) -> None:
     closed.client.request("I322=-10 #3J=1000")
     closed.settle()
     assert closed.number("#3P") == 1000
+
+
+def test_a_jog_to_where_the_motor_stands_is_done_at_once(closed: Bench) -> None:
     closed.client.request("#3J=0")
     closed.sim.wait(0.03)
     assert "in_position" in closed.lathe.snapshot().carriage.flags
+
+
+def test_jog_times_of_nothing_stop_neither_the_card_nor_the_jog(closed: Bench) -> None:
     closed.client.request("I319=0 I320=0 I321=0 #3J=500")
     closed.settle()
     assert closed.number("#3P") == 500

@@ -346,7 +346,7 @@ def test_bit_20_ignores_the_amplifier(faults_card: IdealCard) -> None:
     assert closed(faults_card) == [1, 2, 3]
 
 
-def test_what_is_no_longer_activated_is_off_and_its_program_with_it(faults_card: IdealCard) -> None:
+def test_a_program_does_not_outlive_the_activation_of_its_motors(faults_card: IdealCard) -> None:
     faults_card.program("INC", "TA20 TS0 TM1000", "X1000 Y1000")
     faults_card.system.run()
     faults_card.wait(100)
@@ -355,6 +355,9 @@ def test_what_is_no_longer_activated_is_off_and_its_program_with_it(faults_card:
     assert not faults_card.system.running
     assert closed(faults_card) == [1, 3]
     assert faults_card.x < 300
+
+
+def test_what_is_no_longer_activated_is_off(faults_card: IdealCard) -> None:
     faults_card.motor().jog_speed(1)
     faults_card.wait(50)
     faults_card.set(I100=0)
@@ -422,15 +425,21 @@ def test_the_scans_have_to_be_consecutive(position_card: IdealCard) -> None:
     assert position_card.motor().in_position
 
 
-def test_within_the_band_of_ix28_and_not_in_open_loop_or_in_a_jog(position_card: IdealCard) -> None:
+def test_the_band_is_in_sixteenths_of_a_count(position_card: IdealCard) -> None:
     """160, the factory's, is 10 counts; the error has to be below."""
     position_card.motor().desired += 9.9
     assert position_card.motor().in_position
     position_card.motor().desired += 0.1
     assert not position_card.motor().in_position
+
+
+def test_a_new_jog_ends_it_at_once(position_card: IdealCard) -> None:
     assert position_card.motor().in_position
     position_card.motor().jog_to(100)
     assert not position_card.motor().in_position
+
+
+def test_not_in_open_loop(position_card: IdealCard) -> None:
     position_card.motor().open_loop(0)
     position_card.wait(20)
     assert not position_card.motor().in_position

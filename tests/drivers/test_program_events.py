@@ -87,7 +87,7 @@ def test_pset_changes_where_the_axes_are_and_moves_nothing(card: IdealCard) -> N
     assert card.motor(2).desired == 0
 
 
-def test_an_axis_may_be_redefined_from_outside_but_not_while_a_program_runs(card: IdealCard) -> None:
+def test_an_axis_may_be_redefined_from_outside(card: IdealCard) -> None:
     card.run("ABS", "TA20 TS0 TM100", "X1000 Y500")
     card.system.set_axis("X", 5)
     card.run("X6")
@@ -97,15 +97,24 @@ def test_an_axis_may_be_redefined_from_outside_but_not_while_a_program_runs(card
     assert card.motor(2).position == 0
     card.system.set_axis("X", 0.0)
     assert refused(lambda: card.system.set_axis("Z", 1)) == 3
+
+
+def test_a_jog_goes_to_what_is_reported(card: IdealCard) -> None:
     card.run("ABS", "TA20 TS0 TM100", "X1000", "PSET X0")
     card.motor().jog_to(30)
     card.settle()
     assert (card.motor().position, card.x) == (30, 1030)
+
+
+def test_the_axes_are_not_redefined_while_a_program_runs(card: IdealCard) -> None:
     card.program("INC", "TA20 TS0 TM1000", "X1000")
     card.system.run()
     card.wait(50)
     for act in (lambda: card.system.set_axis("X", 1), card.system.zero_axes, card.system.match_positions):
         assert refused(act) == 1
+
+
+def test_a_definition_begins_to_count_anew(card: IdealCard) -> None:
     card.run("ABS", "TA20 TS0 TM100", "X1000", "PSET X0")
     definition = card.system.frame.definitions[1]
     card.controller.define_axis(1, 1, definition)

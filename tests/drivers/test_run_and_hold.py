@@ -32,6 +32,9 @@ def test_q_plays_what_is_calculated_and_r_goes_on_with_the_next_move(card: Ideal
     card.settle()
     assert card.x == 3000
     assert card.get("P1") == 3, "nothing is done twice"
+
+
+def test_q_sets_the_single_step_bit_and_r_clears_it(card: IdealCard) -> None:
     started(card, *THREE)
     assert said(card.system.motion, "single_step", "running") == ["running"]
     card.system.quit()
@@ -39,6 +42,9 @@ def test_q_plays_what_is_calculated_and_r_goes_on_with_the_next_move(card: Ideal
     card.settle()
     card.system.run()
     assert said(card.system.motion, "single_step", "running") == ["running"]
+
+
+def test_011_until_the_stop_is_done(card: IdealCard) -> None:
     started(card, *THREE)
     assert refused(card.system.run) == 1
     card.system.quit()
@@ -59,7 +65,7 @@ def test_a_quit_in_pvt_ramps_down_and_the_program_goes_on_from_there(card: Ideal
     assert card.x == 7000
 
 
-def test_s_makes_one_move_at_a_time_and_r_runs_the_rest(card: IdealCard) -> None:
+def test_s_makes_one_move_at_a_time(card: IdealCard) -> None:
     card.program(*THREE)
     for count in (1, 2, 3):
         card.system.step()
@@ -71,6 +77,9 @@ def test_s_makes_one_move_at_a_time_and_r_runs_the_rest(card: IdealCard) -> None
     card.settle()
     assert card.get("P1") == 3
     assert not card.system.running
+
+
+def test_r_after_s_runs_the_rest(card: IdealCard) -> None:
     card.program(*THREE)
     card.system.step()
     card.settle()
@@ -264,7 +273,7 @@ def test_a_runtime_error_is_not_gone_on_from(card: IdealCard) -> None:
     assert card.x == 2000
 
 
-def test_a_program_counter_is_ahead_of_what_is_executed_also_in_a_called_program(card: IdealCard) -> None:
+def test_the_program_counter_is_ahead_of_what_is_executed(card: IdealCard) -> None:
     card.program("INC TA20 TS0 TM100", "X1000", "X1000", "X1000")
     assert card.system.program_counter() == (1, 0)
     card.system.run()
@@ -273,6 +282,9 @@ def test_a_program_counter_is_ahead_of_what_is_executed_also_in_a_called_program
     assert card.system.executing() == (1, 1)
     card.settle()
     assert card.system.program_counter() == (1, 0)
+
+
+def test_both_look_into_a_called_program(card: IdealCard) -> None:
     card.store("X1000", "X1000", "X1000", number=500)
     card.program("INC TA20 TS0 TM100", "CALL 500", "X1")
     card.system.run()
@@ -343,12 +355,15 @@ def test_both_the_stop_and_the_start_slew_at_ix95_and_not_at_ix94() -> None:
     assert np.diff(override)[20] == pytest.approx(5 * CYCLE_MS), "from then on it is Ix94 again"
 
 
-def test_held_motors_may_be_jogged_and_come_back_with_j_equals(card: IdealCard) -> None:
+def test_a_held_program_still_runs_and_is_not_in_position(card: IdealCard) -> None:
     held(card, *LONG)
     assert card.system.running
     assert card.system.time_base.percent == 0
     assert card.motor().velocity == 0
     assert not card.motor().in_position
+
+
+def test_held_motors_may_be_jogged_and_come_back_with_j_equals(card: IdealCard) -> None:
     held(card, *LONG)
     here = card.x
     for target in (here + 500, here - 700):
@@ -365,6 +380,9 @@ def test_held_motors_may_be_jogged_and_come_back_with_j_equals(card: IdealCard) 
     card.settle()
     assert card.x == pytest.approx(15_000)
     assert card.get("P1") == 1
+
+
+def test_a_motor_that_still_jogs_is_off_its_place(card: IdealCard) -> None:
     held(card, *LONG)
     card.motor().jog_speed(1)
     assert refused(card.system.run) == 17

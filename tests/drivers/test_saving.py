@@ -228,15 +228,21 @@ def test_what_was_saved_comes_back_with_a_reset(card: Wire) -> None:
     assert card.refusal("LIST PROG 6") == 3
 
 
-def test_what_a_reset_brings_back_and_sets_back(card: Wire) -> None:
+def test_without_save_a_reset_brings_the_settings_of_the_machine(card: Wire) -> None:
     before = card.ask("I116 #1->")
     card.tell("I116=77", "#1->7X")
     reset(card)
     assert card.ask("I116 #1->") == before
-    # The machine's profile has I3=2 and I6=1; what was saved here is I3=0 and I6=0.
+
+
+def test_a_reset_sets_handshake_and_errors_back(card: Wire) -> None:
+    """The machine's profile has I3=2 and I6=1; what was saved here is I3=0 and I6=0."""
     card.raw("I3=0 I6=0\rSAVE\rI3=2 I6=1\r")
     assert card.raw("$$$\r") == b""
     assert card.raw("UUU\rP1\r") == b"\x070\r"
+
+
+def test_variables_keep_their_values_through_a_reset(card: Wire) -> None:
     card.tell("P1=1", "Q2=2", "M3=3")
     reset(card)
     assert card.ask("P1 Q2 M3") == ["1", "2", "3"]

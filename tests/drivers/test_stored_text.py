@@ -151,12 +151,15 @@ def test_a_reset_brings_saved_plcs_back_and_switches_them_on(card: Wire) -> None
     assert values(card, "P1 P2 P4") == [2, 7, 2], "from its top, after one more scan at the end of the SAVE"
 
 
-def test_a_reset_without_save_keeps_the_plcs_and_the_factory_has_none(card: Wire) -> None:
+def test_a_reset_without_save_keeps_the_plcs_and_permits_what_the_machine_does(card: Wire) -> None:
     store(card, 1, "P1=P1+1", on=False)
     reset(card)
     assert card.card.plcs.switches.enabled == {1}
     run_for(card, 3)
     assert values(card, "P1") == [3], "the profile of the machine permits PLC 1 to 31"
+
+
+def test_the_factory_has_no_plcs(card: Wire) -> None:
     card.tell("I5=3")
     store(card, 0, "P1=P1+1")
     store(card, 1, "P1=P1+1")

@@ -79,13 +79,19 @@ def test_a_part_of_a_program_is_listed(card: Wire) -> None:
     assert card.refusal("LIST PROGRAM 1,20") == 3
 
 
-def test_003_007_and_001_of_buffers(card: Wire) -> None:
+def test_003_there_is_no_such_program(card: Wire) -> None:
     assert card.refusal("LIST PROG 7") == 3
     assert card.refusal("LIST PLC 7") == 3
     assert card.refusal("OPEN PROG 32768") == 3
+
+
+def test_001_no_buffer_is_opened_while_a_program_runs(card: Wire) -> None:
     card.tell("#1J/ #2J/ #3J/", "OPEN PROG1 CLEAR", "DWELL1000", "CLOSE", "B1R")
     card.sim.wait(0.05)
     assert card.refusal("OPEN PROG 2") == 1
+
+
+def test_007_no_deletion_of_what_is_open(card: Wire) -> None:
     card.tell("OPEN PROG 1")
     assert card.refusal("DELETE PROG 1") == 7
     assert card.refusal("DELETE ALL") == 7
@@ -336,7 +342,7 @@ def public_card(machine: MachineProfile) -> Wire:
     return wire(machine, TURBO)
 
 
-def test_a_plc_addresses_by_a_variable_or_is_switched_off(public_card: Wire) -> None:
+def test_a_plc_addresses_by_a_variable(public_card: Wire) -> None:
     public_card.tell(
         "I5=2 P1=2 P2=3", "&3Q5=33", "&1Q5=11", "OPEN PLC 4 CLEAR", "ADDRESS#P1 ADDRESS&P2", "P9=Q5", "CLOSE"
     )
@@ -345,13 +351,16 @@ def test_a_plc_addresses_by_a_variable_or_is_switched_off(public_card: Wire) -> 
     assert public_card.ask("P9") == ["33"]
     assert [public_card.card.motors[number].enabled for number in (1, 2, 3)] == [False, True, False]
     assert public_card.listed("PLC 4") == ["ADDRESS#P1ADDRESS&P2", "P9=Q5"]
+
+
+def test_a_plc_that_addresses_what_does_not_exist_is_switched_off(public_card: Wire) -> None:
     public_card.tell("I5=2 P1=0", "OPEN PLC 4 CLEAR", "ADDRESS#P1", "P9=1", "CLOSE", "ENABLE PLC 4")
     public_card.sim.wait(0.1)
     assert public_card.ask("P9") == ["0"]
     assert public_card.card.plcs.switches.enabled == set()
 
 
-def test_a_paused_plc_goes_on_where_it_was_and_resume_of_another_does_nothing(public_card: Wire) -> None:
+def test_a_paused_plc_goes_on_where_it_was(public_card: Wire) -> None:
     public_card.tell(
         "I5=2", "OPEN PLC 4 CLEAR", "P1=P1+1", "WHILE(P3=0)", "P2=P2+1", "ENDWHILE", "CLOSE", "ENABLE PLC 4"
     )
@@ -367,6 +376,9 @@ def test_a_paused_plc_goes_on_where_it_was_and_resume_of_another_does_nothing(pu
     public_card.tell("PAUSE PLC 4", "ENABLE PLC 4")
     public_card.sim.wait(0.05)
     assert public_card.ask("P1") == ["2"], "from the top"
+
+
+def test_resume_of_a_plc_that_is_not_paused_does_nothing(public_card: Wire) -> None:
     public_card.tell(
         "I5=2", "OPEN PLC 4 CLEAR", "P1=P1+1", "CLOSE", "RESUME PLC 4", "DISABLE PLC 4", "RESUME PLC 4"
     )
@@ -388,11 +400,14 @@ def test_a_rapid_move_until_the_trigger_ends_past_it(public_card: Wire) -> None:
     assert public_card.listed("PROG 1")[2] == "X(-9000)^(P2)"
 
 
-def test_a_move_until_a_trigger_belongs_to_rapid_and_may_end_at_its_target(public_card: Wire) -> None:
+def test_a_move_until_a_trigger_that_never_comes_ends_at_its_target(public_card: Wire) -> None:
     public_card.tell("#1J/#2J/#3J/", "OPEN PROG 1 CLEAR", "RAPID INC", "X500^10 Y200", "P9=1", "CLOSE", "&1B1R")
     public_card.settle()
     assert public_card.ask("P9") == ["1"]
     assert [public_card.card.motors[number].desired for number in (1, 2)] == [500, 200]
+
+
+def test_a_move_until_a_trigger_belongs_to_rapid(public_card: Wire) -> None:
     public_card.tell("#1J/#2J/#3J/", "OPEN PROG 1 CLEAR", "LINEAR TA10 TM20", "X500^10", "CLOSE", "&1B1R")
     public_card.settle()
     assert public_card.ask("#1P") == ["0"]

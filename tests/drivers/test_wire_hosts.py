@@ -297,11 +297,17 @@ def test_an_address_holds_until_the_next_one_and_only_what_is_meant_for_this_car
     assert chained_card.raw("@0P1..2\r") == b"1\r3\r\x06"
 
 
-def test_two_signs_mean_every_card_and_the_number_of_this_one_is_i0(chained_card: Wire) -> None:
+def test_two_signs_mean_every_card(chained_card: Wire) -> None:
     assert chained_card.raw("@@P1=7 P1 @\r") == b"7\r@\r\x06"
+
+
+def test_the_number_of_the_card_is_i0(chained_card: Wire) -> None:
     chained_card.raw("@0I0=4\r")
     assert chained_card.raw("@0P1=1\r") == b""
     assert chained_card.raw("@4P1\r") == b"0\r\x06"
+
+
+def test_003_a_number_that_no_card_can_have(chained_card: Wire) -> None:
     assert chained_card.raw("@16\r") == b"\x07ERR003\r"
 
 

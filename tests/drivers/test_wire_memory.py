@@ -31,12 +31,18 @@ def test_a_variable_is_set_and_asked_for(card: Wire, kind: str) -> None:
     assert card.ask(f"{kind}10") == ["-2.5"]
 
 
-def test_ranges_by_dots_and_by_start_count_and_step(card: Wire) -> None:
+def test_a_range_answers_one_line_for_each(card: Wire) -> None:
     card.tell("P1=25", "P2=50", "P3=75")
     assert card.ask("P1..3") == ["25", "50", "75"]
+
+
+def test_start_count_and_step(card: Wire) -> None:
     card.tell("Q53=1", "Q55=3", "Q57=5")
     assert card.ask("Q53,3,2") == ["1", "3", "5"]
     assert card.ask("Q53,3") == ["1", "0", "3"]
+
+
+def test_a_range_is_set_with_one_assignment(card: Wire) -> None:
     card.tell("I20..44=7", "P1,3,2=4")
     assert card.ask("I20..22") == ["$7", "$7", "$7"]
     assert card.ask("P1..5") == ["4", "0", "4", "0", "4"]
@@ -101,9 +107,12 @@ def test_what_is_no_range_and_no_value(card: Wire, line: str) -> None:
     assert card.refusal(line) == 3
 
 
-def test_a_line_is_done_up_to_what_is_refused_and_not_at_all_where_it_is_not_understood(card: Wire) -> None:
+def test_what_the_line_did_before_a_command_is_refused_stays_done(card: Wire) -> None:
     assert card.raw("P1=5 P1 P2=6 CLEAR P3=7\r") == b"5\r\x07ERR005\r"
     assert card.ask("P1..3") == ["5", "6", "0"]
+
+
+def test_of_a_line_that_is_not_understood_nothing_is_done(card: Wire) -> None:
     assert card.raw("P1=5 P1 P2=6 UUU P3=7\r") == b"\x07ERR003\r"
     assert card.ask("P1..3") == ["0", "0", "0"]
 

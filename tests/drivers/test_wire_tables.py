@@ -99,24 +99,30 @@ def test_the_gather_buffer_is_deleted_before_tables_change(card: Wire) -> None:
     card.tell("DELETE GATHER", "#1DEFINE COMP 1,100", "0", "#1DELETE COMP", "#2DELETE COMP")
 
 
-def test_a_table_corrects_nothing_until_its_last_entry_and_other_commands_may_come_between(card: Wire) -> None:
+def test_a_table_corrects_nothing_until_its_last_entry_has_come(card: Wire) -> None:
     card.tell("#1DEFINE COMP 3,100", "16", "32")
     assert card.card.tables.tables == {}
     assert card.ask("LIST COMP") == ["16 32"]
     card.tell("0")
     assert corrections(card, 1, (100 / 3,)) == [pytest.approx(1.0)]
+
+
+def test_other_commands_are_executed_between_two_entries(card: Wire) -> None:
     card.tell("#1DEFINE COMP 3,100", "16 32", "#2J/", "P1=5", "CLOSE")
     assert card.ask("P1 #2P") == ["5", "0"]
     card.tell("0")
     assert card.ask("#1LIST COMP") == ["16 32 0"]
 
 
-def test_a_number_sets_p0_but_for_the_table_that_waits_for_it(card: Wire) -> None:
+def test_a_number_sets_p0_but_for_a_table_that_waits_for_it(card: Wire) -> None:
     """User Manual, Special-Use P-Variable."""
     card.tell("P0=1", "#1DEFINE COMP 2,100", "7", "0")
     assert card.ask("P0") == ["1"]
     card.tell("342")
     assert card.ask("P0") == ["342"]
+
+
+def test_entries_go_to_the_table_that_was_defined_last(card: Wire) -> None:
     card.tell("#2DEFINE COMP 2,100", "7", "#1DEFINE COMP 1,100", "0", "P0=1", "8")
     assert set(card.card.tables.tables) == {1}
     assert card.ask("P0 #2LIST COMP") == ["8", "7"]
@@ -170,16 +176,22 @@ def test_a_definition_that_is_none_defines_nothing(card: Wire) -> None:
     assert card.card.tables.motors == frozenset()
 
 
-def test_tables_and_programs_share_a_memory_that_ends(card: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tables_and_programs_share_the_memory(card: Wire) -> None:
     before = int(card.ask("SIZE")[0])
     card.tell("#1DEFINE COMP 100,4000")
     assert int(card.ask("SIZE")[0]) == before - 100
     card.tell("DELETE COMP")
     assert int(card.ask("SIZE")[0]) == before
+
+
+def test_memory_ends(card: Wire, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(buffers, "ROOM_LINES", 8)
     assert card.refusal("#1DEFINE COMP 9,4000") == 6
     card.tell(*EIGHT, "OPEN PROG 1 CLEAR")
     assert card.refusal("X1") == 6
+
+
+def test_delete_all_deletes_tables(card: Wire) -> None:
     card.tell(*EIGHT, "DELETE ALL")
     assert card.card.tables.motors == frozenset()
 

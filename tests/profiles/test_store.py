@@ -136,15 +136,21 @@ def test_comments_survive_a_save_and_what_is_no_job_is_replaced(tmp_path: Path) 
     assert load_job(str(path)).job == ONE
 
 
-def test_nothing_that_cannot_or_may_not_be_written_is(tmp_path: Path) -> None:
+def test_bundled_places_are_never_written(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to(BUNDLED_JOBS)
     for path in (BUNDLED_JOBS / "new.toml", tmp_path / "link" / "new.toml"):
         assert code_of(partial(save_job, ONE, path, overwrite=True)) == "file.bundled"
     assert len(list_jobs()) == len(BUNDLED)
+
+
+def test_a_place_that_cannot_be_written(tmp_path: Path) -> None:
     (tmp_path / "folder.toml").mkdir()
     for path in (tmp_path / "gone" / "a.toml", tmp_path / "folder.toml", Path("/dev/null"), tmp_path / "a\0"):
         assert code_of(partial(save_job, ONE, path, overwrite=True)) == "file.not_writable"
     assert stat.S_ISCHR(os.stat("/dev/null").st_mode)
+
+
+def test_a_job_that_could_not_be_loaded_is_not_saved(tmp_path: Path) -> None:
     assert code_of(lambda: save_job(replace(ONE, jaws=1), tmp_path / "a.toml")) == "value.out_of_range"
     assert not list(tmp_path.iterdir())
 

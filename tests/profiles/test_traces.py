@@ -93,18 +93,24 @@ def test_bad_rows_do_not_flood_and_bytes_have_their_line() -> None:
     assert (caught.value.problems[0].code, caught.value.problems[0].where) == ("trace.not_utf8", "t.csv:2")
 
 
-def test_a_file_must_be_regular_small_and_not_there(tmp_path: Path) -> None:
+def test_what_is_no_regular_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe")
     for path in (tmp_path, tmp_path / "gone", tmp_path / "pipe", Path("/dev/zero")):
         with pytest.raises(ProfileError) as caught:
             read_trace(path)
         assert caught.value.problems[0].code == "trace.unreadable"
+
+
+def test_a_file_above_the_cap(tmp_path: Path) -> None:
     path = tmp_path / "t.csv"
     path.touch()
     os.truncate(path, 50_000_001)
     with pytest.raises(ProfileError) as caught:
         read_trace(path)
     assert caught.value.problems[0].code == "trace.too_large"
+
+
+def test_a_file_is_not_overwritten_unless_asked(tmp_path: Path) -> None:
     trace = parse_trace("\n".join(SOUND).encode())
     write_trace(tmp_path / "t.csv", trace)
     with pytest.raises(ProfileError) as caught:
