@@ -153,7 +153,6 @@ class Bench:
         return self.sim.controller.servo_period_ms
 
 
-BenchMaker = Callable[[], Bench]
 TrueBenchMaker = Callable[[TrueParameters], Bench]
 
 
@@ -197,12 +196,6 @@ def machine() -> MachineProfile:
 def experiment() -> JobMaker:
     """The jobs of the paper by their number."""
     return lambda number: load_job(f"lee-2001-experiment-{number}").job
-
-
-@pytest.fixture
-def make_bench(machine: MachineProfile) -> BenchMaker:
-    """Connected benches, as many as a test wants."""
-    return lambda: connected(machine)
 
 
 @pytest.fixture

@@ -141,22 +141,13 @@ def test_motors_that_are_left_out_are_the_addressed_one(line: str, meant: str) -
 
 @pytest.mark.parametrize(
     "line",
-    [
-        "#1 DEFINE COMP 0,#1,#2,4000",
-        "#1 DEFINE COMP 1,#1,#2,0",
-        "#1 DEFINE COMP 1,#9,#2,4000",
-        "#1 DEFINE COMP 1,#1,#2D,4000",
-        "#1 DEFINE COMP 1,#1,#2,#3,4000",
-        "#1 DEFINE COMP 1 4000",
-        "#1 DEFINE COMP 1.0,#1,#2,#3,4000,400",
-        "#1 DEFINE COMP 1.1,4000,400",
-        "#1 DEFINE COMP 1.1,#1,#2,#3,#4,4000,400",
-        "#1 DEFINE COMP 1.1,#1,4000",
-        "#1 DEFINE COMP 1,4000.5",
-        "#1 DEFINE COMP 1,-4000",
-        "DEFINE COMP 1,4000",
-        "#1 COMP 1,4000",
-    ],
+    (
+        "#1 DEFINE COMP 0,#1,#2,4000 | #1 DEFINE COMP 1,#1,#2,0 | #1 DEFINE COMP 1,#9,#2,4000 | "
+        "#1 DEFINE COMP 1,#1,#2D,4000 | #1 DEFINE COMP 1,#1,#2,#3,4000 | #1 DEFINE COMP 1 4000 | "
+        "#1 DEFINE COMP 1.0,#1,#2,#3,4000,400 | #1 DEFINE COMP 1.1,4000,400 | "
+        "#1 DEFINE COMP 1.1,#1,#2,#3,#4,4000,400 | #1 DEFINE COMP 1.1,#1,4000 | #1 DEFINE COMP 1,4000.5 | "
+        "#1 DEFINE COMP 1,-4000 | DEFINE COMP 1,4000 | #1 COMP 1,4000"
+    ).split(" | "),
 )
 def test_what_is_no_definition_is_an_error_003(line: str) -> None:
     with pytest.raises(PmacError) as refused:

@@ -133,6 +133,7 @@ def test_the_angle_is_not_rounded_over_a_thousand_turns(machine: MachineProfile,
     assert np.abs(deviation_in_um(moves[-200:], plan, job, machine)).max() < 0.05
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("rpm", [333.3, 1000, 1234.5])
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.NONE])
 def test_pvt_segments_are_whole_milliseconds(

@@ -211,6 +211,7 @@ def offsets_um(pushed: CutPlan, plain: CutPlan, machine: MachineProfile) -> tupl
     return (at - pushed.setup.carriage_face) / machine.carriage.counts_per_mm, off * machine.tool.count_um
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("name", MACHINES)
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])
 def test_the_tool_makes_up_for_the_push_until_the_integrator_has(name: str, strategy: Strategy) -> None:

@@ -232,6 +232,7 @@ def arrives(card: Commissioned, read: ProgramText) -> int:
     return count
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("family", ["pmac", "turbo"])
 def test_every_program_that_the_check_accepts_arrives(family: str) -> None:
     card = commissioned(of_family(load_machine("lee-2001-lathe").machine, family))

@@ -151,13 +151,6 @@ def test_who_asks_for_or_assigns_thousands_of_values_waits_for_them(card: Wire) 
     assert answers(card, 80).count(b"\x06") == pytest.approx(80 * WORK_PER_CYCLE / VALUES, abs=2)
 
 
-def test_who_asks_for_thousands_of_values_one_line_at_a_time_is_not_kept_waiting(card: Wire) -> None:
-    before = card.sim.now_s()
-    for _ in range(3):
-        assert len(card.ask("I0..8191")) == VALUES
-    assert card.sim.now_s() == before
-
-
 def p1(card: Wire) -> float:
     return card.card.variables.get(VariableKind.P, 1)
 

@@ -299,6 +299,7 @@ def refusal(measured: Measure, stand: Stand, origin: Origin) -> Problem:
     return ended.value.problems[0]
 
 
+@pytest.mark.first(5)
 @EACH
 @pytest.mark.parametrize(
     ("line", "key", "found", "before"),

@@ -376,6 +376,7 @@ def test_a_tool_that_does_not_answer_ends_it(machine: MachineProfile, fault: str
     assert way_mm < pushed_mm(machine, 40.0, of.rig.lathe.round_trip_s) < CLEAR_MM
 
 
+@pytest.mark.first(2)
 @ON_ONE
 @pytest.mark.parametrize("frequency_hz", [34.2, 51.3, 102.6, 205.3])
 def test_looks_that_come_once_in_half_a_period_see_it_swing(machine: MachineProfile, frequency_hz: float) -> None:

@@ -75,16 +75,6 @@ def test_a_watching_plc_stops_the_jog_when_the_host_is_silent(card: Wire) -> Non
     assert values(card, "P103") == [1], "one edge, one command"
 
 
-@pytest.mark.parametrize("i5", [0, 1])
-def test_a_watching_plc_does_nothing_when_i5_forbids_it(card: Wire, i5: int) -> None:
-    card.tell(f"I5={i5}")
-    jog_under_watch(card)
-    run_for(card, 10 * PATIENCE)
-    assert card.card.motors[1].velocity == pytest.approx(JOG_SPEED)
-    assert values(card, "P101 P102 P103") == [0, 0, 0]
-    assert card.card.plcs.switches.enabled == {4}
-
-
 @pytest.mark.parametrize(("dialect", "i5"), [(PMAC, 0), (TURBO, 0)], ids=["pmac", "turbo"])
 def test_no_background_plc_runs_from_the_factory(machine: MachineProfile, dialect: Dialect, i5: int) -> None:
     made = plc_card(machine, dialect, i5=3)

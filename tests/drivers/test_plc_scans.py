@@ -366,33 +366,6 @@ def test_a_program_waits_by_a_timer(card: Wire) -> None:
     assert -2 * BLOCK < values(card, "P2")[0] <= 0
 
 
-LEASE_CYCLES = 677
-"""300 ms at the factory's servo period."""
-
-
-def test_a_lease_of_the_host_that_runs_out_stops_the_jog(card: Wire) -> None:
-    """The PLC renews the timer at each sign of the host; when it has run out, it stops motor 1, once."""
-    timer = names(card)[0]
-    beat = f"IF(P100!=P101)\nP101=P100\n{timer}={LEASE_CYCLES}\nENDIF\n"
-    card.tell(f"{timer}={LEASE_CYCLES}")
-    store(card, 1, beat + f'IF({timer}!>0)\nAND(P102=0)\nP102=1\nCMD"#1J/"\nENDIF')
-    card.tell("#1J+")
-    for _ in range(100):
-        card.tell("P100=P100+1")
-        run_for(card, 7)
-    motor = card.card.motors[1]
-    assert motor.velocity == pytest.approx(50.0)
-    card.tell("P100=P100+1")
-    run_for(card)
-    renewed = card.card.cycles
-    while motor.velocity == pytest.approx(50.0):
-        run_for(card)
-    stopped_after = card.card.cycles - renewed
-    # Renewed in the scan behind a block; the first scan at or below zero commands the stop of the next block.
-    assert stopped_after == -(-LEASE_CYCLES // BLOCK) * BLOCK + BLOCK
-    assert values(card, "P102") == [1]
-
-
 def test_only_the_timers_of_activated_systems_run(machine: MachineProfile) -> None:
     """Turbo Software Reference, I68: systems 1 to I68 + 1."""
     card = plc_card(machine, TURBO)

@@ -147,15 +147,6 @@ def test_calls_reach_the_other_programs_of_the_card(card: IdealCard) -> None:
     assert card.x == pytest.approx(1001)
 
 
-def test_a_called_program_that_is_not_well_formed_is_a_run_time_error(card: IdealCard) -> None:
-    card.store("WHILE(P1=0)", "X1000", number=500)
-    card.program("INC TA20 TS0 TM100", "X10", "CALL 500", "X1")
-    card.system.run()
-    card.settle()
-    assert card.system.motion.runtime_error
-    assert card.x == 10
-
-
 def test_what_a_program_says_waits_for_the_ports(card: IdealCard) -> None:
     card.run('SEND"READY"', 'CMD"#2J+"', "ENABLE PLC 1,3", "DISABLE PLC 1")
     assert [text for text, _ in card.controller.host.host_messages] == ["READY"]

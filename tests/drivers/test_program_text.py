@@ -48,17 +48,9 @@ def refusal(text: str) -> PmacError:
 def test_an_example_of_the_quick_reference_is_taken_apart() -> None:
     text = read_program(FULL_CIRCLE)
     assert text.number == 1
-    assert list(map(format_line, text.program)) == [
-        "INC",
-        "INC(R)",
-        "TA300",
-        "TS0",
-        "TM1000",
-        "I13=10",
-        "NORMAL K-1",
-        "CIRCLE1",
-        "X0 Y0 I10",
-    ]
+    assert list(
+        map(format_line, text.program)
+    ) == "INC | INC(R) | TA300 | TS0 | TM1000 | I13=10 | NORMAL K-1 | CIRCLE1 | X0 Y0 I10".split(" | ")
     assert text.commands == ("delete gather", "undefine all", "&1", "&1", "b1r")
     assert [(d.motor, str(d)) for d in text.definitions] == [(2, "2000Y")]
     assert text.lines[:6] == ("close", "delete gather", "undefine all", "&1", "#2->2000Y", "open prog1 clear")
@@ -99,28 +91,10 @@ def test_settings_and_definitions_may_share_a_line_with_an_address() -> None:
 
 @pytest.mark.parametrize(
     "command",
-    [
-        "I20..44=0",
-        "i5213,15,100=10",
-        "M1->Y:$FFC2,8",
-        "M1..8->*",
-        "I100=*",
-        "#1?",
-        "#1J+",
-        "B1R",
-        "WX:$720,1",
-        "$$$",
-        "ENABLE PLC 1",
-        "#1->",
-        "DEFINE GATHER 100",
-        "SAVE",
-        "%100",
-        "P1",
-        "M1",
-        "I100",
-        "HOME",
-        "PASSWORD=abc",
-    ],
+    (
+        "I20..44=0 | i5213,15,100=10 | M1->Y:$FFC2,8 | M1..8->* | I100=* | #1? | #1J+ | B1R | WX:$720,1 | $$$ | "
+        "ENABLE PLC 1 | #1-> | DEFINE GATHER 100 | SAVE | %100 | P1 | M1 | I100 | HOME | PASSWORD=abc"
+    ).split(" | "),
 )
 def test_other_on_line_commands_are_kept_as_text(command: str) -> None:
     assert read_program(f"{command}\nOPEN PROG 1\nCLOSE").commands == (command,)

@@ -400,6 +400,7 @@ BROKEN: dict[str, Spoil] = {
 }
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("bench", [PMAC], indirect=True, ids=["pmac"])
 @pytest.mark.parametrize("spoil", BROKEN.values(), ids=BROKEN)
 def test_a_controller_that_does_not_finish_is_not_waited_for(with_plc: Bench, spoil: Spoil) -> None:

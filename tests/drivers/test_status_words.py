@@ -26,25 +26,6 @@ def words(bench: Bench, line: str) -> tuple[set[int], set[int]]:
     return bits(reply[:6]), bits(reply[6:])
 
 
-def test_the_worked_example_of_the_manual_is_read_as_printed() -> None:
-    assert decode("812000804401", PMAC.motor_bits) == {
-        "activated",
-        "integration_mode",
-        "desired_velocity_zero",
-        "assigned",
-        "amplifier_enabled",
-        "home_complete",
-        "in_position",
-    }
-
-
-def test_the_example_of_a_coordinate_system_is_read_as_printed() -> None:
-    names = decode("A8002A020010", PMAC.system_bits)
-    assert names >= {"x_feedrate", "y_feedrate", "z_feedrate", "by_move_time", "single_step", "in_position"}
-    assert "running_program" not in names
-    assert "x_incremental" not in names
-
-
 def test_a_motor_of_no_coordinate_system_and_one_of_the_third(bench: Bench) -> None:
     bench.client.request("#3->0")
     assert words(bench, "#3?")[1] == set()

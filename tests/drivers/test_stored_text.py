@@ -300,6 +300,7 @@ def done_by(card: Wire) -> tuple[list[Program], list[PlcProgram]]:
     return [lines[:-1] if lines[-1:] == ((Return(),),) else lines for lines in programs], plcs
 
 
+@pytest.mark.first(2)
 @pytest.mark.parametrize("form", [2, 3])
 def test_a_backup_of_thirty_programs_and_twenty_plcs_is_the_same_again(
     machine: MachineProfile, dialect: Dialect, form: int

@@ -16,7 +16,6 @@ from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.drives import build_drives
 from drivers.simulator.plant.presets import BUNDLED, plant_named
-from drivers.simulator.plant.tip_load import cutting_force_n
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal, ring_overtone
 from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
@@ -212,13 +211,6 @@ def test_dry_friction_costs_some_of_the_lobe(
     true_position = replace(machine, tool=replace(machine.tool, damping_n_s_per_m=damping))
     assert left[1] == pytest.approx(complex(sampled_response(true_position, 50.0)), abs=0.03)
     assert abs(left[1] - left[0]) > 0.1
-
-
-@pytest.mark.parametrize(
-    ("depth_mm", "feed_mm", "force_n"), [(0.10, 0.05, 7.40), (0.06, 0.10, 7.47), (0.1275, 0.10, 15.87)]
-)
-def test_the_cutting_force_is_that_of_the_tables(depth_mm: float, feed_mm: float, force_n: float) -> None:
-    assert cutting_force_n(depth_mm, feed_mm) == pytest.approx(force_n, abs=0.005)
 
 
 # No two lathes alike: what a seed draws, and what chuck, blank, warm-up and gauge then do to parts.

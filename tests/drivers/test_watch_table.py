@@ -57,6 +57,7 @@ def loaded(family: str, strategy: Strategy) -> Loaded:
     return Loaded(family, strategy)
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize(("family", "strategy"), EVERY)
 def test_the_table_has_what_is_compared_at_arming_and_set_by_programs(family: str, strategy: Strategy) -> None:
     of = loaded(family, strategy)

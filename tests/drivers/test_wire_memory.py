@@ -271,19 +271,7 @@ def test_definitions_of_a_range(pmac_card: Wire) -> None:
 
 
 @pytest.mark.parametrize(
-    "text",
-    [
-        "Y:$C0",
-        "Y:$C0,25",
-        "Y:$C0,8,3",
-        "Y:$C0,20,8",
-        "Y:$10000,0",
-        "TWB:256,0,1",
-        "TWR:2",
-        "TWR:2,8",
-        "D:",
-        "Y:$C0,8,1,Q",
-    ],
+    "text", "Y:$C0 Y:$C0,25 Y:$C0,8,3 Y:$C0,20,8 Y:$10000,0 TWB:256,0,1 TWR:2 TWR:2,8 D: Y:$C0,8,1,Q".split()
 )
 def test_what_is_no_definition(pmac_card: Wire, text: str) -> None:
     assert pmac_card.refusal(f"M5->{text}") == 3

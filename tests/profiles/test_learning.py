@@ -323,6 +323,7 @@ def test_an_error_beyond_all_that_was_expected_is_learned_at_once() -> None:
     assert optimal_gain(scatter, 20 * [0.1], 15.0) > 0.95, "the chuck was changed"
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("parts", [2, 3, 6])
 def test_what_repeats_is_judged_by_fishers_f(parts: int) -> None:
     """Of random numbers without a mean one row in twenty seems to repeat; of jaws with some noise nearly all."""

@@ -362,6 +362,7 @@ def left_with(process_gain: float, lost_sd: float, seed: int) -> np.ndarray:
     return left
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("process_gain", [0.8, 0.9, 1.0])
 def test_a_cut_in_which_not_all_arrives_is_learned_as_fast(process_gain: float) -> None:
     """The scatter of the wrench, 3 % of force, lets the mean of two parts be known within 1.4 um p-p."""

@@ -163,6 +163,7 @@ def test_a_wave_that_was_not_declared_makes_no_noise_of_the_others() -> None:
     assert fit.lobe.sd_um == pytest.approx(math.sqrt((2.0 + 0.01) * 2 / 360), rel=0.05)
 
 
+@pytest.mark.long
 def test_without_a_lobe_one_trace_in_twenty_shows_a_significant_one() -> None:
     rng, angle = np.random.default_rng(3), turn(120)
     fits = [fit_lobe(angle, rng.normal(0.0, 2.0, 120), 3) for _ in range(300)]

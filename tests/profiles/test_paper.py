@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from profiles.compensations.path import chord_scale
 from profiles.paper import chuck, servo_figures
 from profiles.paper.causes_left import explaining, models
 from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Basis, Record
+from profiles.paper.record import Basis, Record, Section
 from profiles.paper.reproduction import sections
 from profiles.paper.residual import Ramps, fundamental_fraction, left_um_pp, stroke_fraction, zigzag
 from profiles.paper.table_5 import (
@@ -177,8 +178,13 @@ def test_the_fit_to_table_5_is_judged_by_chance_and_not_by_itself() -> None:
     assert [each.holds for each in fitted].count(False) == 1, "the phase at 10 Hz: a tolerance that can be missed"
 
 
+@cache
+def of_the_paper() -> tuple[Section, ...]:
+    return tuple(sections(PAPER))
+
+
 def rows_of(name: str) -> list[Record]:
-    return [record for section in sections(PAPER) for record in section.records if record.name == name]
+    return [record for section in of_the_paper() for record in section.records if record.name == name]
 
 
 @pytest.mark.long
@@ -220,7 +226,7 @@ def test_what_was_fitted_is_circular_and_a_number_that_had_to_come_out_no_succes
     (chi2,) = rows_of("table5.chi2")
     assert (chi2.basis, chi2.holds) == (Basis.COMPUTED, False)
     # A tick is for what has other inputs than itself: of the whole paper the overshoot and the peak current.
-    ticked = [r.name for s in sections(PAPER) if s.name != "acceptance" for r in s.records if is_ticked(r)]
+    ticked = [r.name for s in of_the_paper() if s.name != "acceptance" for r in s.records if is_ticked(r)]
     assert ticked == ["eq9.overshoot", "motor.current"]
     bandwidths = {record.at: record.basis for record in rows_of("fig11.bandwidth")}
     assert bandwidths == {"eq9": Basis.COMPUTED, "coil": Basis.RIVAL, "sampled": Basis.RIVAL}

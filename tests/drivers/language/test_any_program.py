@@ -162,19 +162,10 @@ def test_a_loop_of_many_turns_is_that_of_its_statements(text: str) -> None:
 
 @pytest.mark.parametrize(
     "calculation",
-    [
-        "P2=P2*1000000000000 P3=1",
-        "P2=1/(P1-30)",
-        "P2=LN(30-P1)",
-        "P2=P1%(P1-30)",
-        "P2=EXP(P1*25)",
-        "P(1000+P1)=1",
-        "P2=P(1000+P1)",
-        "Q(1000+P1)=1",
-        "IF(SQRT(30-P1)>2) P3=1",
-        "X(P1/(P1-30))",
-        "F(0-P1) X(1)",
-    ],
+    (
+        "P2=P2*1000000000000 P3=1 | P2=1/(P1-30) | P2=LN(30-P1) | P2=P1%(P1-30) | P2=EXP(P1*25) | "
+        "P(1000+P1)=1 | P2=P(1000+P1) | Q(1000+P1)=1 | IF(SQRT(30-P1)>2) P3=1 | X(P1/(P1-30)) | F(0-P1) X(1)"
+    ).split(" | "),
 )
 def test_a_run_time_error_in_a_late_turn_is_the_same_in_the_same_line(calculation: str) -> None:
     quick, singly = both(f"P2=1\nWHILE(P1<60)\nP1=P1+1\n{calculation}\nP4=P4+1\nX(P1)\nENDWHILE", strict=True)

@@ -61,25 +61,7 @@ def test_any_bytes_are_read_or_refused(noise: bytes) -> None:
     reads_or_refuses(noise.decode("latin-1"))
 
 
-fragments = [
-    "P1",
-    "=",
-    "IF",
-    "WHILE",
-    "AND",
-    "OR",
-    "(",
-    ")",
-    "1",
-    "ADR",
-    "#",
-    "&",
-    "CMD",
-    "^",
-    "ELSE",
-    "ENDI",
-    "ENDW",
-]
+fragments = "P1 = IF WHILE AND OR ( ) 1 ADR # & CMD ^ ELSE ENDI ENDW".split()
 fragments += ["ENA", "PLC", "SEND", '"', "X", "I5", " ", "-", "ADDRESS", "9" * 30]
 
 
@@ -119,39 +101,11 @@ def test_the_short_words_are_listed_in_full() -> None:
 
 @pytest.mark.parametrize(
     "text",
-    [
-        "X10",
-        "LINEAR",
-        "F100",
-        "TA50",
-        "DWELL10",
-        "HOME1",
-        "WAIT",
-        "STOP",
-        "N100",
-        "GOTO100",
-        "GOSUB100",
-        "CALL500",
-        "M3",
-        "G1",
-        "RETURN",
-        "READ(X)",
-        "S1000",
-        "BLOCKSTART",
-        "M1==1",
-        "M1&=1",
-        "P1=2 X10",
-        "IF(P1)",
-        "AND P1=1",
-        "AND(P1=1",
-        "ADDRESS",
-        "ADDRESS#",
-        "ADDRESS#0",
-        "ADDRESS#33",
-        "ADDRESS&17",
-        "ADDRESS#1#2",
-        "ENABLE PLC 32",
-    ],
+    (
+        "X10 | LINEAR | F100 | TA50 | DWELL10 | HOME1 | WAIT | STOP | N100 | GOTO100 | GOSUB100 | CALL500 | "
+        "M3 | G1 | RETURN | READ(X) | S1000 | BLOCKSTART | M1==1 | M1&=1 | P1=2 X10 | IF(P1) | AND P1=1 | "
+        "AND(P1=1 | ADDRESS | ADDRESS# | ADDRESS#0 | ADDRESS#33 | ADDRESS&17 | ADDRESS#1#2 | ENABLE PLC 32"
+    ).split(" | "),
 )
 def test_anything_else_is_refused_as_err003(text: str) -> None:
     with pytest.raises(PmacError) as refusal:

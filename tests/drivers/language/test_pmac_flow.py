@@ -312,14 +312,9 @@ def test_m_codes_begin_with_an_implicit_n0_and_m_and_i_without_equals_are_code_a
 def test_a_rs274_program_runs_as_it_stands() -> None:
     text = "G17 G90 G0 X10 Y10\nG1 X20 F600\nG2 X30 Y10 I5 J0\nG91 G01 X-5\nM3 G4 P250\nG92 X0\nM30"
     requests = machine_tool().run(text)
-    assert [type(r).__name__ for r in requests] == [
-        "RapidRequest",
-        "LinearRequest",
-        "CircleRequest",
-        "LinearRequest",
-        "DwellRequest",
-        "PresetRequest",
-    ]
+    assert [
+        type(r).__name__ for r in requests
+    ] == "RapidRequest LinearRequest CircleRequest LinearRequest DwellRequest PresetRequest".split()
     rapid, line, arc, back, dwell, _ = requests
     assert isinstance(rapid, RapidRequest) and rapid.targets["Y"] == 10
     assert isinstance(line, LinearRequest) and line.tm_ms == 10 / 600 * 1000

@@ -293,21 +293,7 @@ def test_anything_else_is_a_data_error(text: str) -> None:
 
 
 ON_LINE = ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q", "R", "S", "O", "HM", "K"]
-ON_LINE += [
-    "HOME",
-    "I100,3,2",
-    "M1..8",
-    "M1,3,2",
-    "M1->*",
-    "G",
-    "N",
-    "CMD",
-    "SEND",
-    "ENABLE",
-    "DATE",
-    "TYPE",
-    "#1",
-]
+ON_LINE += "HOME I100,3,2 M1..8 M1,3,2 M1->* G N CMD SEND ENABLE DATE TYPE #1".split()
 
 
 @pytest.mark.parametrize("text", ON_LINE)

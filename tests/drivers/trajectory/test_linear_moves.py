@@ -292,15 +292,9 @@ def test_a_full_circle_by_its_centre_as_the_manual_programs_it() -> None:
 
 def test_a_contour_of_rapid_straight_moves_and_arcs_takes_the_sum_of_its_times() -> None:
     """RAPID: I12, the way at Ix22 and 10 ms; the contour of 10, two quarters and the way back, at F, and TA."""
-    lines = [
-        "ABS RAPID X10 Y0",
-        "LINEAR TA20 TS5 F20 X20",
-        "CIRCLE2 X30 Y10 R10",
-        "CIRCLE1 X40 Y20 I10",
-        "LINEAR X0 Y0",
-    ]
+    lines = ["ABS RAPID X10 Y0", "LINEAR TA20 TS5 F20 X20", "CIRCLE2 X30 Y10 R10", "CIRCLE1 X40 Y20 I10"]
     jogs = {12: 10.0, 119: 0.0, 120: 10.0, 121: 0.0, 122: 50.0, 219: 0.0, 220: 10.0, 221: 0.0, 222: 50.0}
-    made = played(lines, ["#1->1000X", "#2->1000Y"], {13: 10.0, **jogs})
+    made = played([*lines, "LINEAR X0 Y0"], ["#1->1000X", "#2->1000Y"], {13: 10.0, **jogs})
     length = 10 + 2 * 10 * math.pi / 2 + math.hypot(40, 20)
     assert made.duration_ms == pytest.approx(10 + 10_000 / 50 + 10 + length / 20 * 1000 + 20)
     assert (made.end(0), made.end(1)) == pytest.approx((0.0, 0.0), abs=1e-6)
