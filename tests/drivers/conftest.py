@@ -13,6 +13,7 @@ from drivers.lathe.snapshot import AxisName
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import Axis
@@ -20,6 +21,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
+from tests.drivers.wire_card import Wire, wire
 
 JobMaker = Callable[[int], Job]
 
@@ -217,3 +219,10 @@ def closed(machine: MachineProfile) -> Bench:
     assert made.lathe.verify() == ()
     made.lathe.enable()
     return made
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    """A card of either family at the end of a wire."""
+    dialect: Dialect = request.param
+    return wire(machine, dialect)

@@ -1,7 +1,7 @@
 """The bundled lathe in both families, or with everything close together.
 
-A file that takes `machine` from here runs in both families, `close_machine as machine` the lathe of the paper with
-everything close together, `close_families as machine` that in both families.
+A file that takes `machine` from here runs in both families; `machine = families.close_machine` is the lathe of the
+paper with everything close together, `machine = families.close_families` that in both families.
 """
 
 from __future__ import annotations

@@ -18,8 +18,13 @@ from profiles.compensations.path import target_path
 from profiles.findings import Severity
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
+from tests.drivers import families
 from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import FAMILIES, CutFloor, Track, of_family, short, with_inverter
+
+machine = families.close_machine
+"""Everything close together."""
+
 
 CYCLE_MS = 3_713_707 / 8_388_608
 

@@ -94,30 +94,6 @@ def client(connect: Connect) -> Client:
     return connect()
 
 
-def test_the_first_line_is_answered_by_the_version_and_others_up_to_their_ack(client: Client) -> None:
-    client.lathe.controller.variables.replace_i({3: 1, 6: 3})
-    (reply,) = client.send(bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver")
-    number, rest = reply.split(b"\r")
-    assert float(number) > 1
-    assert rest == b"\x06"
-    assert client.response(b"P1=25 P2=50 P1..2") == b"25\r50\r\x06"
-    assert client.response(b"UUU") == b"\x07ERR003\r"
-    assert client.response(b"P1 CLEAR P2") == b"25\r\x07ERR005\r"
-    assert client.response(b"") == b"\x06"
-    assert client.response(b"P1\0P2") == b"25\r\x06"
-
-
-def test_a_long_response_comes_in_pieces_of_1400_bytes(client: Client) -> None:
-    """1001 values of two bytes and the acknowledgement: 1400 and 603 bytes."""
-    first = client.response(b"P0..1000")
-    assert client.ask(RequestCode.READREADY, length=2)[0] != 0
-    second = client.fetched()
-    assert (len(first), len(second)) == (1400, 603)
-    assert first + second == b"0\r" * 1001 + b"\x06"
-    assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
-    assert client.fetched() == b"\0"
-
-
 def test_what_sendline_brings_is_fetched_later_and_in_order(client: Client) -> None:
     assert client.ask(RequestCode.SENDLINE, b"P1=7 P1") == b"@"
     assert client.ask(RequestCode.SENDLINE, b"UUU") == b"@"
@@ -132,19 +108,6 @@ def test_what_nobody_fetched_comes_before_the_response_to_the_next_line(client: 
     client.ask(RequestCode.SENDLINE, b"P1=7 P1")
     assert client.response(b"P1=8 P1") == b"7\r\x06"
     assert client.fetched() == b"8\r\x06"
-
-
-def test_a_flush_forgets_what_waits(client: Client) -> None:
-    client.ask(RequestCode.SENDLINE, b"P0..1000")
-    assert client.ask(RequestCode.FLUSH, value=500) == b"@"
-    assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
-    assert client.response(b"P1") == b"0\r\x06"
-
-
-def test_fewer_bytes_are_fetched_when_the_client_has_room_for_fewer(client: Client) -> None:
-    client.ask(RequestCode.SENDLINE, b"P1=12345 P1")
-    assert client.ask(RequestCode.GETBUFFER, length=3) == b"123"
-    assert client.ask(RequestCode.GETBUFFER, length=2048) == b"45\r\x06"
 
 
 @pytest.mark.parametrize(
@@ -176,13 +139,6 @@ def test_a_control_k_kills_and_answers_one_byte(client: Client, code: RequestCod
     assert client.lathe.controller.motors[1].enabled
     assert len(client.ask(code, value=on_the_wire, length=1)) == 1
     assert not client.lathe.controller.motors[1].enabled
-
-
-def test_raw_bytes_through_the_host_port_are_a_line_typed_by_hand(client: Client) -> None:
-    for byte in b"P1=9 P1\r":
-        assert client.ask(RequestCode.PORT, index=byte, value=7) == b"@"
-    upload = Direction.UPLOAD
-    assert [client.ask(RequestCode.PORT, direction=upload) for _ in range(4)] == [b"9", b"\r", b"\x06", b"\0"]
 
 
 def test_lines_of_a_write_buffer_are_typed_and_answered_as_one(client: Client) -> None:
@@ -236,15 +192,6 @@ def test_all_clients_see_one_memory_and_each_bit_can_be_changed_alone(connect: C
     assert one.ask(RequestCode.GETMEM, value=100, length=4) == b"\x01\x01\xf0\0"
     assert one.ask(RequestCode.SETBITS, b"\xff\0\0\0" + b"\x0f\0\0\0", value=100) == b"@"
     assert one.ask(RequestCode.GETMEM, value=100, length=1) == b"\xf0"
-
-
-def test_a_new_address_is_kept_and_firmware_changes_nothing(connect: Connect) -> None:
-    one, other = connect(), connect()
-    assert one.ask(RequestCode.IPADDRESS, direction=Direction.UPLOAD, length=4) == bytes((192, 6, 94, 5))
-    assert one.ask(RequestCode.IPADDRESS, bytes((10, 0, 0, 9))) == bytes((10, 0, 0, 9))
-    assert other.ask(RequestCode.IPADDRESS, direction=Direction.UPLOAD) == bytes((10, 0, 0, 9))
-    assert one.ask(RequestCode.FWDOWNLOAD, b"\x12\x34" * 700, value=1) == b"@"
-    assert one.response(b"P1") == b"0\r\x06"
 
 
 def test_each_client_has_its_own_addressing_and_its_own_queue(connect: Connect) -> None:
@@ -393,40 +340,6 @@ def test_a_port_driver_flushes_polls_and_asks_by_control_characters(board: Board
     assert board.raw(bytes.fromhex("c0c2000000000002")) == [b"\0\0"]
 
 
-def test_a_driver_that_moves_an_axis_by_its_program_and_stops_it(board: BoardWire) -> None:
-    """`&2B10R` starts, `&2A` stops."""
-    connected(board)
-    for line in (b"#1J/ #2J/ #3->0", b"&2#3->Z #3J/", b"OPEN PROG 10 CLEAR"):
-        assert board.response(line) == b"\x06"
-    for line in (b"LINEAR ABS TA10 TS0 TM(Q70)", b"Z(Q79)", b"CLOSE", b"&2 Q70=500 Q79=400", b"&2B10R"):
-        assert board.response(line) == b"\x06"
-    board.settle()
-    assert board.response(b"&2Q79#3P") == b"400\r400\r\x06"
-    assert board.response(b"&2 Q79=0") == b"\x06"
-    assert board.response(b"&2B10R") == b"\x06"
-    board.sim.wait(0.2)
-    assert board.response(b"&2A") == b"\x06"
-    board.settle()
-    position = float(board.response(b"#3P").removesuffix(b"\r\x06"))
-    assert 0 < position < 400
-
-
-def test_a_control_panel_polls_in_one_line_and_closes_an_open_buffer(board: BoardWire) -> None:
-    connected(board)
-    assert board.response(b"M190=3 M290=4") == b"\x06"
-    lines = board.response(b"i65???&1??%#1?PVF m190 #2?PVF m290 p99").removesuffix(b"\r\x06").split(b"\r")
-    systems = 12 if board.sim.controller.dialect is PMAC else 18
-    assert [len(line) for line in lines[:5]] == [1, 12, systems, 3, 12]
-    assert lines[5:9] == [b"0", b"0", b"0", b"3"]
-    assert len(lines[9]) == 12
-    assert lines[10:] == [b"0", b"0", b"0", b"4", b"0"]
-    connected(board)
-    assert board.response(b"OPEN PROG 1 CLEAR") == b"\x06"
-    assert board.response(b"i65???&1??%#1?PVF m190 p99").startswith(b"\x07")
-    assert board.response(b"CLOSE") == b"\x06"
-    assert board.response(b"i65???&1??%#1?PVF m190 p99").count(b"\r") == 10
-
-
 def exchange(board: BoardWire, line: bytes) -> bytes:
     """SENDLINE, which says @, and GETBUFFER."""
     assert board.ask(DOWN, 0xB0, line) == b"@"
@@ -452,25 +365,6 @@ def test_a_controller_class_that_sends_and_fetches(machine: MachineProfile) -> N
     assert exchange(board, b"#2P") == b"1000\r\x06"
     assert exchange(board, b"M262") == b"%d\r\x06" % (1000 * 96 * 32)
     assert board.ask(UP, 0xC5, length=1400) == b"\0"
-
-
-def test_an_interface_that_writes_programs_and_memory_in_blocks(board: BoardWire) -> None:
-    """Its FLUSH has to be answered by @, and its WRITEBUFFER by four bytes without 0x80 in the last."""
-    assert board.ask(DOWN, 0xB3) == b"@"
-    connected(board)
-    assert board.ask(DOWN, 0xC6, b"OPEN PROG 5\0CLEAR\0X10\0CLOSE\0") == b"\0\0\0\0"
-    assert board.response(b"LIST PROG 5") == b"X10\rRET\r\x06"
-    assert board.ask(DOWN, 0xB5, b"\x01\x02", value=0x200) == b"@"
-    assert board.ask(UP, 0xB4, value=0x200, length=2) == b"\x01\x02"
-
-
-def test_a_client_that_reads_blocks_of_variables_and_strips_what_ends_them(board: BoardWire) -> None:
-    """One recv of 2048 a command, no look at how it ends."""
-    connected(board)
-    assert board.response(b"&2 Q20=4 Q21=5") == b"\x06"
-    assert board.response(b"&2 Q20").rstrip(b"\r\x06") == b"4"
-    assert board.response(b"Q20,6,1").rstrip(b"\r\x06").split(b"\r") == [b"4", b"5", b"0", b"0", b"0", b"0"]
-    assert board.response(b"M20,3,1").rstrip(b"\r\x06").split(b"\r") == [b"0"] * 3
 
 
 def test_after_a_reset_a_client_has_to_flush_and_to_set_the_handshake_again(board: BoardWire) -> None:

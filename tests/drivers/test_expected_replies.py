@@ -16,7 +16,6 @@ from drivers.link.address import (
     parse_address,
     parse_host_port,
 )
-from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.expected_replies import ExpectedReplies, expected_replies, number_of, opens_buffer
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
@@ -63,12 +62,6 @@ COMMANDS = (
     ("CLOSE", 0),
 )
 UNCERTAIN = ("UUU", "P1=P2+3", "P1=3&1", "J=100^50", "X10", "#1->X", "SAVE", "$$$", "LIST PROG 1 #1J+")
-
-
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
 
 
 @pytest.fixture(scope="module")

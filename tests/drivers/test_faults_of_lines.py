@@ -125,27 +125,7 @@ def test_what_is_held_up_arrives_when_all_faults_are_cleared_and_what_is_silent_
     assert card.raw("P3=1\r") == b""
 
 
-@pytest.mark.parametrize("fault", ["dropped-ack", "extra-line", "nul", "bare-bel"])
-def test_the_client_tells_of_a_spoiled_reply_and_goes_on_with_the_next(bench: Bench, fault: str) -> None:
-    bench.client.request("P1=25 P2=50")
-    bench.sim.faults.inject(fault, replies=1)
-    with pytest.raises(LinkError):
-        bench.client.numbers("P1", "P2")
-    assert bench.client.numbers("P2") == (50,)
-    assert bench.client.numbers("P1", "P2") == (25, 50)
-    assert bench.sim.faults.active() == ()
-
-
-def test_the_client_takes_a_reply_in_pieces(bench: Bench) -> None:
-    bench.client.request("P1=1234567 P2=50")
-    bench.sim.faults.inject("split-segments", pieces=5, gap_ms=30)
-    before_s = bench.sim.now_s()
-    assert bench.client.numbers("P1", "P2") == (1234567, 50)
-    # Four gaps; each of them ends with a background cycle of 5 ms.
-    assert 0.12 <= bench.sim.now_s() - before_s < 0.12 + 5 * CYCLE_S
-
-
-def test_pieces_leave_one_after_the_other_and_the_client_takes_them(card: Wire) -> None:
+def test_the_pieces_leave_one_after_the_other(card: Wire) -> None:
     card.sim.faults.inject("split-segments", pieces=3, gap_ms=50)
     pieces = [card.raw("P1P2\r")]
     for _ in range(40):

@@ -17,7 +17,12 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from profiles.compensations.path import target_path
 from profiles.roundness import evaluate
+from tests.drivers import families
 from tests.drivers.families import ON_ONE
+
+machine = families.close_families
+"""Everything close together, in both families."""
+
 
 if TYPE_CHECKING:
     from profiles.job import Job

@@ -23,8 +23,13 @@ from drivers.simulator.plant.true_parameters import ideal
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile
+from tests.drivers import families
 from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import CutFloor, Floats, Track, of_family, short, until, with_inverter
+
+machine = families.close_machine
+"""Everything close together."""
+
 
 HELD_S = 0.8
 HOLDING = [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE, Strategy.NONE]

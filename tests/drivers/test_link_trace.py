@@ -308,21 +308,6 @@ def bench(machine: MachineProfile, request: pytest.FixtureRequest) -> FaultyBenc
     return made
 
 
-HARMLESS: dict[str, Spoil] = {
-    "two segments": lambda said: [said[:1], said[1:]],
-    "byte by byte": lambda said: [said[n : n + 1] for n in range(len(said))],
-    "late, but in time": lambda said: [b""] * 500 + [said],
-}
-
-
-@pytest.mark.parametrize("spoil", HARMLESS.values(), ids=HARMLESS)
-def test_an_answer_may_come_in_any_pieces_and_a_little_late(bench: FaultyBench, spoil: Spoil) -> None:
-    """Half an answer is waited for; it is never left over for the next command."""
-    bench.line.spoil = spoil
-    assert bench.client.query("P1", "P2") == ("25", "50")
-    assert bench.client.query("P3") == ("75",)
-
-
 FAULTS: dict[str, Spoil] = {
     "the ACK is lost": lambda said: [said.removesuffix(b"\x06")],
     "half of it is lost": lambda said: [said[:2]],

@@ -24,10 +24,14 @@ from profiles.axis.servo import sampled_response
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
+from tests.drivers import families
 from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker, connected
 from tests.drivers.cut_floor import CutFloor, short, with_inverter
 from tests.drivers.plc_bench import SURFACE, TOOL, TURN_MS, begin_cut, cut_program, host_of, leased_loop, values
 from tests.drivers.test_path_seen import seen, state
+
+machine = families.close_machine
+"""Everything close together."""
 
 
 def cut(bench: Bench, job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int = 10) -> CutPlan:

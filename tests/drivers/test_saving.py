@@ -197,12 +197,6 @@ def test_which_lines_save(line: str, expected: bool) -> None:
 SPEAK = "I3=2 I4=0 I6=1\r"
 
 
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
-
-
 def reset(card: Wire, word: str = "$$$") -> None:
     card.raw(f"{word}\r")
     card.raw(f"\x18{SPEAK}")

@@ -16,12 +16,6 @@ from tests.drivers.language import trees
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
-
-
 def listing(card: Wire, number: int = 1) -> list[str]:
     return card.listed(f"PROG {number}")
 

@@ -13,12 +13,6 @@ from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
 
 
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
-
-
 @pytest.fixture
 def turbo(machine: MachineProfile) -> Wire:
     return wire(machine, TURBO)

@@ -27,12 +27,6 @@ COMPENSATION_ON = 1 << 14
 """Word 1 of ??? (Software Reference)."""
 
 
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
-
-
 def corrections(card: Wire, motor: int, *positions: tuple[float, ...]) -> list[float]:
     table = card.card.tables.tables[motor]
     return [table.correction(*place) for place in positions]

@@ -7,7 +7,7 @@ from random import Random
 
 import pytest
 
-from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.pmac.dialect import TURBO
 from drivers.simulator.card.controller import Controller
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
@@ -17,12 +17,6 @@ STOP_AND_GO = ("OPEN PROG1 CLEAR", "INC TA10 TS0 TM100", "WHILE(P1=0)", "X10", "
 
 def code(letter: str) -> str:
     return chr(ord(letter) - 64)
-
-
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import accumulate, pairwise
+from itertools import accumulate
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,17 +76,6 @@ def test_spline2_is_the_non_uniform_cubic_b_spline(moves: list[tuple[float, int]
     assert_smooth(made.pieces, (0.0,), stroke)
 
 
-def test_at_a_way_point_velocity_and_inside_shift_follow_from_its_neighbours() -> None:
-    """V(i) = (P(i+1) - P(i-1)) / (2 T)."""
-    made = spline_motion([30.0, 50.0, 10.0], [20.0] * 3, True)
-    assert made.velocity(40.0) == pytest.approx((50.0 - 0.0) / 40.0)
-    assert made.velocity(60.0) == pytest.approx((10.0 - 30.0) / 40.0)
-    # Diff(i) = (Dist(i+1) - Dist(i)) / 6.
-    made = spline_motion([30.0, 50.0, 10.0], [20.0] * 3, True)
-    assert made.at(40.0) - 30.0 == pytest.approx((20.0 - 30.0) / 6)
-    assert made.at(60.0) - 50.0 == pytest.approx((-40.0 - 20.0) / 6)
-
-
 @pytest.mark.parametrize("segments", [1, 2, 3, 4])
 def test_n_segments_take_two_segment_times_more(segments: int) -> None:
     made = spline_motion([float(k) for k in range(1, segments + 1)], [25.0] * segments, True)
@@ -102,13 +91,6 @@ def test_when_the_time_changes_spline1_stops_and_spline2_goes_on() -> None:
     made = motion([splined(10, uniform=False, X=4.0), splined(20, uniform=False, X=8.0)])
     assert made.duration_ms == pytest.approx(10 + 10 + 20 + 20)
     assert min(made.velocity(t) for t in np.linspace(5.0, 50.0, 46)) > 0.01
-
-
-def test_the_acceleration_of_a_spline_has_no_jumps() -> None:
-    made = motion([splined(ms, uniform=False, X=p) for p, ms in ((5.0, 10), (9.0, 35), (-3.0, 20))])
-    for piece, following in pairwise(made.pieces):
-        _, _, c2, c3 = piece.cubics[0]
-        assert 2 * c2 + 6 * c3 * piece.duration_ms == pytest.approx(2 * following.cubics[0][2], abs=1e-12)
 
 
 def test_one_point_of_spline1_is_calculated_ahead_of_the_motion() -> None:
