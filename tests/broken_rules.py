@@ -63,7 +63,7 @@ _STOPPING: tuple[Mutation, ...] = (
         file="drivers/lathe/standstill.py",
         old="or self._rests >= self.RESTS",
         new="or self._rests > self.RESTS",
-        test=f"{LIMITS}::test_a_home_search_that_rests_three_times_without_a_zero_is_over",
+        test=f"{LIMITS}::test_a_home_search_is_over_in_position_or_after_three_rests_without_a_zero",
     ),
     Mutation(
         rule="One poll in twelve queries the line of the program.",
@@ -438,7 +438,7 @@ _SCIENCE: tuple[Mutation, ...] = (
         file="profiles/axis/loop_design.py",
         old="HIDDEN_CHANGE = 0.7",
         new="HIDDEN_CHANGE = 1e9",
-        test="tests/profiles/test_loop_design.py::test_responses_that_would_not_show_a_mode_refuse_faster_gains",
+        test="tests/profiles/test_loop_design.py::test_responses_without_a_mode_refuse_faster_gains_and_softer_ones_have_less",
     ),
     Mutation(
         rule="A flexible mode of the axis is in the loop that gains are designed for.",

@@ -91,9 +91,6 @@ def test_rows_and_columns_are_sent_row_by_row_without_the_origin() -> None:
     assert table.correction(100, 100) == 11.0
     assert table.correction(299.999999, 100) == pytest.approx(13.0)
     assert table.correction(200, 199.999999) == pytest.approx(22.0)
-
-
-def test_the_row_motor_moves_along_a_row_and_the_column_motor_chooses_it() -> None:
     sources = read_table(GRID, MOTORS).definition.sources
     assert sources == (TableSource(1, 300, desired=True), TableSource(3, 200))
 
@@ -229,7 +226,7 @@ def test_a_range_holds_every_correction_on_the_way(table: CompensationTable, dat
     assert everywhere[0] - 1e-6 <= low <= high <= everywhere[1] + 1e-6
 
 
-def test_a_way_has_the_extremes_that_lie_on_it() -> None:
+def test_a_way_has_the_extremes_that_lie_on_it_also_across_the_seam_of_a_grid() -> None:
     """Entries of 1, 5, -2 and 0 counts at 1000, 2000, 3000 and 4000."""
     table = cam(16, 80, -32, 0)
     assert correction_range(table, [(1000, 2500)]) == (1.0, 5.0)
@@ -237,10 +234,7 @@ def test_a_way_has_the_extremes_that_lie_on_it() -> None:
     assert correction_range(table, [(3500, 4500)]) == (-1.0, 0.5)
     assert correction_range(table, [(-500, 500)]) == (-1.0, 0.5)
     assert correction_range(table, [(100, 4100)]) == (-2.0, 5.0)
-
-
-def test_a_way_across_the_seam_of_a_grid_meets_both_its_edges() -> None:
-    """Column 0 has 0 and 10, column 3 has 3 and 13 counts; in between row 0 and row 1."""
+    # Column 0 has 0 and 10, column 3 has 3 and 13 counts; in between row 0 and row 1.
     table = read_table(GRID, MOTORS)
     assert correction_range(table, [(290, 310), 0]) == (0.0, 3.0)
     assert correction_range(table, [(290, 310), 100]) == (10.0, 13.0)

@@ -137,11 +137,15 @@ def test_segments_close_the_turn_or_drift(machine: MachineProfile) -> None:
     assert only(checked(drifting, machine), Code.DRIFT).values["counts_per_turn"] == pytest.approx(50, rel=0.02)
 
 
-def test_a_zig_zag_of_splines_has_no_ramps_to_explain(machine: MachineProfile) -> None:
+def test_a_zig_zag_of_splines_and_values_of_findings_are_what_they_are(machine: MachineProfile) -> None:
     """Uniform splines keep a third of a zig-zag: (P0 + 4 P1 + P0)/6 at both ends."""
     found = checked("TA20 SPLINE1\n" + "X300\nX-300\n" * 6, machine)
     assert only(found, Code.STROKE_LOST).values["kept_percent"] == pytest.approx(100 / 3)
     assert found.explanation == ()
+    found = checked("TA10 TS5 TM20\nWHILE(M26=0)\nX10\nX-10\nENDW\nGOTO77", machine)
+    assert repr(only(found, Code.ENDLESS_LOOP).values["repeats"]) == "True"
+    number = only(found, Code.RUN_TIME_ERROR).values["number"]
+    assert type(number) is int
 
 
 def test_a_tool_that_is_left_in_by_a_move_or_a_home(machine: MachineProfile) -> None:
@@ -236,13 +240,6 @@ def test_a_circle_without_segments_is_a_straight_line(machine: MachineProfile) -
     assert only(checked(text, machine), Code.CIRCLE_STRAIGHT).lines == (6,)
 
 
-def test_values_have_the_types_of_what_they_are(machine: MachineProfile) -> None:
-    found = checked("TA10 TS5 TM20\nWHILE(M26=0)\nX10\nX-10\nENDW\nGOTO77", machine)
-    assert repr(only(found, Code.ENDLESS_LOOP).values["repeats"]) == "True"
-    number = only(found, Code.RUN_TIME_ERROR).values["number"]
-    assert type(number) is int
-
-
 # Loops that nothing in a program ends: found, watched, and left as a host would leave them.
 
 SETTINGS = {187: 20.0, 188: 10.0, 189: 1000.0, 190: 1000.0, 8: 2.0, 10: 3_713_707.0}
@@ -263,13 +260,19 @@ def moves_of(found: Walk) -> list[int]:
     return [step.line for step in found.steps if step.planned.record is not None]
 
 
-def test_a_flag_that_nobody_sets_is_set_and_the_end_is_seen() -> None:
+def test_the_flag_of_a_loop_is_set_and_its_motion_watched_for_some_turns() -> None:
     found = walked("M26=0\nWHILE(M26=0)\nX10\nX-10\nENDW\nX-500")
     assert found.ending is Ending.FINISHED
     assert flags(found) == [{"M26": 1.0}]
     assert found.left[0].circle.period == 2
     assert moves_of(found)[-1] == 6
     assert found.steps[-1].at[0] == -500
+    # A pass makes 1000 counts of a turn of 10000: three turns are 30 passes at least.
+    found = walked("WHILE(M26=0)\nX10 Y500\nX-10 Y500\nENDW", turn=10_000.0)
+    left = found.left[0]
+    assert left.circle.passes >= 30
+    assert left.circle.passes < 40
+    assert found.steps[-1].at[1] > 30_000
 
 
 @pytest.mark.parametrize(
@@ -287,15 +290,6 @@ def test_the_flag_that_ends_a_condition_is_found(condition: str, flag: dict[str,
     found = walked(f"Q7=2\nWHILE({condition})\nX10 X-10\nENDW\nX5")
     assert found.ending is Ending.FINISHED
     assert flags(found) == [flag]
-
-
-def test_the_motion_is_watched_for_some_turns_of_the_spindle() -> None:
-    """A pass makes 1000 counts of a turn of 10000: three turns are 30 passes at least."""
-    found = walked("WHILE(M26=0)\nX10 Y500\nX-10 Y500\nENDW", turn=10_000.0)
-    left = found.left[0]
-    assert left.circle.passes >= 30
-    assert left.circle.passes < 40
-    assert found.steps[-1].at[1] > 30_000
 
 
 def test_a_loop_that_counts_or_sets_its_flag_is_no_endless_one() -> None:
@@ -387,13 +381,10 @@ def test_an_endless_loop_may_move_in_what_it_calls_alone(called: str) -> None:
     assert flags(found) == [{"M26": 1.0}]
 
 
-def test_a_flag_that_a_subroutine_sets_is_not_taken_for_free() -> None:
+def test_a_flag_of_a_subroutine_is_not_free_and_a_long_program_is_looked_at_so_far() -> None:
     text = read_program("OPEN PROG 1\nWHILE(M26=0)\nGOSUB100\nENDW\nRETURN\nN100 M26=1\nRETURN\nN200 P1=1\nCLOSE")
     (loop,) = find_loops(text.program)
     assert not loop.endless
-
-
-def test_a_program_that_is_too_long_is_looked_at_so_far() -> None:
     text = read_program("OPEN PROG 1\nINC TA20 TS10 TM20\nWHILE(P1<1000)\nP1=P1+1\nX1\nENDW\nCLOSE")
     found = walk(text, SETTINGS, read_definitions(["#1->X"]), {1: 0.0}, most_steps=50)
     assert found.ending is Ending.TOO_LONG

@@ -131,16 +131,13 @@ def test_after_a_home_or_a_preset_the_motor_counts_from_another_place() -> None:
     assert moves[1].motors[0].commanded == pytest.approx(10)
 
 
-def test_every_motor_has_its_own_point() -> None:
+def test_every_motor_has_its_own_point_also_in_what_is_called() -> None:
     moves = analysed("INC TA20 TS10 TM20\n" + "X275 Y1000\nX-275 Y1000\n" * 2, axes=("#1->X", "#2->Y"))
     tool, spindle = moves[1].motors
     assert (tool.motor, spindle.motor) == (1, 2)
     assert tool.made == pytest.approx(-275 * 2 / 3)
     assert spindle.made == pytest.approx(1000)
     assert not spindle.turns
-
-
-def test_a_program_that_is_called_moves_too() -> None:
     text = read_program("OPEN PROG 1\nCLEAR\nINC TA20 TS10 TM40\nCALL 5\nX10\nCLOSE\nOPEN PROG 5\nX30\nCLOSE")
     definitions = read_definitions(["#1->X"])
     walked = walk(text, FREE, definitions, {1: 0.0})

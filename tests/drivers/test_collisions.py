@@ -82,19 +82,16 @@ def test_a_cut_at_a_feed_and_what_is_over_the_part_are_no_crash() -> None:
     assert seen(25.9, z_mm, surface_mm=25.9) == ()
 
 
-def test_a_rapid_into_the_end_face_is_a_crash() -> None:
+def test_a_rapid_into_the_part_and_a_cut_too_deep_are_crashes() -> None:
     """10 mm/s at 1000 rpm are 0.6 mm a turn, 30 mm/s 1.8."""
     for speed_mm_per_s, found in ((10.0, []), (30.0, ["end_face"])):
         z_mm = (169.5 + np.arange(300) * CYCLE_MS / 1000 * speed_mm_per_s).tolist()
         assert kinds(seen(25.8725, z_mm)) == found
-
-
-def test_deeper_than_the_tool_takes_and_through_the_wall_are_two_crashes() -> None:
     radius_mm = (26.0 - np.arange(330) * 0.01).tolist()
-    found = seen(radius_mm, 180.0)
+    deep = seen(radius_mm, 180.0)
     # 0.01 mm in 0.0074 turns are more than 1 mm a turn.
-    assert kinds(found) == ["infeed", "too_deep", "through_wall"]
-    assert [round(collision.radius_mm, 2) for collision in found] == [25.82, 24.87, 23.49]
+    assert kinds(deep) == ["infeed", "too_deep", "through_wall"]
+    assert [round(collision.radius_mm, 2) for collision in deep] == [25.82, 24.87, 23.49]
 
 
 @pytest.mark.parametrize(("speed_mm_per_s", "crashes"), [(15.0, False), (18.0, True)])

@@ -136,7 +136,9 @@ def test_background_plcs_that_the_card_does_not_permit_are_told_once(machine: Ma
     assert (check.code, check.severity, check.wanted) == ("plcs", Severity.REFUSAL, "2")
 
 
-def test_the_watchdog_of_a_turbo_is_told_in_ms(machine: MachineProfile) -> None:
+def test_a_setting_that_two_rules_know_is_told_once_and_the_watchdog_of_a_turbo_in_ms(
+    machine: MachineProfile,
+) -> None:
     card = commissioned(machine)
     if card.dialect.watchdog.number is None:
         assert "watchdog" not in {check.code for check in card.verify().checks}
@@ -146,6 +148,12 @@ def test_the_watchdog_of_a_turbo_is_told_in_ms(machine: MachineProfile) -> None:
     assert (check.facts["time"], check.wanted) == ("1812.9 ms", "226")
     card.tell("I40=226")
     assert "watchdog" not in {check.code for check in card.findings()}
+    card = commissioned(machine)
+    card.factory()
+    failing = [
+        c.variable for c in card.findings() if c.severity is Severity.REFUSAL and c.variable.startswith("I")
+    ]
+    assert sorted(failing) == sorted(set(failing))
 
 
 def test_a_servo_time_that_is_not_that_of_the_machine(machine: MachineProfile) -> None:
@@ -199,10 +207,16 @@ def test_what_was_ended_because_its_host_was_killed_is_told(
     assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
 
 
-def test_a_variable_of_that_number_means_nothing_without_our_heartbeat(machine: MachineProfile) -> None:
+def test_a_variable_of_that_number_means_nothing_without_our_heartbeat_nor_does_another_family(
+    machine: MachineProfile,
+) -> None:
     card = commissioned(machine)
     card.tell("P1004=2")
     assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
+    card = commissioned(machine)
+    other = "turbo" if machine.controller.family == "pmac" else "pmac"
+    card.machine = replace(machine, controller=replace(machine.controller, family=other))
+    assert found(card, "family").wanted == other
 
 
 def test_a_fault_of_a_motor_is_told(machine: MachineProfile) -> None:
@@ -235,15 +249,6 @@ def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfi
     assert {"factory", "no_limit", "slow_tool", "soft_abort", "too_much_current", "axis"} <= codes
 
 
-def test_a_setting_that_two_rules_know_is_told_once(machine: MachineProfile) -> None:
-    card = commissioned(machine)
-    card.factory()
-    failing = [
-        c.variable for c in card.findings() if c.severity is Severity.REFUSAL and c.variable.startswith("I")
-    ]
-    assert sorted(failing) == sorted(set(failing))
-
-
 def test_a_profile_is_shown_with_what_it_leaves_open_or_contradicts(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.tell("I103=$720", "I171=1000")
@@ -268,13 +273,6 @@ def test_a_machine_that_is_signed_for_is_told_of_its_soft_published_loop(machine
     stiff = replace(signed, tool=replace(signed.tool, gain_kp_v_per_m=766.0))
     codes = {each.code for card in (stiff, machine) for each in commissioned(card).findings()}
     assert "soft_loop" not in codes, "with designed gains, and on the paper's lathe"
-
-
-def test_a_card_of_another_family_is_told(machine: MachineProfile) -> None:
-    card = commissioned(machine)
-    other = "turbo" if machine.controller.family == "pmac" else "pmac"
-    card.machine = replace(machine, controller=replace(machine.controller, family=other))
-    assert found(card, "family").wanted == other
 
 
 def test_an_inverter_spindle_is_not_asked_for_what_it_has_not(machine: MachineProfile) -> None:

@@ -300,7 +300,9 @@ def test_a_loop_told_to_go_further_pushes_and_comes_back(machine: MachineProfile
     assert track[-1] == pytest.approx(60.0 * 5000.0, abs=3000)
 
 
-def test_far_from_its_ends_a_loop_is_what_it_is_without_any(machine: MachineProfile) -> None:
+def test_far_from_its_ends_an_axis_is_what_it_is_without_any_and_at_them_it_stands(
+    machine: MachineProfile,
+) -> None:
     near, free = drives(machine).tool, drives(machine, ideal(machine)).tool
     commands = (20_000.0 + 200.0 * np.sin(np.arange(4000) * 0.1)).tolist()
     for tool in (near, free):
@@ -308,9 +310,6 @@ def test_far_from_its_ends_a_loop_is_what_it_is_without_any(machine: MachineProf
     # One long block takes the careful way, blocks of the card the quick one.
     quick = [x for at in range(0, 4000, 10) for x in free.follow(commands[at : at + 10])]
     assert near.follow(commands) == quick
-
-
-def test_a_carriage_stands_at_its_end_and_follows_at_once_before_it(machine: MachineProfile) -> None:
     carriage = drives(machine).carriage
     track, at_its_end = carriage.follow([1000.0 * n for n in range(300)]), carriage.at_end
     assert max(track) + carriage.origin == CARRIAGE_MM[1] * 1000.0

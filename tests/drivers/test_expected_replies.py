@@ -254,14 +254,11 @@ def test_what_is_written_is_read_back(address: LinkAddress) -> None:
     assert parse_address(str(address)) == address
 
 
-def test_a_listener_may_leave_its_port_open_and_a_link_may_not() -> None:
+def test_ports_and_speeds_are_refused_where_a_link_has_none() -> None:
     assert parse_host_port("127.0.0.1:0") == TcpAddress(host="127.0.0.1", port=0)
     with pytest.raises(LinkError) as refused:
         parse_address("tcp:127.0.0.1:0")
     assert "1 <= PORT" in refused.value.problems[0].limit
-
-
-def test_a_speed_behind_a_colon_is_refused_with_the_way_to_write_it() -> None:
     with pytest.raises(LinkError) as refused:
         parse_address("serial:/dev/ttyS1:9600")
     (problem,) = refused.value.problems

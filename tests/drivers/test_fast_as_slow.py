@@ -307,7 +307,7 @@ def velocity(card: Wire) -> float:
     return float(card.ask("#4V")[0])
 
 
-def test_a_turbo_says_the_average_of_256_servo_cycles(machine: MachineProfile) -> None:
+def test_a_turbo_says_the_average_of_256_servo_cycles_and_a_pmac_that_of_one(machine: MachineProfile) -> None:
     """The spread of single cycles, 21 and 22 counts, is not seen."""
     card = turbo(machine)
     card.tell(JOG)
@@ -318,9 +318,6 @@ def test_a_turbo_says_the_average_of_256_servo_cycles(machine: MachineProfile) -
         told.add(velocity(card))
     assert told == {21.9}
     assert {float(v) for v in card.raw("\x16").split()[3:4]} == {21.9}
-
-
-def test_a_pmac_says_that_of_one_cycle(machine: MachineProfile) -> None:
     card = wire(machine, PMAC)
     card.tell(JOG)
     card.sim.wait(1.0)

@@ -128,16 +128,13 @@ def test_a_jog_is_ended_by_one_command_for_every_closed_motor(machine: MachinePr
     assert commands == (["".join(f"#{motor}J/" for motor in everyone)] if everyone else [])
 
 
-def test_a_spindle_on_an_inverter_is_never_told_anything(machine: MachineProfile) -> None:
+def test_what_the_plc_does_not_tell_a_spindle_on_an_inverter_or_an_unhomed_tool(machine: MachineProfile) -> None:
     inverter = replace(machine, spindle=replace(machine.spindle, drive="inverter"))
     for policy in Policy:
         lines = plc_lines(inverter, PMAC, policy)
         assert any("#1J/#3J/" in line for line in lines)
         assert not any("#2" in line for line in lines)
         assert not any(f"M{number}" in line for line in lines for number in (1002, 1005, 1012, 1013))
-
-
-def test_an_unhomed_tool_is_not_sent_to_a_place(machine: MachineProfile) -> None:
     for homed, sent in ((0.0, []), (1.0, ["#1J=*"])):
         card = Card(machine, PMAC, Policy.STOP)
         card.show({**CLOSED, "M1000": 1.0, "M1007": 1.0, "M1009": 9000.0 * COUNT, "M1012": 1.0, "M1014": homed})

@@ -88,29 +88,25 @@ def test_a_sine_beyond_what_the_axis_is_set_to_is_refused(
     assert (problem.code, problem.key) == ("identify.beyond_drive", key)
 
 
-def test_a_sine_beyond_the_thrust_is_refused(machine: MachineProfile) -> None:
+def test_a_sine_beyond_the_thrust_is_refused_by_its_first_frequency(machine: MachineProfile) -> None:
     """50 um at 200 Hz are 79.0 m/s2: 374.2 N for 4.74 kg, and more for the damping."""
     asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(200.0,))
     weak = replace(machine, tool=replace(machine.tool, continuous_force_n=374.0))
     (problem,) = request_problems(asked, weak)
     assert (problem.code, problem.key) == ("identify.beyond_drive", "tool.continuous_force_n")
     assert request_problems(asked, machine) == ()
-
-
-def test_of_frequencies_that_are_too_high_the_first_is_named(machine: MachineProfile) -> None:
     asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(50.0, 210.0, 220.0))
     found = {(problem.key, problem.where) for problem in request_problems(asked, machine)}
     assert found == {("I117", "210 Hz"), ("tool.continuous_force_n", "210 Hz")}
 
 
-def test_the_tool_must_be_clear_of_the_jaws_by_five_millimetres(machine: MachineProfile) -> None:
+def test_the_tool_must_be_clear_of_the_jaws_and_the_way_back_is_no_higher_frequency(
+    machine: MachineProfile,
+) -> None:
     """Home at 76 mm, the outside of the jaws at 70 mm."""
     assert clearance_mm(machine, 50.0) == pytest.approx(5.95)
     nearer = replace(machine, tool=replace(machine.tool, home_radius_mm=75.0))
     assert codes(PVT, nearer) == ["identify.not_clear"]
-
-
-def test_the_way_back_along_the_table_is_no_higher_frequency(machine: MachineProfile) -> None:
     for highest in (10.0, 50.0, 100.0, 200.0):
         assert return_hz(machine, highest) <= max(highest, 100.0)
         assert wave_counts(machine, highest) * highest <= 25_000.0 + 1e-9  # half of 50 counts/ms

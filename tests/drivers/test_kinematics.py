@@ -115,9 +115,14 @@ def test_a_path_in_segments_keeps_its_line_its_time_and_its_circle(machine: Mach
     assert card.sim.now_s() - began_s == pytest.approx(0.6, abs=0.02)
 
 
-def test_rapid_and_spline_go_by_end_points_also_in_segments(machine: MachineProfile) -> None:
+def test_moves_go_by_end_points_and_begin_where_the_arm_is(machine: MachineProfile) -> None:
     card = arm(machine, "RAPID ABS X600 Y200", "LINEAR TA50 TM200 X550", "SPLINE1 TM100 X500", segment_ms=10)
     np.testing.assert_allclose(played(card)[-1], joints(500.0, 200.0), atol=1e-6)
+    card = arm(machine, "LINEAR INC TA50 TS0 TM200 X10")
+    shoulder, elbow = joints(380.0, 300.0)
+    card.tell(f"#4J={shoulder:.6f}", f"#5J={elbow:.6f}")
+    card.settle()
+    np.testing.assert_allclose(played(card)[-1], joints(390.0, 300.0), atol=1e-3)
 
 
 def test_pvt_asks_for_the_velocities_too(machine: MachineProfile) -> None:
@@ -133,21 +138,10 @@ def test_pvt_asks_for_the_velocities_too(machine: MachineProfile) -> None:
     np.testing.assert_allclose(found / np.linalg.norm(found), speed / np.linalg.norm(speed), atol=0.02)
 
 
-def test_after_a_jog_the_program_begins_where_the_arm_is(machine: MachineProfile) -> None:
-    card = arm(machine, "LINEAR INC TA50 TS0 TM200 X10")
-    shoulder, elbow = joints(380.0, 300.0)
-    card.tell(f"#4J={shoulder:.6f}", f"#5J={elbow:.6f}")
-    card.settle()
-    np.testing.assert_allclose(played(card)[-1], joints(390.0, 300.0), atol=1e-3)
-
-
-def test_pmatch_says_where_the_tip_is(machine: MachineProfile) -> None:
+def test_pmatch_says_where_the_tip_is_and_switched_off_nothing_moves(machine: MachineProfile) -> None:
     card = arm(machine)
     card.tell("Q7=0 Q8=0", "&2PMATCH")
     assert [round(float(text), 3) for text in card.ask("Q7Q8")] == [450.0, 250.0]
-
-
-def test_switched_off_the_motors_stay_where_they_are(machine: MachineProfile) -> None:
     card = arm(machine, "LINEAR ABS TA50 TS0 TM200 X600 Y200")
     card.tell("I5250=0")
     seen = played(card)

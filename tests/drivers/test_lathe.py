@@ -389,17 +389,11 @@ def test_a_stop_that_no_axis_can_have_made_is_refused(place: int, change: dict[s
     assert [problem.code for problem in judged(place, **change)] == ["stops.impossible"]
 
 
-def test_a_stop_that_is_there_twice_is_refused() -> None:
+def test_stops_that_are_there_twice_without_times_or_one_way_are_refused() -> None:
     entries = (*record().entries, replace(record().entries[0], time_s=0.2))
     assert codes(replace(record(), entries=entries)) == ["stops.impossible"]
-
-
-def test_all_times_zero_are_refused_each() -> None:
     entries = tuple(replace(each, time_s=0.0) for each in record().entries)
     assert codes(replace(record(), entries=entries)) == ["stops.impossible"] * len(NEEDED)
-
-
-def test_stops_that_went_one_way_say_nothing_of_the_other() -> None:
     of_the_other = replace(record(), stop_way=StopWay.RESERVED)
     assert codes(record()) == codes(of_the_other, stop_way=StopWay.RESERVED) == []
     assert codes(record(), stop_way=StopWay.RESERVED) == codes(of_the_other) == ["stops.other_way"]

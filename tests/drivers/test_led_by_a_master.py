@@ -425,7 +425,7 @@ def test_a_thirty_second_of_a_count_is_seen_and_a_cycle_gives_less_than_1_ms() -
     assert increment_units(factor, parts_of(-50.0)) == -UNITS_PER_MS
 
 
-def test_a_frozen_time_base_stands_and_an_armed_one_waits() -> None:
+def test_a_frozen_time_base_stands_and_one_set_running_by_hand_does_not_jump() -> None:
     base = TriggeredTimeBase(state=Trigger.RUNNING, factor=800, counts=1000)
     base, units = replace(base, state=Trigger.FROZEN).step(1072)
     assert (base.state, units) == (Trigger.FROZEN, 0)
@@ -433,6 +433,9 @@ def test_a_frozen_time_base_stands_and_an_armed_one_waits() -> None:
     assert (base.state, units) == (Trigger.FROZEN, 0)
     base, units = replace(base, state=Trigger.ARMED).step(1216)
     assert (base.state, units) == (Trigger.ARMED, 0)
+    base, _ = TriggeredTimeBase(state=Trigger.FROZEN, factor=800).step(50_000)
+    _, units = replace(base, state=Trigger.RUNNING).step(50_010)
+    assert units / UNITS_PER_MS == 10 / 163.84
 
 
 def test_time_begins_exactly_at_the_captured_count() -> None:
@@ -446,12 +449,6 @@ def test_time_begins_exactly_at_the_captured_count() -> None:
         base, units = base.step(counts)
         elapsed += units
     assert elapsed / UNITS_PER_MS == 12.5
-
-
-def test_a_time_base_that_is_set_running_by_hand_does_not_jump() -> None:
-    base, _ = TriggeredTimeBase(state=Trigger.FROZEN, factor=800).step(50_000)
-    _, units = replace(base, state=Trigger.RUNNING).step(50_010)
-    assert units / UNITS_PER_MS == 10 / 163.84
 
 
 def test_the_set_up_lines_of_the_manuals() -> None:

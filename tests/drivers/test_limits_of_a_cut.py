@@ -108,16 +108,13 @@ def searched(*flags: frozenset[str]) -> list[bool]:
     return [search.is_over(polled(0.1 * k, carriage=state)) for k, state in enumerate(states)]
 
 
-def test_a_home_search_that_rests_three_times_without_a_zero_is_over() -> None:
+def test_a_home_search_is_over_in_position_or_after_three_rests_without_a_zero() -> None:
     """Once or twice in a row it may turn round; a poll of the search between them begins the count anew."""
     searching = frozenset({"activated", "home_search"})
     assert searched(RESTING, RESTING, RESTING) == [False, False, True]
     assert searched(RESTING, RESTING, searching, RESTING, RESTING, RESTING) == [False] * 5 + [True]
     assert searched(*[searching | RESTING] * 5) == [False] * 5
     assert searched(*[IN_CUT - {"home_complete"}] * 5) == [False] * 5
-
-
-def test_a_home_search_with_a_zero_is_over_in_position_and_not_by_its_rests() -> None:
     zero = RESTING | {"home_complete"}
     assert searched(*[zero] * 5) == [False] * 5
     assert searched(zero | {"in_position"}) == [True]
@@ -180,9 +177,6 @@ def test_a_program_is_asked_for_its_line_once_in_twelve_polls() -> None:
         asked.append(queried.queries)
     assert POLLS_A_REPORT == 12
     assert asked == [0] * 11 + [1] * 12 + [2] * 12 + [3]
-
-
-def test_a_slow_line_is_left_to_the_polls() -> None:
     for round_trip_s, queries in ((SLOW_LINE_S, 0), (0.9 * SLOW_LINE_S, 2)):
         queried = Queried()
         read = reports(queried, round_trip_s).read

@@ -233,15 +233,14 @@ def test_an_identified_response_ends_the_band_at_its_own(machine: MachineProfile
     assert (band.low_by, band.high_by) == ("response", "response")
 
 
-def test_a_limit_of_the_machine_ends_the_band_upwards_alone(machine: MachineProfile, experiment: JobMaker) -> None:
+def test_the_band_of_an_override_ends_at_limits_of_the_machine(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
     slow = replace(machine, spindle=replace(machine.spindle, max_speed_rpm=1035.0))
     band = bounds(experiment, slow, Strategy.PVT)
     assert (band.high_percent, band.high_by) == (103, "spindle")
     assert band.low_percent == bounds(experiment, machine, Strategy.PVT).low_percent
-
-
-def test_no_override_drives_a_motor_beyond_its_speed(machine: MachineProfile, experiment: JobMaker) -> None:
-    """I116, the most that a program may command the tool, 5.5 % above the peak of this program: 105 %."""
+    # I116, the most that a program may command the tool, 5.5 % above the peak of this program: 105 %.
     job = replace(experiment(1), cut_length_mm=1.0)
     peak = plan_cut(job, machine, Strategy.NONE).checked.peak_velocity[1]
     variables = {**machine.controller.variables, "I116": 1.055 * peak}
@@ -250,12 +249,11 @@ def test_no_override_drives_a_motor_beyond_its_speed(machine: MachineProfile, ex
     assert (band.high_percent, band.high_by) == (105, "program_speed")
 
 
-def test_without_an_inverse_the_widest_band_is_offered(machine: MachineProfile, experiment: JobMaker) -> None:
+def test_without_an_inverse_the_band_is_widest_and_without_an_axis_there_is_none(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
     band = bounds(experiment, machine, Strategy.NONE)
     assert (band.low_percent, band.low_by) == (80, "widest")
-
-
-def test_a_spindle_that_is_no_axis_has_no_override(machine: MachineProfile, experiment: JobMaker) -> None:
     for strategy, lathe in ((Strategy.TIMEBASE, machine), (Strategy.CAM, with_inverter(machine))):
         assert bounds(experiment, lathe, strategy).refused(Adjustable.OVERRIDE) == "cut.no_override"
 
@@ -274,9 +272,6 @@ def test_the_time_of_the_program_is_that_of_the_override() -> None:
     times = [ledger.see(poll).at_s for poll in polls(100.0, 100.0, 80.0, 80.0, 80.0)]
     assert times == pytest.approx([0.0, 1.0, 1.9, 2.7, 3.5])
     assert ledger.mean == pytest.approx(3.5 / 4.0)
-
-
-def test_at_real_time_a_poll_stays_what_it_is() -> None:
     ledger = PaceLedger(face_counts=50.0)
     assert all(ledger.see(poll) is poll for poll in polls(100.0, 100.0, 100.0))
     assert ledger.mean == 1.0

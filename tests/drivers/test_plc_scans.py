@@ -48,7 +48,7 @@ def test_a_level_triggered_branch_counts_and_an_edge_triggered_one_acts_once() -
     assert bench.value("P1") == 2
 
 
-def test_a_scan_ends_at_endwhile_and_the_next_one_goes_on_at_the_while() -> None:
+def test_a_scan_ends_at_endwhile_and_goes_on_there_unless_it_is_begun_anew() -> None:
     bench = PlcBench("P1=P1+1\nWHILE(P2<3)\nP2=P2+1\nENDWHILE\nP3=P3+1")
     seen = []
     for _ in range(5):
@@ -56,9 +56,6 @@ def test_a_scan_ends_at_endwhile_and_the_next_one_goes_on_at_the_while() -> None
         seen.append((bench.value("P1"), bench.value("P2"), bench.value("P3")))
     # Three passes are a scan each; the fourth scan finds the condition false and goes on to the end.
     assert seen == [(1, 1, 0), (1, 2, 0), (1, 3, 0), (1, 3, 1), (2, 3, 2)]
-
-
-def test_begun_anew_it_leaves_its_while() -> None:
     bench = PlcBench("P1=P1+1\nWHILE(1=1)\nENDWHILE")
     bench.scan()
     bench.scan()
@@ -170,7 +167,7 @@ def test_commands_and_messages_come_in_the_order_of_the_program() -> None:
     ]
 
 
-def test_address_holds_for_the_commands_behind_it_and_from_scan_to_scan() -> None:
+def test_addresses_hold_from_scan_to_scan_for_commands_and_q_variables() -> None:
     """Software Reference, COMMAND: each PLC has an address of its own, at power-up motor 1 and system 1."""
     bench = PlcBench('CMD"J/"\nADDRESS#3\nCMD"J/"\nADDRESS&2\nCMD"R"', TURBO)
     bench.scan()
@@ -179,9 +176,6 @@ def test_address_holds_for_the_commands_behind_it_and_from_scan_to_scan() -> Non
     bench.scan()
     places = [words[3:] for words in bench.said()]
     assert places == [(1, 1), (3, 1), (3, 2), *[(3, 2)] * 6]
-
-
-def test_q_variables_are_those_of_the_addressed_system() -> None:
     bench = PlcBench("Q1=10\nADDRESS&2\nQ1=20\nIF(Q1=20)\nQ2=Q1+1\nENDIF")
     bench.scan()
     assert (bench.value("Q1", 1), bench.value("Q1", 2), bench.value("Q2", 2)) == (10, 20, 21)
@@ -280,15 +274,12 @@ def test_only_what_is_on_can_be_at_its_top(steps: list[tuple[str, int]]) -> None
 # What PLCs wait by: the timers of both families, and the settings that permit and guard them.
 
 
-def test_the_non_turbo_card_has_four_words_of_memory_instead() -> None:
+def test_each_family_has_its_timers_and_its_watchdog() -> None:
     """User Manual, Precise Timing."""
     assert timer_variables(PMAC, 15) == ()
     assert PMAC.timer_words == (("X", 0x700), ("Y", 0x700), ("X", 0x701), ("Y", 0x701))
     assert TURBO.timer_words == ()
-
-
-def test_the_watchdog_of_each_family() -> None:
-    """Turbo: 4096 servo cycles, or one more than I40; non-Turbo: 512 real-time interrupts."""
+    # Turbo: 4096 servo cycles, or one more than I40; non-Turbo: 512 real-time interrupts.
     assert (TURBO.watchdog.count + 1, TURBO.watchdog.number, TURBO.watchdog.of_interrupts) == (4096, 40, False)
     assert (PMAC.watchdog.count + 1, PMAC.watchdog.number, PMAC.watchdog.of_interrupts) == (512, None, True)
     store = VariableStore(settings_with({}, TURBO), TURBO)

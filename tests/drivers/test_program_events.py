@@ -210,15 +210,18 @@ def test_it_goes_on_without_a_rest(name: str) -> None:
     assert stops(run(GOES_ON[name])) == []
 
 
-def test_a_delay_is_a_blended_move_of_no_distance() -> None:
+def test_what_rests_inside_after_or_between_moves() -> None:
     """The motion rests inside it, from half of TA after its nominal start to half of TA before its end."""
     ((position, ms),) = rests(run(("DELAY50",)))
     assert position == pytest.approx(1000)
     assert ms == pytest.approx(30, abs=2 * CYCLE_MS)
-
-
-def test_ix92_stops_after_each_move() -> None:
     assert stops(run((), I192=1)) == AT_THE_POINT
+    card = IdealCard()
+    track = card.run("INC TA20 TS0 TM100", "X1000")
+    assert track[-1] == 1000
+    assert (len(track) - 1) * CYCLE_MS < 200
+    ((_, ms),) = rests(run(("DWELL50",)))
+    assert ms == pytest.approx(50, abs=2 * CYCLE_MS)
 
 
 def test_single_step_stops_after_each_move() -> None:
@@ -232,18 +235,6 @@ def test_single_step_stops_after_each_move() -> None:
         card.settle()
 
     assert stops(card.record(go)) == AT_THE_POINT
-
-
-def test_the_end_of_the_program_does() -> None:
-    card = IdealCard()
-    track = card.run("INC TA20 TS0 TM100", "X1000")
-    assert track[-1] == 1000
-    assert (len(track) - 1) * CYCLE_MS < 200
-
-
-def test_a_dwell_waits_for_its_time_from_rest_on() -> None:
-    ((_, ms),) = rests(run(("DWELL50",)))
-    assert ms == pytest.approx(50, abs=2 * CYCLE_MS)
 
 
 # The time base: what `%` stretches and what it does not, and how fast it gets there.

@@ -323,14 +323,11 @@ def test_a_loop_without_motion_waits_in_the_time_that_wrapped_too(closed: Bench)
     assert closed.number("P1") == pytest.approx(2 * 1000 / (3 * 0.442708), rel=0.02)
 
 
-def test_settings_that_are_not_named_are_those_of_the_factory() -> None:
+def test_settings_have_the_names_of_the_paper_or_the_family_and_factory_values() -> None:
     """Ix16 = 32, Ix88 = 50 from the factory (Quick Reference)."""
     settings = settings_with({"I116": 500.0})
     assert (settings[116], settings[216], settings[388]) == (500.0, 32, 50)
-
-
-def test_the_names_of_a_profile_are_the_papers_or_the_familys_own() -> None:
-    """Ix87 of coordinate system 1 is I187 on a PMAC and I5187 on a Turbo; what a fault kills, I125 and I124."""
+    # Ix87 of coordinate system 1 is I187 on a PMAC and I5187 on a Turbo; what a fault kills, I125 and I124.
     for named in ({"I187": 7.0, "I125": 4.0, "I13": 5.0}, {"I5187": 7.0, "I124": 4.0, "I5113": 5.0}):
         settings = settings_with(named, TURBO)
         assert (settings[5187], settings[124], settings[5113]) == (7.0, 4.0, 5.0)

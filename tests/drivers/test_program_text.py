@@ -45,7 +45,7 @@ def refusal(text: str) -> PmacError:
     return refused.value
 
 
-def test_an_example_of_the_quick_reference_is_taken_apart() -> None:
+def test_an_example_of_the_quick_reference_is_taken_apart_without_its_comments() -> None:
     text = read_program(FULL_CIRCLE)
     assert text.number == 1
     assert list(
@@ -54,9 +54,6 @@ def test_an_example_of_the_quick_reference_is_taken_apart() -> None:
     assert text.commands == ("delete gather", "undefine all", "&1", "&1", "b1r")
     assert [(d.motor, str(d)) for d in text.definitions] == [(2, "2000Y")]
     assert text.lines[:6] == ("close", "delete gather", "undefine all", "&1", "#2->2000Y", "open prog1 clear")
-
-
-def test_comments_and_blank_lines_stay_on_the_host() -> None:
     text = read_program('OPEN PROG 2 ; one\nCLEAR\nCMD"A;B" ; "two"\n; three\n\nCLOSE')
     assert text.lines == ("OPEN PROG 2", "CLEAR", 'CMD"A;B"', "CLOSE")
     assert len(read_program("OPEN PROG 2 CLEAR\n\nX1\n;\n\nX2\nCLOSE").program) == 2
@@ -262,12 +259,17 @@ def test_a_table_throws_only_while_it_is_switched(machine: MachineProfile) -> No
     assert [line for line, _ in thrown(checked(f"{cut}{turn}I51=0\n{turn}I51=1\n{turn}", machine))] == [FIRST + 9]
 
 
-def test_a_throw_is_told_in_counts_and_um(machine: MachineProfile) -> None:
+def test_a_throw_is_told_in_counts_and_um_also_by_i51_before_the_program(machine: MachineProfile) -> None:
     """At rest at a quarter of a turn and Z1000: 800/16 = 50 counts of 0.2 um."""
     found = checked("Y2500 Z1000\nDWELL10\nI51=1\nDWELL10", machine)
     finding = only(found, Code.TABLE_THROWS)
     assert (finding.severity, finding.lines) == (Severity.WARNING, (FIRST + 2,))
     assert finding.values == {"motor": 1, "counts": 50, "length": pytest.approx(10), "unit": "um"}
+    # One source, of which nothing is known: 640/16 = 40 counts, in the line that comes last.
+    table = "#1DEFINE COMP 4,#2,#1,10000\n0 640 0 0\n"
+    assert thrown(checked("X100", machine, f"{table}I51=1\n")) == [(3, 40)]
+    assert thrown(checked("X100", machine, f"I51=1\n{table}")) == [(3, 40)]
+    assert thrown(checked("X100", machine, f"I51=1\n{table}I51=0\n")) == []
 
 
 def test_the_card_throws_as_far_as_the_checker_says(machine: MachineProfile) -> None:
@@ -317,14 +319,6 @@ def test_a_source_may_be_anywhere_on_its_moves_unless_homed_or_started(machine: 
     assert thrown(checked("I51=1\nDWELL10", machine)) == [(FIRST, 50)]
     text = f"; starts at Y7500 Z1500\n{CAM}I51=1\n{OPEN}Y100 Z100\nCLOSE\n"
     assert thrown(check_program(text, machine)) == [(7, 20)]
-
-
-def test_i51_before_the_program(machine: MachineProfile) -> None:
-    """One source, of which nothing is known: 640/16 = 40 counts, in the line that comes last."""
-    table = "#1DEFINE COMP 4,#2,#1,10000\n0 640 0 0\n"
-    assert thrown(checked("X100", machine, f"{table}I51=1\n")) == [(3, 40)]
-    assert thrown(checked("X100", machine, f"I51=1\n{table}")) == [(3, 40)]
-    assert thrown(checked("X100", machine, f"I51=1\n{table}I51=0\n")) == []
 
 
 def test_contributions_add_and_the_same_line_is_told_once(machine: MachineProfile) -> None:

@@ -423,14 +423,11 @@ def seen(card: Card, *polls: tuple[float, float]) -> None:
         watch.see(poll(position, command))
 
 
-def test_confirming_polls_of_the_same_servo_cycle_prove_nothing() -> None:
+def test_confirming_polls_must_show_another_cycle_and_a_stuck_reading_is_told() -> None:
     """As seen at 210 Hz: two polls near a turning point, and twice the second of them again."""
     card = Card(*MOVING, (29.0, -229.405, 0.0), (29.0, -229.405, 0.0))
     seen(card, (90.0, 20.0), (28.0, -135.967), (29.0, -200.405))
     assert card.killed == []
-
-
-def test_a_reading_that_stays_while_new_answers_show_another_command_is_told() -> None:
     card = Card(*MOVING, (29.0, 90.0, 0.0), (29.0, -120.0, 0.0))
     with pytest.raises(DriverError) as told:
         seen(card, (90.0, 20.0), (28.0, -135.967), (29.0, -200.405))

@@ -328,15 +328,12 @@ def test_what_comes_before_the_end_of_a_flush_is_forgotten(said: bytes) -> None:
     assert replies.take(b"50\r\x06") == b"50\r\x06"
 
 
-def test_a_flush_that_was_sent_twice_is_waited_for_twice() -> None:
+def test_a_flush_sent_twice_is_waited_for_twice_and_messages_are_told() -> None:
     replies = BoardReplies()
     replies.asked(Asked.FLUSH)
     replies.asked(Asked.FLUSH)
     assert (replies.take(b"@1\r\x06"), replies.complete) == (b"", False)
     assert (replies.take(b"@"), replies.complete) == (b"", True)
-
-
-def test_what_nobody_asked_for_and_messages_are_told() -> None:
     board = Board()
     board.ask(Asked.LINE, b"\x02PART DONE\r" + b"25\r\x06")
     assert board.wire == b"\x02PART DONE\r"

@@ -273,7 +273,7 @@ def test_another_number_of_swings_a_turn_comes_without_a_jump(machine: MachinePr
     assert (swing[-2000:].min(), swing[-2000:].max()) == pytest.approx((0.95, 1.05), abs=0.002)
 
 
-def test_an_inverter_ramps_at_its_rate(machine: MachineProfile) -> None:
+def test_an_inverter_ramps_at_its_rate_and_slips_under_load(machine: MachineProfile) -> None:
     """500 rpm/s to 1000 rpm is 2 s, and so is the way back; half of the speed on the average."""
     spindle = inverter(slip_rpm=0.0)
     spindle.set_rpm(1000.0)
@@ -283,10 +283,7 @@ def test_an_inverter_ramps_at_its_rate(machine: MachineProfile) -> None:
     spindle.set_rpm(-500.0)
     spindle.coast(round(3.0 / CYCLE_S))
     assert spindle.speed_rpm == pytest.approx(-500.0, rel=1e-3)
-
-
-def test_an_inverter_spindle_slips_under_load(machine: MachineProfile) -> None:
-    """60 rpm at 50 N m: 12 rpm for 10 N m more. Its own drag, 0.01 x 104.1 N m, takes 1.2 rpm."""
+    # 60 rpm at 50 N m: 12 rpm for 10 N m more. Its own drag, 0.01 x 104.1 N m, takes 1.2 rpm.
     spindle = inverter()
     spindle.set_rpm(1000.0)
     spindle.coast(round(3.0 / CYCLE_S))

@@ -79,16 +79,13 @@ def test_the_sampled_loop_has_the_reference_response(frequency_hz: float, gain: 
     assert cmath.phase(found) == pytest.approx(phase, rel=0.005, abs=0.0012)
 
 
-def test_proportional_gain_is_the_one_of_the_published_loop() -> None:
+def test_the_published_gain_is_proportional_and_reaches_the_mass_one_cycle_late() -> None:
     """1 um is 5 counts; 147.6 V/m makes 147.6e-6 V of it. Output acts one cycle late on mass and damping."""
     axis = held(ix31=0.0, ix32=0.0, ix33=0.0)
     axis.follow([5.0])
     volts = axis.output_bits / axis.limit_bits * 10_531 / BITS_PER_V
     assert volts == pytest.approx(147.6e-6, rel=1e-3)
-
-
-def test_the_output_reaches_the_mass_one_cycle_late() -> None:
-    """Calculated in cycle 0, it acts through cycle 1 and shows at its end as F/M T^2/2 (damping hardly counts)."""
+    # Calculated in cycle 0, it acts through cycle 1 and shows at its end as F/M T^2/2 (damping hardly counts).
     axis = held(ix31=0.0, ix32=0.0, ix33=0.0)
     positions = axis.follow([1000.0] * 3)
     assert positions[:2] == [0.0, 0.0]
@@ -283,14 +280,11 @@ def test_the_loop_with_a_filter_has_the_response_of_the_model(hz: float) -> None
     assert abs(wanted - complex(loop_of(lathe).closed(hz))) > 0.05, "the filter makes a difference here"
 
 
-def test_without_a_filter_nothing_is_computed_otherwise() -> None:
+def test_without_a_filter_nothing_is_otherwise_and_a_filter_keeps_the_limit() -> None:
     commands = [500.0 * math.sin(0.11 * cycle) for cycle in range(4000)]
     axis, again = held(), ServoAxis(PLANT, gains(ix36=0.0), CYCLE_S)
     again.close_loop()
     assert axis.follow(commands) == again.follow(commands) and notch_of(gains()) is None
-
-
-def test_the_output_keeps_its_limit_behind_a_filter_that_would_run_away() -> None:
     axis = held(ix38=1.5, ix39=-0.9)
     axis.follow([float(20 * cycle) for cycle in range(3000)])
     assert abs(axis.output_bits) <= 10_531.0
@@ -348,15 +342,12 @@ def test_each_state_has_a_steady_filter(before: dict[str, float], after: dict[st
     assert now == wanted
 
 
-def test_where_the_filter_stays_there_is_a_loop_all_the_time() -> None:
+def test_gains_change_with_a_loop_all_the_time_or_without_force() -> None:
     for scale in (300.0, 2000.0):
         wanted = {**PLAIN, **FIRST, "I130": scale}
         order = in_writing_order({**PLAIN, **FIRST}, wanted)
         assert [name for name, _ in order].count("I130") == 1
         assert order[0 if scale < PLAIN["I130"] else -1] == ("I130", scale)
-
-
-def test_where_a_coefficient_changes_there_is_no_force_until_all_are_written() -> None:
     order = in_writing_order({**PLAIN, **NONE}, {**PLAIN, **FIRST})
     assert (order[0], order[-1]) == (("I130", 0.0), ("I130", 528.0))
 
@@ -372,7 +363,7 @@ def with_variable(name: str, value: float) -> MachineProfile:
     return replace(MACHINE, controller=replace(MACHINE.controller, variables=variables))
 
 
-def test_counts_become_millimetres_and_a_limit_of_zero_is_none() -> None:
+def test_counts_become_millimetres_and_a_stop_brakes_once_it_is_obeyed() -> None:
     # 50 counts/ms of 0.2 um; 40 counts/ms2; 16.667 counts/ms of 10,000 counts a turn.
     assert TOOL.jog_speed == pytest.approx(10.0)
     assert TOOL.abort_rate == pytest.approx(8000.0)
@@ -381,9 +372,6 @@ def test_counts_become_millimetres_and_a_limit_of_zero_is_none() -> None:
     assert (SPINDLE.highest_counts, SPINDLE.lowest_counts) == (None, None)
     assert CARRIAGE.highest_counts is not None
     assert MotorSettings(with_variable("I111", 16_000.0), 1).error_limit_counts == 1000.0
-
-
-def test_a_stop_goes_on_until_it_is_obeyed_and_then_brakes() -> None:
     # 10 mm/s for 55 ms, then 10^2 / (2 * 8000) mm.
     assert TOOL.stopping_distance(10.0, 0.055) == pytest.approx(0.55 + 0.00625)
     assert TOOL.stop_s(10.0) == pytest.approx(0.00125)

@@ -41,16 +41,25 @@ def released(machine: MachineProfile, true: TrueParameters, job_of: JobMaker, **
     return lathe.measure()
 
 
-def test_an_ideal_lathe_has_none_of_it(machine: MachineProfile) -> None:
+def test_an_ideal_lathe_has_none_of_it_and_a_commutation_half_a_turn_off_runs_away(
+    machine: MachineProfile,
+) -> None:
     true = ideal(machine)
     assert true.viscous_n_s_per_m == machine.tool.damping_n_s_per_m
     assert true.thrust_n_per_v == machine.tool.loop_gain_n_per_v
     assert true.scale_wrong_mm(12.345) == 0.0
     assert true.force_factor(Random(1)) == 1.0
     assert true.belt_ratio == 1.0
+    lathe = SimulatedLathe(machine, replace(ideal(machine), commutation_error_deg=180.0))
+    port = lathe.connect()
+    port.receive(b"#1J/\r")
+    lathe.wait(0.1)
+    port.receive(b"#1J:20\r")
+    lathe.wait(1.0)
+    assert lathe.controller.motors[1].fatal_error
 
 
-def test_dry_friction_takes_its_part_of_the_damping(machine: MachineProfile) -> None:
+def test_dry_friction_takes_its_part_of_the_damping_and_no_more(machine: MachineProfile) -> None:
     """A sine of up to 0.1 m/s loses the same energy, F |v| + B v^2 on the average.
 
     3 N make 38.2 of 201.6 N s/m.
@@ -60,10 +69,7 @@ def test_dry_friction_takes_its_part_of_the_damping(machine: MachineProfile) -> 
     lost = 3.0 * np.abs(v).mean() + true.viscous_n_s_per_m * (v**2).mean()
     assert lost == pytest.approx(201.6 * (v**2).mean(), rel=1e-6)
     assert 201.6 - true.viscous_n_s_per_m == pytest.approx(38.2, abs=0.05)
-
-
-def test_a_friction_of_more_than_all_damping_is_refused(machine: MachineProfile) -> None:
-    """201.6 N s/m times pi / 4 at 0.1 m/s is 15.8 N."""
+    # 201.6 N s/m times pi / 4 at 0.1 m/s is 15.8 N.
     assert replace(ideal(machine), coulomb_friction_n=15.8).viscous_n_s_per_m > 0.0
     with pytest.raises(ValueError, match=r"coulomb_friction_n = 15.9 N; all damping is 15.83 N"):
         replace(ideal(machine), coulomb_friction_n=15.9)
@@ -77,16 +83,6 @@ def test_a_wrong_commutation_leaves_its_cosine(machine: MachineProfile, error_de
     force_n = 0.1 * 10_531 / 3276.8 * 11.45 * 54.5
     acceleration = np.diff(track, 2)[1] / 0.00044270837**2 / 5e6
     assert acceleration == pytest.approx(share * force_n / 4.74, rel=0.03, abs=1e-6)
-
-
-def test_a_commutation_half_a_turn_off_runs_away(machine: MachineProfile) -> None:
-    lathe = SimulatedLathe(machine, replace(ideal(machine), commutation_error_deg=180.0))
-    port = lathe.connect()
-    port.receive(b"#1J/\r")
-    lathe.wait(0.1)
-    port.receive(b"#1J:20\r")
-    lathe.wait(1.0)
-    assert lathe.controller.motors[1].fatal_error
 
 
 def test_the_scale_is_wrong_by_half_a_micrometre_in_a_short_period(machine: MachineProfile) -> None:
@@ -391,13 +387,10 @@ def test_a_lathe_started_anew_after_three_parts_has_the_fourth_of_a_row(plant: s
         assert not np.array_equal(anew.deviation_um, other.deviation_um)
 
 
-def test_its_first_part_is_that_of_a_lathe_of_which_nothing_is_said() -> None:
+def test_clamping_and_dial_are_those_of_the_part_from_the_first_on() -> None:
     (first,), (same,) = traces(1), traces(1, parts_before=0)
     assert np.array_equal(first.deviation_um, same.deviation_um)
     assert first.meta["lathe"] == "realistic, seed 6"
-
-
-def test_clamping_and_dial_are_those_of_the_part_and_the_dial_sits_where_it_did() -> None:
     true = replace(plant_named("realistic", MACHINE, 6), indicator_noise_um=0.0, indicator_graduation_um=0.0)
     one, other = SimulatedLathe(MACHINE, true), SimulatedLathe(MACHINE, replace(true, parts_before=1))
     for lathe in (one, one, other):

@@ -73,14 +73,11 @@ def pushed_um(forces_n: list[float], finer: int = 1, ix33: float = 811.0) -> np.
     return np.array(axis.follow([0.0] * len(forces_n))) / COUNTS_PER_UM
 
 
-def test_a_steady_force_pushes_the_soft_loop_by_ten_micrometres_a_newton() -> None:
+def test_a_steady_force_pushes_the_loop_until_its_integrator_takes_it_back() -> None:
     """1 / (624 N/V x 147.6 V/m) = 10.86 um/N without the integrator: 6 N are 65 um."""
     at = pushed_um([6.0] * 2000, ix33=0.0)
     assert at[-500:].mean() / 6.0 == pytest.approx(10.857, rel=0.003)
-
-
-def test_the_integrator_takes_a_steady_force_back_within_seconds() -> None:
-    """With the time constant Kp / Ki = 4.57 s; the first instants belong to mass and damping."""
+    # With the time constant Kp / Ki = 4.57 s; the first instants belong to mass and damping.
     at = pushed_um([6.0] * round(8.0 / CYCLE_S))
     first, later = (at[round(time_s / CYCLE_S)] for time_s in (2.0, 6.0))
     assert 4.0 / math.log(first / later) == pytest.approx(4.57, rel=0.03)
@@ -272,9 +269,17 @@ def test_the_pinned_lathe_is_off_by_what_was_pinned(machine: MachineProfile) -> 
     assert (by_hand.moving_mass_kg, by_hand.ideal_spindle) == (true.moving_mass_kg, False)
 
 
-def test_ideal_and_paper_are_the_profile_where_it_is_of_the_paper(machine: MachineProfile) -> None:
+def test_the_paper_has_its_iron_whatever_the_profile_says(machine: MachineProfile) -> None:
     for name in ("ideal", "paper"):
         assert plant_named(name, machine, 0) == ideal(machine)
+    # T(50 Hz) with 4.74 kg, 201.6 N s/m and 624.025 N/V, on a profile of 5.5 kg and a third more thrust.
+    heavy = replace(machine, tool=replace(machine.tool, moving_mass_kg=5.5, amplifier_gain_a_per_v=15.0))
+    assert swings(heavy, plant_named("paper", heavy, 0)) == pytest.approx(
+        complex(sampled_response(machine, 50.0)), rel=0.005
+    )
+    assert swings(heavy, plant_named("ideal", heavy, 0)) == pytest.approx(
+        complex(sampled_response(heavy, 50.0)), rel=0.005
+    )
 
 
 def swings(machine: MachineProfile, true: TrueParameters) -> complex:
@@ -286,17 +291,6 @@ def swings(machine: MachineProfile, true: TrueParameters) -> complex:
     told = 25.0 * np.minimum(time_s / 0.2, 1.0) * harmonic.imag
     tail = slice(-round(0.4 / CYCLE_S), None)
     return complex(2j * (np.array(tool.follow(told.tolist()))[tail] / harmonic[tail]).mean() / 25.0)
-
-
-def test_the_paper_has_its_iron_whatever_the_profile_says(machine: MachineProfile) -> None:
-    """T(50 Hz) with 4.74 kg, 201.6 N s/m and 624.025 N/V, on a profile of 5.5 kg and a third more thrust."""
-    heavy = replace(machine, tool=replace(machine.tool, moving_mass_kg=5.5, amplifier_gain_a_per_v=15.0))
-    assert swings(heavy, plant_named("paper", heavy, 0)) == pytest.approx(
-        complex(sampled_response(machine, 50.0)), rel=0.005
-    )
-    assert swings(heavy, plant_named("ideal", heavy, 0)) == pytest.approx(
-        complex(sampled_response(heavy, 50.0)), rel=0.005
-    )
 
 
 @pytest.mark.parametrize(("key", "factor"), [("mass_kg", "mass_factor"), ("thrust_n_per_v", "thrust_factor")])

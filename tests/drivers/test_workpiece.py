@@ -62,7 +62,7 @@ def test_between_the_samples_of_a_150_hz_motion_the_surface_is_exact(start_turns
     assert np.abs(found + 27.5 * np.cos(np.radians(3 * angle))).max() < 0.01
 
 
-def test_the_blocks_in_which_the_samples_come_do_not_matter() -> None:
+def test_a_land_leaves_no_place_uncut_and_blocks_of_samples_do_not_matter() -> None:
     found = []
     for block in (1, 11, 977, 5000):
         workpiece = part()
@@ -71,10 +71,7 @@ def test_the_blocks_in_which_the_samples_come_do_not_matter() -> None:
         found.append(deviation(workpiece)[1])
     for other in found[1:]:
         assert np.abs(other - found[0]).max() < 1e-3
-
-
-def test_a_single_slow_turn_leaves_no_place_uncut() -> None:
-    """30 rpm: one turn takes more samples than are worked in at a time."""
+    # 30 rpm: one turn takes more samples than are worked in at a time.
     workpiece = part()
     _, turns = turning(2.1, 30)
     pass_over(workpiece, np.zeros_like(turns), turns, np.full_like(turns, 100.0))
@@ -152,7 +149,7 @@ def test_the_surface_is_the_least_radius_that_the_tool_has_been_at() -> None:
     assert np.abs(deviation(workpiece)[1]).max() < 1e-6
 
 
-def test_only_the_land_of_the_tool_cuts_a_section() -> None:
+def test_only_the_land_of_the_tool_cuts_and_not_what_it_comes_back_over() -> None:
     """The tool feeds from 99 to 99.9 mm; with 0.4 mm of land it reaches sections up to 100.1 mm."""
     workpiece = part(sections=(99.5, 100.05, 100.2))
     _, turns = turning(2.0, 1000)
@@ -160,9 +157,6 @@ def test_only_the_land_of_the_tool_cuts_a_section() -> None:
     assert np.abs(deviation(workpiece, 0)[1]).max() < 1e-6
     assert np.abs(deviation(workpiece, 1)[1]).max() < 1e-6
     assert deviation(workpiece, 2)[1].min() == pytest.approx(100)
-
-
-def test_a_tool_that_leaves_a_section_and_comes_back_does_not_cut_it_in_between() -> None:
     workpiece = part()
     time_s, turns = turning(1.0, 1000)
     z_mm = np.where((time_s > 0.3) & (time_s < 0.7), 110.0, 100.0)
@@ -183,7 +177,7 @@ def test_a_feed_of_up_to_the_land_leaves_no_place_uncut(feed: float, rpm: float)
     assert np.ptp(deviation(workpiece)[1]) < 0.01
 
 
-def test_only_the_part_of_an_interval_inside_the_land_cuts() -> None:
+def test_only_what_is_inside_the_land_cuts_within_one_interval_too() -> None:
     """One turn takes 100 samples, fed 4 mm: the land of 0.4 mm covers a tenth of it, 36 deg."""
     workpiece = part()
     turns = np.arange(-50, 51) * 0.01 + 0.505
@@ -193,9 +187,6 @@ def test_only_the_part_of_an_interval_inside_the_land_cuts() -> None:
     assert np.abs(found[~cut] - 100).max() < 1e-9
     assert (angle[cut].min(), angle[cut].max()) == (pytest.approx(162.0), pytest.approx(198.0))
     assert cut.sum() == 361
-
-
-def test_a_land_that_goes_over_a_section_within_one_interval_cuts_it_there() -> None:
     workpiece = part()
     turns = np.arange(20) * 0.01
     z_mm = 99.0 + 2.0 * np.maximum(np.arange(20) - 9, 0).clip(max=1)
@@ -314,7 +305,7 @@ def test_a_lobed_path_has_a_lobed_force() -> None:
     assert mean_n == pytest.approx(12.45, abs=0.02)
 
 
-def test_a_second_pass_at_the_same_depth_meets_next_to_nothing() -> None:
+def test_a_second_pass_meets_what_the_first_has_left_or_next_to_nothing() -> None:
     cutting = Cutting()
 
     def path(turns: float) -> float:
@@ -325,10 +316,7 @@ def test_a_second_pass_at_the_same_depth_meets_next_to_nothing() -> None:
     assert first.mean() == pytest.approx(7.40, abs=0.02)
     # The tip moves by up to 1.4 um from a place of the surface to the next.
     assert np.abs(second).max() < 0.12
-
-
-def test_a_second_pass_meets_what_the_first_has_left() -> None:
-    """A round pass 30 um deeper over a lobe of 20 um: 74 N/mm on 30 um on the average, and on 10 um of wave."""
+    # A round pass 30 um deeper over a lobe of 20 um: 74 N/mm on 30 um on the average, and on 10 um of wave.
     cutting = Cutting()
     cutting.passes(lambda t: 0.1 + 0.01 * math.cos(6 * math.pi * t), 20.0)
     turns, forces = cutting.passes(lambda _: 0.13, 12.0)

@@ -141,7 +141,7 @@ def test_where_it_is_high_says_what_made_it(past_deg: float, wall_mm: float, mec
     assert found(90.0, INDEX, ASSUMED).diagnosis is None  # nobody knows where jaw 1 was
 
 
-def test_the_job_gets_the_lobe_with_the_conditions_of_its_cut() -> None:
+def test_the_job_gets_the_lobe_with_its_conditions_and_what_was_assumed_stays_so() -> None:
     job = with_lobe(JOB, found(92.0, INDEX), chuck="3-jaw 160", tool="")
     assert (job.lobe_error_um_pp, job.lobe_phase_deg) == pytest.approx((55.0, 92.0), abs=0.02)
     assert (job.lobe_error_source, job.lobe_chuck, job.lobe_tool) == ("fitted", "3-jaw 160", None)
@@ -149,9 +149,6 @@ def test_the_job_gets_the_lobe_with_the_conditions_of_its_cut() -> None:
     assert unstated(job) == ("lobe_tool",)  # the machine has no name for its tool
     again = with_lobe(job, found(92.0, INDEX, job), chuck="3-jaw 160", tool="")
     assert again.jaw_1_deg == pytest.approx(90.0)  # calibrated twice, jaw 1 has not moved
-
-
-def test_what_was_assumed_stays_assumed() -> None:
     by_index = with_lobe(ASSUMED, found(92.0, INDEX, ASSUMED), chuck="", tool="")
     assert {"lobe_force_n", "chucking_force_n"} <= set(by_index.assumed)
     assert not {"lobe_phase_deg", "lobe_spindle_speed_rpm", "lobe_error_um_pp"} & set(by_index.assumed)

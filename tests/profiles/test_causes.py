@@ -80,12 +80,17 @@ def test_a_jaw_or_a_lobe_that_stands_off_is_an_angle() -> None:
     assert first.value == pytest.approx(60.0)
 
 
-def test_a_tool_that_moves_the_wrong_way_is_named() -> None:
+def test_the_largest_cause_comes_first_and_a_tool_of_the_wrong_way_is_named() -> None:
     job = filed()
     for fraction in (0.5, 1.0):
         first, *_ = said(lobe_um(job) * (1.0 + fraction), job, fraction=fraction)
         assert first.kind is CauseKind.SIGN
         assert first.um_pp == pytest.approx(fraction * 110.0, rel=0.01)
+    job = filed()
+    at = np.radians(ANGLE_DEG)
+    left_um = lobe_um(job, larger=1.1) - lobe_um(job) + 6.0 * np.cos(2.0 * (at - np.radians(job.jaw_1_deg + 30.0)))
+    found = said(left_um + 0.3 * np.cos(7.0 * at), job)
+    assert [each.kind for each in found] == [CauseKind.OVAL, CauseKind.FORCE]
 
 
 @pytest.mark.parametrize("arrives", [0.0, 0.3, 0.5, 0.7])
@@ -126,14 +131,6 @@ def test_an_oval_blank_other_orders_and_noise_are_called_so() -> None:
     assert [(each.kind, each.order) for each in found] == [(CauseKind.HARMONIC, 5), (CauseKind.OVERTONE, 6)]
     (only,) = said(np.zeros(ANGLE_DEG.size), filed(), noise_um=2.0)
     assert only.kind is CauseKind.NOISE
-
-
-def test_the_largest_comes_first_and_the_smallest_are_left_out() -> None:
-    job = filed()
-    at = np.radians(ANGLE_DEG)
-    left_um = lobe_um(job, larger=1.1) - lobe_um(job) + 6.0 * np.cos(2.0 * (at - np.radians(job.jaw_1_deg + 30.0)))
-    found = said(left_um + 0.3 * np.cos(7.0 * at), job)
-    assert [each.kind for each in found] == [CauseKind.OVAL, CauseKind.FORCE]
 
 
 def test_an_angle_is_named_where_it_is_certain_and_explains_more_than_the_height() -> None:

@@ -319,13 +319,10 @@ def test_a_wall_that_yields_under_the_jaws_or_is_cut_through_is_refused_with_wha
     assert told(replace(ONE, chucking_force_n=3130.0), "rule.clamp_stress")[0] is Severity.REFUSAL
 
 
-def test_a_cut_stays_clear_of_the_jaws() -> None:
+def test_a_cut_stays_clear_of_the_jaws_and_within_the_machine() -> None:
     far = replace(LATHE, carriage=replace(LATHE.carriage, travel_max_mm=250.0))
     assert refused(replace(ONE, cut_length_mm=28.0), far) == []
     assert refused(replace(ONE, cut_length_mm=28.1), far) == ["rule.length_over_overhang"]
-
-
-def test_speed_and_lobe_limits_of_the_machine() -> None:
     grip = replace(ONE, chucking_force_n=6500.0, material="SCM440-H")
     assert refused(replace(grip, spindle_speed_rpm=3000.0)) == []
     assert refused(replace(grip, spindle_speed_rpm=3001.0)) == ["rule.speed_over_machine"]

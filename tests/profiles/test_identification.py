@@ -183,7 +183,7 @@ def test_two_signals_without_a_relation_have_next_to_no_coherence() -> None:
     assert np.median([each.phase_ci_deg for each in found]) > 45.0
 
 
-def test_a_fit_gives_offset_drift_and_what_is_left() -> None:
+def test_a_fit_gives_offset_drift_growth_and_what_is_left() -> None:
     random = np.random.default_rng(5)
     time = times(20.0, 40) + 3.0
     values = sine(time, 20.0, 4.0, 60.0) + 7.0 + 2.0 * (time - time.mean()) + random.normal(0.0, 0.1, len(time))
@@ -192,9 +192,6 @@ def test_a_fit_gives_offset_drift_and_what_is_left() -> None:
     assert found.offset == pytest.approx(7.0, abs=0.01)
     assert found.drift_per_s == pytest.approx(2.0, abs=0.02)
     assert found.residual == pytest.approx(0.1, rel=0.05)
-
-
-def test_a_reference_that_grows_is_told_from_a_steady_one() -> None:
     time = times(50.0, 20)
     steady = sine(time, 50.0, 25.0, 0.0)
     assert reference_swing(time, steady, 50.0) < 1e-9

@@ -124,14 +124,11 @@ def test_another_schema_is_refused_alone(schema: object) -> None:
     assert codes(flat() | {"schema": schema, "new_key": 1}) == [("schema.unsupported", "schema")]
 
 
-def test_problems_carry_value_and_limit_with_units() -> None:
+def test_problems_carry_value_and_limit_with_units_or_are_none() -> None:
     with pytest.raises(ProfileError) as caught:
         job_from_table(flat() | {"diameter_mm": 900.5, "lobe_error_source": "guess"})
     facts = [(problem.value, problem.limit) for problem in caught.value.problems]
     assert facts == [("900.5", ">= 0.001, <= 500 mm"), ('"guess"', "measured | fitted | model | assumed | none")]
-
-
-def test_an_error_whose_source_is_none_is_no_error() -> None:
     table = flat() | {"lobe_error_source": "none"}
     assert codes(table) == [("job.lobe_unknown", "lobe_error_um_pp")]
     assert job_from_table(table | {"lobe_error_um_pp": 0}).lobe_amplitude_um == 0.0

@@ -98,7 +98,7 @@ def test_the_fit_of_one_turn_is_as_uncertain_as_the_noise_makes_it() -> None:
     assert np.mean([len(fit.significant()) for fit in fits]) == pytest.approx(1.0 + 4 * 0.05, abs=0.1)
 
 
-def test_what_the_tool_missed_is_not_wanted_deeper() -> None:
+def test_what_the_tool_missed_is_not_wanted_deeper_and_a_large_part_is() -> None:
     """The same part: once the tool did what was wanted and that was wrong, once it did not do it."""
     high = {3: 2.0 + 1.0j}
     path = CutPath(target=WANTED, command=invert(WANTED, LAG))
@@ -109,9 +109,6 @@ def test_what_the_tool_missed_is_not_wanted_deeper() -> None:
     assert missed.target.harmonics[0].coefficient == pytest.approx(lobe)
     for learned in (misjudged, missed):
         assert LAG * learned.command.harmonics[0].coefficient == pytest.approx(lobe + high[3])
-
-
-def test_a_part_that_is_too_large_is_cut_deeper() -> None:
     path = CutPath(target=WANTED, command=WANTED)
     none = Deviation(coefficients_um={})
     large = Deviation(mean_um=10.0, coefficients_um={})

@@ -201,7 +201,7 @@ def test_a_chip_is_left_out_and_a_scratch_too() -> None:
     assert robust.noise_um == pytest.approx(0.5, rel=0.1)
 
 
-def test_worse_points_count_less() -> None:
+def test_worse_points_count_less_and_a_wave_that_was_not_declared_is_named() -> None:
     rng, angle = np.random.default_rng(4), turn(360)
     sigma = np.where(angle < 120.0, 8.0, 0.5)
     measured = part(angle) + rng.normal(0.0, 1.0, 360) * sigma
@@ -209,9 +209,6 @@ def test_worse_points_count_less() -> None:
     assert told.lobe.sd_um < 0.3 * untold.lobe.sd_um
     assert abs(told.lobe.amplitude_um - 27.5) < told.lobe.ci_um
     assert fit_lobe(angle, measured, 3, sigma_um=4.0) == untold
-
-
-def test_a_wave_that_was_not_declared_is_named() -> None:
     angle = turn(360)
     fit = fit_lobe(angle, part(angle) + harmonic(angle, 5, 2.0, 20.0), 3)
     assert fit.left_n == 5

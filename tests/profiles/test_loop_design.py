@@ -101,7 +101,7 @@ def by_control(loop: SampledLoop) -> tuple[bool, float]:
     return bool((np.abs(poles) < 1.0).all()), float((1.0 / np.abs(1.0 + other(at))).max())
 
 
-def test_mass_friction_and_delay_come_out_of_two_amplitudes() -> None:
+def test_mass_friction_and_delay_come_out_of_two_amplitudes_or_gains() -> None:
     true = AxisPlant(acceleration_per_v=NOMINAL.acceleration_per_v / 1.1, damping_per_s=34.0, delay_s=2e-4)
     found = fit_of(true, friction_n=3.0)
     assert found.holds and found.plant.modes == ()
@@ -109,13 +109,10 @@ def test_mass_friction_and_delay_come_out_of_two_amplitudes() -> None:
     assert found.plant.delay_s == pytest.approx(2e-4, abs=4e-5)
     assert THRUST * found.friction_v == pytest.approx(3.0, abs=1.0)
     assert fitted_plant(LOOP, points(true, SLOW[:4], 50.0)) is None, "too few frequencies"
-
-
-def test_responses_of_other_gains_are_of_the_same_axis() -> None:
     half = replace(LOOP.gains, kp_v_per_m=0.5 * LOOP.gains.kp_v_per_m)
-    found = fitted_plant(LOOP, points(NOMINAL, SLOW, 50.0) + points(NOMINAL, FAST, 35.0, gains=half))
-    assert found is not None and found.holds
-    assert found.plant.acceleration_per_v == pytest.approx(NOMINAL.acceleration_per_v, rel=0.02)
+    both = fitted_plant(LOOP, points(NOMINAL, SLOW, 50.0) + points(NOMINAL, FAST, 35.0, gains=half))
+    assert both is not None and both.holds
+    assert both.plant.acceleration_per_v == pytest.approx(NOMINAL.acceleration_per_v, rel=0.02)
 
 
 @pytest.mark.first(1)
@@ -167,7 +164,7 @@ def test_the_design_for_a_rigid_axis_would_make_one_that_bends_oscillate_and_is_
     assert by_control(replace(LOOP, plant=bent))[1] > 3.0, "which the published gains do not even have"
 
 
-def test_responses_that_would_not_show_a_mode_refuse_faster_gains() -> None:
+def test_responses_without_a_mode_refuse_faster_gains_and_softer_ones_have_less() -> None:
     known, slow = fit_of(NOMINAL), fitted_plant(LOOP, points(NOMINAL, SLOW, 50.0))
     assert slow is not None
     faster = replace(LOOP.gains, kp_v_per_m=600.0, ki_v_per_m_s=6000.0, kd_v_s_per_m=3.4)
@@ -178,9 +175,6 @@ def test_responses_that_would_not_show_a_mode_refuse_faster_gains() -> None:
     fraction = 0.05 * ((300.0 / 95.0) ** 2 - 1.0)
     bent = replace(NOMINAL, modes=(FlexibleMode(hz=300.0, damping_ratio=0.02, fraction=fraction),))
     assert by_control(replace(LOOP, plant=bent, gains=faster))[0] is False
-
-
-def test_softer_gains_are_those_with_less_gain_above_the_crossover() -> None:
     half = replace(LOOP.gains, kp_v_per_m=0.5 * LOOP.gains.kp_v_per_m, kd_v_s_per_m=0.5 * LOOP.gains.kd_v_s_per_m)
     assert softer(LOOP, half) and softer(LOOP, LOOP.gains)
     assert not softer(LOOP, replace(LOOP.gains, kd_v_s_per_m=1.1 * LOOP.gains.kd_v_s_per_m))

@@ -164,7 +164,7 @@ def swings(loop: SampledLoop, delay: int) -> float:
     return max(seen[3000:]) / max(seen[1000:2000])
 
 
-def test_in_time_it_makes_of_a_sine_what_it_does_in_frequency() -> None:
+def test_a_sine_in_time_and_the_peaks_of_a_fine_grid_are_those_in_frequency() -> None:
     for name in ("the paper's", "without integrator", "four times the gain"):
         loop = replace(LOOPS[name], gains=replace(LOOPS[name].gains, acceleration_feedforward_v_s2_per_m=0.004))
         time_s = np.arange(40_000) * loop.period_s
@@ -174,9 +174,6 @@ def test_in_time_it_makes_of_a_sine_what_it_does_in_frequency() -> None:
         found = np.linalg.lstsq(columns, late, rcond=None)[0]
         expected = 25.0 * loop.closed(np.array([30.0]))[0]
         assert found[:2] == pytest.approx([expected.real, expected.imag], rel=1e-4, abs=1e-4), name
-
-
-def test_sensitivity_bandwidth_and_peak_are_those_of_a_fine_grid() -> None:
     loop, found = LOOPS["four times the gain"], loop_margins(LOOPS["four times the gain"])
     hz = np.linspace(0.5, loop.nyquist_hz, 200_001)
     sensitivity, closed = 1.0 / np.abs(1.0 + loop.opened(hz)), np.abs(loop.closed(hz))

@@ -358,15 +358,12 @@ def test_a_lobe_that_is_only_elsewhere_is_a_warning_and_a_tool_that_is_held_back
             assert (said.warnings, said.reasons) == ((), ()), (arrives, size)
 
 
-def test_what_has_no_lobe_to_speak_of_is_not_made_worse() -> None:
+def test_what_has_no_lobe_or_one_of_a_model_is_not_made_worse() -> None:
     tiny = replace(JOB, lobe_error_um_pp=0.02)
     path = CutPath(target=target_path(tiny), command=target_path(tiny))
     found = uncompensated(0.5j, 0.001, path.target.harmonics[0].coefficient, 1.0, tiny)
     assert (found.reasons(), found.warnings()) == ((), ())
-
-
-def test_of_a_lobe_that_a_model_says_the_part_itself_tells_how_large_it_was() -> None:
-    """A job that says 20 um of 55: what is left is larger than 20, and the part is better all the same."""
+    # A job that says 20 um of 55: what is left is larger than 20, and the part is better all the same.
     job = replace(JOB, lobe_error_source="model", lobe_error_um_pp=20.0)
     known, expected_um = 27.5 + 0j, target_path(job).harmonics[0].coefficient
     towards = expected_um / abs(expected_um)

@@ -109,17 +109,14 @@ def test_the_fit_of_feedforward_and_delay() -> None:
     assert np.angle(met) == pytest.approx([-0.110, -0.150, -0.207, -0.274], abs=1e-3)
 
 
-def test_a_controller_can_be_given_the_loop_of_table_5_at_one_frequency() -> None:
+def test_a_step_of_eq_9_and_the_loop_of_table_5_at_one_frequency() -> None:
     met = complex(sampled_response(with_measured_servo(PAPER.machine, 50.0), 50.0))
     assert cmath.polar(met) == pytest.approx((0.884, -0.241), abs=5e-4)
-
-
-def test_a_step_of_eq_9() -> None:
-    """Values of the step at 0.1, 1 and 10 s; its integral is what the integrator makes it, 0 by Kp / Ki."""
+    # Values of the step at 0.1, 1 and 10 s; its integral is what the integrator makes it, 0 by Kp / Ki.
     from scipy.integrate import quad
 
-    met = [1 - step_error(PAPER.machine, time_s) for time_s in (0.1, 1.0, 10.0)]
-    assert met == pytest.approx([1.000628, 1.000387, 1.000054], abs=2e-6)
+    steps = [1 - step_error(PAPER.machine, time_s) for time_s in (0.1, 1.0, 10.0)]
+    assert steps == pytest.approx([1.000628, 1.000387, 1.000054], abs=2e-6)
     area, _ = quad(lambda t: step_error(PAPER.machine, t), 0.0, 60.0, points=[0.02, 0.1], limit=200)
     assert area == pytest.approx(0.0, abs=1e-6)
 

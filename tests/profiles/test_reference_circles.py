@@ -201,14 +201,11 @@ def test_eight_points(kind: str, ront_um: float, x_um: float, y_um: float) -> No
         assert alternating(circle.contacts)
 
 
-def test_evaluating_a_trace_gives_all_four() -> None:
+def test_four_circles_rest_on_their_points() -> None:
     result = evaluate(np.arange(8) * 45, EIGHT, None)
     assert [circle.kind for circle in result.circles] == list(CIRCLES)
     assert result.circle("LSC").ront_um == pytest.approx(result.ront_um, abs=1e-12)
     assert result.circle("MZC").centre_y_um == pytest.approx(0.085786, abs=1e-6)
-
-
-def test_the_zone_of_3600_rough_points_rests_on_four_that_alternate() -> None:
     rough = LOBES + np.random.default_rng(7).normal(0, 1, 3600) + 30 * np.cos(THETA)
     zone = limacon_circle("MZC", ANGLE, rough)
     assert alternating(zone.contacts)

@@ -231,14 +231,11 @@ def test_chips_and_scratches_are_left_out(filter_upr: float | None) -> None:
     assert evaluate(angle, lobes + noise, filter_upr, robust=True).left_out == 0
 
 
-def test_lobes_and_waves_between_the_fitted_ones_are_no_dirt() -> None:
+def test_refusals_and_waves_that_are_no_dirt() -> None:
     assert evaluate(ANGLE, LOBES + 5 * np.cos(40 * THETA), None, robust=True).left_out == 0
     with pytest.raises(ProfileError) as caught:
         evaluate(ANGLE, LOBES + np.where(np.arange(3600) % 8 == 0, 20.0, 0.0), None, robust=True)
     assert caught.value.problems[0].code == "trace.outliers"
-
-
-def test_refusals() -> None:
     assert refusal([0, 90, 180], [0, 0, 0]) == "trace.few_points"
     assert refusal([0, 90, 180, 270], [0, 0, 0]) == "trace.columns"
     assert refusal([0, 90, 180, 270], [0, 0, 0, math.nan]) == "trace.not_finite"

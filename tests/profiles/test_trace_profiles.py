@@ -179,7 +179,7 @@ def test_a_table_is_read_up_to_its_last_point(monkeypatch: pytest.MonkeyPatch) -
     assert (found.code, found.value, found.limit) == ("trace.too_large", "> 100 points", "<= 100 points")
 
 
-def test_more_values_than_the_head_says_bombs_and_damage_are_refused() -> None:
+def test_records_of_text_and_damage() -> None:
     found = problem(SDF % 16 + b"0 " * HUGE)
     assert (found.code, found.value, found.limit) == ("trace.format", "> 16", "16")
     assert problem(x3p(MAIN + " " * XML_CAP_BYTES)).code == "trace.too_large"
@@ -190,6 +190,12 @@ def test_more_values_than_the_head_says_bombs_and_damage_are_refused() -> None:
     at = whole.index(b"bindata/data.bin") + len(b"bindata/data.bin") + 3
     damaged = whole[:at] + bytes([whole[at] ^ 0xFF]) + whole[at + 1 :]
     assert problem(damaged).key == "bindata/data.bin"
+    same_heights(parse_trace(smd()), "SMD", RADIUS_MM)
+    in_counts = "".join(f"{round(2 * height)}\r\n" for height in HEIGHTS_UM)
+    same_heights(
+        parse_trace(smd("I\0 16 um\0 1.0e0 D\0 250", "A\0 16 nm\0 5.0e2 I\0", in_counts)), "SMD", RADIUS_MM
+    )
+    same_heights(parse_trace(prf()), "PRF", None)
 
 
 def smd(x: str = "I\0 16 mm\0 1.0e0 D\0 2.5e-1", z: str = "A\0 16 um\0 1.0e0 D\0", rows: str = "") -> bytes:
@@ -203,15 +209,6 @@ def prf(z: str = "M 1.600000e+001 UM 1.000000e-006 L", told: str = "", rows: str
     told = told or "MAP 1.000000e+000 CZ CZ 1.000000e+000 1.000000e+000\r\n"
     head = f"1 2\r\nSG2004 0.000000e+000 PRF\r\nCX M 1.600000e+001 MM 1.000000e+000 D\r\nCZ {z}\r\nEOR\r\n"
     return f"{head}STYLUS_RADIUS 0 MM\r\nSPACING CX 2.5e-1\r\n{told}EOR\r\n{rows}EOR\r\nEOF\r\n".encode()
-
-
-def test_records_of_text() -> None:
-    same_heights(parse_trace(smd()), "SMD", RADIUS_MM)
-    in_counts = "".join(f"{round(2 * height)}\r\n" for height in HEIGHTS_UM)
-    same_heights(
-        parse_trace(smd("I\0 16 um\0 1.0e0 D\0 250", "A\0 16 nm\0 5.0e2 I\0", in_counts)), "SMD", RADIUS_MM
-    )
-    same_heights(parse_trace(prf()), "PRF", None)
 
 
 @pytest.mark.parametrize(

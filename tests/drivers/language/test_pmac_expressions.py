@@ -403,7 +403,7 @@ def test_the_forms_of_a_branch(text: str) -> None:
     assert (chosen["P1"], chosen["P2"], chosen["P3"]) == (13, 17, 1)
 
 
-def test_branches_end_with_their_line_and_an_else_belongs_to_the_nearest() -> None:
+def test_branches_end_with_their_line_and_implied_ends_belong_to_the_line_they_close() -> None:
     assert run("IF(P9=1) P1=1\nP2=2") == {"P2": 2}
     assert run("IF(P9=1) P1=1 ENDIF\nP2=2") == {"P2": 2}
     text = "IF(P8=1)\nIF(P9=1) P1=1\nELSE P1=2\nENDIF"
@@ -413,9 +413,6 @@ def test_branches_end_with_their_line_and_an_else_belongs_to_the_nearest() -> No
     text = "WHILE(P1<4)\nP1=P1+1\nIF(P1%2=0) P2=P2+1\nELSE\nWHILE(P3<P1) P3=P3+1\nENDIF\nENDW"
     values = run(text)
     assert (values["P1"], values["P2"], values["P3"]) == (4, 2, 3)
-
-
-def test_an_implied_end_belongs_to_the_line_it_closes() -> None:
     code = code_of("WHILE(P1<3) P1=P1+1\nX1")
     assert code.line_of == (0, 0, 0, 1)
     assert code.instructions[2] == EndWhile()

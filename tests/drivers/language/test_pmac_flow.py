@@ -114,14 +114,11 @@ def test_subroutines_nest_15_deep_beside_loops() -> None:
     assert targets(Bench().run(text)) == [11, 12, 21, 22]
 
 
-def test_two_backward_jumps_break_the_blending_and_goto_counts_as_endwhile_does() -> None:
+def test_backward_jumps_break_the_blending_and_forward_jumps_and_calls_do_not() -> None:
     text = "N1 P1=P1+1\nIF(P1<5) GOTO1\nX1"
     run = Bench().start(text)
     looks = [run.advance() for _ in range(3)]
     assert [type(look) for look in looks] == [BlendBreak, BlendBreak, LinearRequest]
-
-
-def test_forward_jumps_gosub_call_and_return_do_not_break_the_blending() -> None:
     bench = Bench()
     bench.programs[7] = "P3=P3+1\nRETURN"
     subroutines = "GOSUB10 GOSUB10 GOSUB10 CALL7 CALL7 CALL7"
@@ -155,14 +152,11 @@ def test_subroutines_that_call_each_other_without_end_give_the_time_back() -> No
     assert time.process_time() - started < 1.0
 
 
-def test_stop_halts_and_the_next_line_comes_when_it_goes_on() -> None:
+def test_stop_halts_and_blockstart_and_blockstop_say_what_is_one_step() -> None:
     run = Bench().start("X1\nSTOP\nX2")
     assert isinstance(run.advance(), LinearRequest)
     assert run.advance() == Halt()
     assert targets([run.advance()]) == [2]
-
-
-def test_blockstart_and_blockstop_say_what_is_one_step() -> None:
     run = Bench().start("X1\nBLOCKSTART\nX2\nX3\nBSTOP\nX4\nBSTART X5 BLOCKSTOP")
     inside = []
     for _ in range(5):

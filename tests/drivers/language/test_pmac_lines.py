@@ -427,16 +427,12 @@ def test_an_expression_is_written_alone_and_without_needless_parentheses() -> No
     assert format_expression(Binary("*", Binary("+", Number(1), Number(2)), Number(3))) == "(1+2)*3"
 
 
-def test_what_would_be_read_as_something_else_is_not_written() -> None:
+def test_a_condition_or_sign_that_would_be_read_as_something_else_is_not_written() -> None:
     x, y = Move((AxisWord("X", Number(1)),)), Move((AxisWord("Y", Number(1)),))
-    condition = Comparison("=", Number(1), Number(1))
-    for line in ((x, y), (x, Set("TM", Number(1))), (If(condition), x), (If(condition, inline=True),)):
+    one = Comparison("=", Number(1), Number(1))
+    for line in ((x, y), (x, Set("TM", Number(1))), (If(one), x), (If(one, inline=True),)):
         with pytest.raises(ValueError, match=r"line"):
             format_line(line)
-
-
-def test_a_condition_that_needs_inner_parentheses_is_not_written() -> None:
-    one = Comparison("=", Number(1), Number(1))
     either = Junction("OR", one, one)
     for condition in (Junction("AND", either, one), Junction("AND", one, either), Junction("OR", one, either)):
         with pytest.raises(ValueError, match="parentheses"):

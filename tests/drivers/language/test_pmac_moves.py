@@ -50,12 +50,16 @@ def test_axes_of_a_line_move_together_and_linear_is_the_first_mode() -> None:
     assert second.targets == {"X": -2, "Y": 5, "Z": 0}
 
 
-def test_the_last_of_f_and_tm_counts_and_after_a_reset_f_does() -> None:
+def test_the_last_of_f_and_tm_counts_and_modes_outlive_the_program() -> None:
     """Ix89 = 1000 units in Ix90 = 1000 ms: 50 units take 50 ms."""
     times = [
         r.tm_ms for r in Bench().run("X30 Y40\nTM20\nX0\nF100 X10\nF5 TM47.635 X0") if isinstance(r, LinearRequest)
     ]
     assert times == [50, 20, 100, 47.635]
+    bench = Bench()
+    bench.run("INC TM100 TA20 TS0")
+    move = last(bench.run("X5"), LinearRequest)
+    assert (move.targets["X"], move.tm_ms, move.ta_ms) == (5, 100, 20)
 
 
 def test_a_feedrate_counts_along_the_feedrate_axes() -> None:
@@ -91,13 +95,6 @@ def test_times_are_rounded_and_read_back_in_ix87_to_ix89() -> None:
     assert [bench.value(name) for name in ("I287", "I288", "I289")] == [11, 5, 33.5]
 
 
-def test_modes_outlive_the_program_and_each_system_has_its_own_times() -> None:
-    bench = Bench()
-    bench.run("INC TM100 TA20 TS0")
-    move = last(bench.run("X5"), LinearRequest)
-    assert (move.targets["X"], move.tm_ms, move.ta_ms) == (5, 100, 20)
-
-
 def test_abs_and_inc_are_modal_and_an_axis_without_a_motor_has_no_effect() -> None:
     start = {"X": 100.0, "Y": 100.0}
     requests = Bench().run("X1 Y1\nINC(Y)\nX2 Y2\nINC\nX3 Y3\nABS(X)\nX4 Y4\nABS\nX5 Y5", start)
@@ -128,7 +125,7 @@ def test_a_spline_segment_takes_ta_and_on_a_turbo_tm_as_i42_says() -> None:
     assert "4096" in refusal("SPLINE1 TM4097 X5", Bench(TURBO))
 
 
-def test_pvt_has_signed_velocities_whole_times_and_the_end_velocity_alone() -> None:
+def test_the_time_of_pvt_keeps_fractions_on_turbo_and_its_velocities_have_a_sign() -> None:
     move = last(Bench(I190=500).run("PVT200 X9000:-150 Y5"), PvtRequest)
     assert (move.targets["X"], move.velocities, move.duration_ms) == (9000, {"X": -0.3}, 200)
     bench = Bench()
@@ -138,10 +135,7 @@ def test_pvt_has_signed_velocities_whole_times_and_the_end_velocity_alone() -> N
     assert durations == [20, 8, 8, 4]
     assert "no time" in refusal("PVT0.4 X1")
     assert "PVT" in refusal("X10:5")
-
-
-def test_the_time_of_pvt_keeps_fractions_on_turbo_and_is_changed_by_tm() -> None:
-    """12 bits of fraction: 1/4096 ms."""
+    # 12 bits of fraction: 1/4096 ms.
     text = "PVT19.6 X1\nTA7 X2\nTM5.25 X3"
     durations = [r.duration_ms for r in Bench(TURBO).run(text) if isinstance(r, PvtRequest)]
     assert durations == [round(19.6 * 4096) / 4096, round(19.6 * 4096) / 4096, 5.25]
@@ -160,7 +154,7 @@ def test_circles_go_either_way_about_a_centre_by_a_radius_or_whole() -> None:
     assert move.center == {"X": 0, "Y": 0, "Z": 33.333}
 
 
-def test_the_centre_is_incremental_unless_abs_r_says_otherwise() -> None:
+def test_the_centre_is_incremental_in_the_plane_of_normal_unless_abs_r_says_otherwise() -> None:
     start = {"X": 1.0, "Y": 2.0}
     move = last(Bench().run("CIRCLE1 TM10 ABS X10 Y2 I5", start), CircleRequest)
     assert (move.center, move.radius) == ({"X": 5, "Y": 0, "Z": 0}, None)
@@ -169,24 +163,18 @@ def test_the_centre_is_incremental_unless_abs_r_says_otherwise() -> None:
     bench = Bench()
     bench.run("ABS(R)\nABS(R) INC(R)", start)
     assert last(bench.run("CIRCLE2 TM10 X10 K5", start), CircleRequest).center == {"X": 0, "Y": 0, "Z": 5}
-
-
-def test_the_plane_is_that_of_x_and_y_until_normal_says_otherwise() -> None:
     assert last(Bench().run("CIRCLE1 TM10 X10 I5"), CircleRequest).normal == (0, 0, -1)
     assert last(Bench().run("NORMAL J-1\nCIRCLE1 TM10 X10 I5"), CircleRequest).normal == (0, -1, 0)
     assert last(Bench().run("NRM I(P1+1)K2\nCIRCLE1 TM10 X10 I5"), CircleRequest).normal == (1, 0, 2)
     assert "direction" in refusal("NORMAL I0")
 
 
-def test_the_time_of_a_circle_is_tm_or_its_length_over_f() -> None:
+def test_the_time_of_a_circle_is_tm_or_its_length_over_f_and_without_a_centre_it_is_linear() -> None:
     move = last(Bench().run("CIRCLE1 TM300 TA20 TS5 X10 I5"), CircleRequest)
     assert (move.tm_ms, move.ta_ms, move.ts_ms) == (300, 20, 5)
     move = last(Bench(I190=60_000).run("CIRCLE1 F600 X10 I5"), CircleRequest)
     assert (move.tm_ms, move.speed_per_ms) == (None, 0.01)
     assert "above 0" in refusal("CIRCLE1 F0 X10 I5")
-
-
-def test_without_a_centre_a_circle_mode_move_is_linear_and_elsewhere_vectors_have_no_effect() -> None:
     assert isinstance(Bench().run("CIRCLE1 TM10 X10")[-1], LinearRequest)
     assert last(Bench().run("X10 I5 R3"), LinearRequest).targets["X"] == 10
     assert Bench().run("I100") == []
@@ -204,15 +192,12 @@ def test_home_names_its_motors_and_homez_does_not_move() -> None:
     assert isinstance(Bench(TURBO).run("HOME32")[0], HomeRequest)
 
 
-def test_where_a_program_goes_on_after_a_home_is_what_it_is_told() -> None:
+def test_where_a_program_goes_on_after_a_home_or_a_preset_is_what_it_is_told() -> None:
     run = Bench().start("HOME1\nINC X5", {"X": 100.0, "Y": 7.0})
     assert isinstance(run.advance(), HomeRequest)
     run.relocate({"X": 0.0})
     move = run.advance()
     assert isinstance(move, LinearRequest) and move.targets == {"X": 5, "Y": 7}
-
-
-def test_pset_says_where_the_axes_are_without_a_move() -> None:
     preset, move = Bench().run("PSET X10 Y(P1) A5\nINC X1", {"X": 3.0, "Y": 4.0})
     assert isinstance(preset, PresetRequest) and preset.positions == {"X": 10, "Y": 0}
     assert isinstance(move, LinearRequest) and move.targets == {"X": 11, "Y": 0}
@@ -269,15 +254,12 @@ def test_a_letter_says_to_which_port(port: str) -> None:
     ]
 
 
-def test_display_writes_to_the_display_port() -> None:
+def test_display_and_plc_switches_reach_their_host() -> None:
     assert heard('DISPLAY"Ready"\nDISP 12"Go"\nDISPLAY ""') == [
         ("display", "Ready"),
         ("display", "Go"),
         ("display", ""),
     ]
-
-
-def test_plc_programs_are_enabled_and_disabled() -> None:
     text = "ENABLE PLC 1..3,5\nDIS PLC 0\nENAPLC7\nDISABLEPLC31"
     assert heard(text) == [("enable", 1, 2, 3, 5), ("disable", 0), ("enable", 7), ("disable", 31)]
 

@@ -129,12 +129,9 @@ def test_an_arc_that_does_not_exist_is_a_run_time_error(request_: CircleRequest)
         path(request_)
 
 
-def test_a_vector_out_of_the_plane_is_projected_into_it() -> None:
+def test_vectors_out_of_the_plane_are_projected_and_a_third_axis_makes_a_helix() -> None:
     targets = {"X": 20.0, "Y": 0.0, "Z": 0.0}
     assert middle(circle(targets, {"X": 10.0, "Z": 7.0}), XYZ) == pytest.approx((10.0, 10.0, 0.0), abs=1e-9)
-
-
-def test_a_third_axis_makes_a_helix_and_others_go_straight() -> None:
     definitions = (*XYZ, "#4->100C")
     request = circle({"X": 0.0, "Y": 0.0, "Z": 8.0, "C": 90.0}, {"X": 10.0}, tm=400.0)
     made = path(request, definitions)

@@ -242,11 +242,15 @@ def played(
     return Motion(tuple(piece for planned in plans(planner) for piece in planned.pieces))
 
 
-def test_number_2_a_single_triangle_move() -> None:
+def test_numbers_2_and_6_a_triangle_and_a_move_that_ix16_stretches() -> None:
     """X1, TA10 TS0 TM10: 20 ms in all, 0.1 unit/ms at the peak."""
     made = played(["TA10 TS0 TM10", "X1"])
     assert made.duration_ms == pytest.approx(20.0)
     assert made.peak_velocity() == pytest.approx(0.1)
+    # 1000 counts a unit, Ix16 32: X100 in TM1000 would be 100 counts/ms, so it takes 3125 ms.
+    made = played(["TA10 TS0 TM1000", "X100"], ["#1->1000X"], {116: 32.0})
+    assert made.duration_ms == pytest.approx(3125 + 10)
+    assert made.peak_velocity() == pytest.approx(32.0)
 
 
 @pytest.mark.parametrize(("ts", "peak"), [(0, 0.75), (5, 5 / 6)])
@@ -259,23 +263,13 @@ def test_number_4_a_reversal(ts: int, peak: float) -> None:
     assert made.end() == pytest.approx(0.0, abs=1e-12)
 
 
-def test_number_6_ix16_stretches_the_move() -> None:
-    """1000 counts a unit, Ix16 32: X100 in TM1000 would be 100 counts/ms, so it takes 3125 ms."""
-    made = played(["TA10 TS0 TM1000", "X100"], ["#1->1000X"], {116: 32.0})
-    assert made.duration_ms == pytest.approx(3125 + 10)
-    assert made.peak_velocity() == pytest.approx(32.0)
-
-
-def test_number_7_a_feedrate_is_that_of_its_axes() -> None:
+def test_numbers_7_and_8_a_feedrate_and_the_way_points_of_a_spline() -> None:
     """FRAX(X,Y), INC X30 Y40 Z10 F100: 0.5 s, and X 60, Y 80, Z 20 units/s."""
     made = played(["FRAX(X,Y) INC TA10 TS0 F100", "X30 Y40 Z10"], ["#1->X", "#2->Y", "#3->Z"])
     assert made.duration_ms == pytest.approx(500 + 10)
     speeds = [1000.0 * made.velocity(255.0, motor) for motor in range(3)]
     assert speeds == pytest.approx([60.0, 80.0, 20.0])
-
-
-def test_number_8_the_way_points_of_a_spline() -> None:
-    """0, 1, 0: two thirds at the middle. Points that alternate between 1 and -1 come to a third."""
+    # 0, 1, 0: two thirds at the middle. Points that alternate between 1 and -1 come to a third.
     middle = played(["SPLINE1 TA10", "X1", "X0"])
     assert middle.at(20.0) == pytest.approx(2 / 3)
     alternating = played(["SPLINE1 TA10", *["X1", "X-1"] * 5])

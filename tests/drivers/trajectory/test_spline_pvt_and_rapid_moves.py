@@ -148,14 +148,11 @@ def test_the_manual_s_building_blocks(before: float, after: float, share: float,
     assert made.velocity(start_ms + 15.0) == pytest.approx(halfway)
 
 
-def test_a_sequence_needs_times_and_an_end_at_rest() -> None:
+def test_a_pvt_sequence_needs_times_and_an_end_or_ramps_down() -> None:
     with pytest.raises(PmacError, match="at rest"):
         motion([pvt(10.0, 1.0, X=5.0), linear(X=9.0)])
     with pytest.raises(PmacError, match="0 ms"):
         motion([pvt(0.0, X=6.0)])
-
-
-def test_a_program_that_is_given_up_in_pvt_ramps_down_from_where_it_is() -> None:
     planner = planner_for([pvt(10.0, 2.0, X=10.0)])
     planner.plan()
     (piece,) = planner.halt((0.5,))
@@ -206,7 +203,7 @@ def test_the_slowest_motor_goes_at_its_speed_on_a_straight_path() -> None:
     assert made.peak_velocity(0) == pytest.approx(1000.0 / 300.0)
 
 
-def test_the_times_are_equal_before_acceleration_is_added() -> None:
+def test_times_are_equal_before_acceleration_which_counts_at_the_speed_that_is_given() -> None:
     """Motor 2 accelerates for 50 ms, motor 1 for 10: both take 100 ms and their own acceleration."""
     made = motion([rapid(X=1000.0, Y=500.0)], TWO, {**PLAIN, 220: 50.0})
     assert made.duration_ms == pytest.approx(100 + 50)
@@ -216,10 +213,7 @@ def test_the_times_are_equal_before_acceleration_is_added() -> None:
     for t in (0.0, 8.0, 30.0, 90.0, 130.0, 150.0):
         assert made.at(t, 1) == pytest.approx(alone.at(t), abs=1e-9)
     assert_smooth(made.pieces, (0.0, 0.0), 1000.0)
-
-
-def test_the_acceleration_limit_of_a_motor_counts_at_the_speed_that_it_is_given() -> None:
-    """Ix19 = 0.05: 5 counts/ms, not the 10 of Ix22, in 100 ms."""
+    # Ix19 = 0.05: 5 counts/ms, not the 10 of Ix22, in 100 ms.
     made = motion([rapid(X=2000.0, Y=1000.0)], TWO, {**PLAIN, 219: 0.05})
     assert made.duration_ms == pytest.approx(200 + 100)
 
@@ -303,13 +297,10 @@ def test_a_negative_ix27_takes_the_sign_as_the_direction() -> None:
     assert turned(90.0, 0.0000001, roll=-36_000, definition="#1->-100C") == pytest.approx([-90.0, -360.0])
 
 
-def test_a_motor_that_stands_there_stays() -> None:
+def test_a_motor_that_stands_there_stays_and_an_incremental_move_goes_as_far_as_it_says() -> None:
     assert turned(90.0, 90.0, 450.0, roll=-36_000) == pytest.approx([90.0, 90.0, 90.0])
     assert turned(90.0, 450.0, roll=36_000) == pytest.approx([90.0, 90.0])
-
-
-def test_an_incremental_move_goes_as_far_as_it_says() -> None:
-    """To 350 by the shorter way, and 30 on: the program calls that 380, the motor is at 20."""
+    # To 350 by the shorter way, and 30 on: the program calls that 380, the motor is at 20.
     absolute = LinearRequest(line=0, targets={"C": 350.0}, ta_ms=10, ts_ms=0, tm_ms=100, absolute=frozenset("C"))
     incremental = LinearRequest(line=1, targets={"C": 380.0}, ta_ms=10, ts_ms=0, tm_ms=100)
     made = motion([absolute, incremental], (C,), {127: 36_000})
