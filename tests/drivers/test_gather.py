@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import floor, inf, isfinite, nan
 
@@ -21,8 +22,10 @@ from drivers.pmac.gathering.gather import (
     listed_words,
     listing,
     long_words_of,
+    padding_of,
     selected_sources,
     setting_of,
+    shifts_of,
     source_of,
     unpack,
 )
@@ -33,7 +36,16 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import Pointer
 from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.gather_buffer import GatherBuffer
-from tests.drivers.packed_samples import pack
+
+
+def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
+    """Make a sample as a controller stores it."""
+    sample = padding_of(sources)
+    for source, value, shift in zip(sources, values, shifts_of(sources), strict=True):
+        mask = 2**24 - 1 if source.space in "XY" else 2**48 - 1
+        sample |= (encode_float(value) if source.space == "L" else int(value) & mask) << shift
+    return [sample >> 48 * place & 2**48 - 1 for place in range(long_words_of(sources))]
+
 
 CYCLE_MS = 0.4427
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
