@@ -99,7 +99,7 @@ _STOPPING: tuple[Mutation, ...] = (
         file="drivers/identification/settings_comparison.py",
         old="        found = fingerprint_problems(self._before, self._read(), left_out)",
         new="        found = fingerprint_problems(self._before, self._before, left_out)",
-        test=f"{DISTURBED}::test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end",
+        test=f"{DISTURBED}::test_an_axis_that_another_host_scales_otherwise_is_named_at_the_end",
     ),
     Mutation(
         rule="An override that this console has not commanded stops the cut.",
