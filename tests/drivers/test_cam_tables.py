@@ -281,7 +281,7 @@ def sixteenths(counts: Floats) -> list[int]:
     return [int(value) for value in np.rint(16.0 * counts)]
 
 
-def cams_cam(turn: int = TURN) -> CompensationTable:
+def cam_by_angle(turn: int = TURN) -> CompensationTable:
     definition = TableDefinition(motor=TOOL, sources=(TableSource(SPINDLE, turn),), target=TOOL, columns=COLUMNS)
     return definition.filled(sixteenths(AMPLITUDE * WAVE[1:]))
 
@@ -334,7 +334,7 @@ def lobe(tracks: Tracks) -> tuple[float, float]:
 
 @pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
 def test_a_cam_follows_the_actual_angle_through_a_ripple(machine: MachineProfile, dialect: Dialect) -> None:
-    card = set_up(machine, dialect, cams_cam())
+    card = set_up(machine, dialect, cam_by_angle())
     ripple(card, 0.05)
     card.tell("I51=1")
     card.sim.wait(0.2)
@@ -371,7 +371,7 @@ def test_a_cam_that_changes_along_z_follows_both_of_its_sources(machine: Machine
 
 
 def test_the_tool_follows_the_cam_as_its_servo_does_with_the_feedforward_in_it(machine: MachineProfile) -> None:
-    card = set_up(machine, PMAC, cams_cam())
+    card = set_up(machine, PMAC, cam_by_angle())
     card.tell("I51=1")
     card.sim.wait(0.2)
     amplitude, _ = lobe(run(card, 1.2))
@@ -382,7 +382,7 @@ def test_the_tool_follows_the_cam_as_its_servo_does_with_the_feedforward_in_it(m
 def test_the_cam_holds_its_phase_through_a_ripple_but_for_what_the_servo_lags(machine: MachineProfile) -> None:
     lags = []
     for share in (0.0, 0.05):
-        card = set_up(machine, PMAC, cams_cam())
+        card = set_up(machine, PMAC, cam_by_angle())
         ripple(card, share)
         card.tell("I51=1")
         card.sim.wait(0.2)
@@ -467,7 +467,7 @@ def test_a_motor_is_closed_without_a_kick_while_a_correction_is_on(machine: Mach
 
 def test_nothing_changes_in_a_track_while_no_table_is_on(machine: MachineProfile) -> None:
     tracks = []
-    for table in (None, cams_cam()):
+    for table in (None, cam_by_angle()):
         card = wire(machine)
         if table is not None:
             card.tell(*table_lines(table))

@@ -299,7 +299,7 @@ def run(gather: GatherBuffer, cycles: int) -> None:
             gather.sample()
 
 
-def buffer_a_value(space: str) -> st.SearchStrategy[float]:
+def value_in_buffer(space: str) -> st.SearchStrategy[float]:
     if space == "L":
         return st.floats(-1e9, 1e9)
     limit = 1 << (BITS[space] - 1)
@@ -311,7 +311,7 @@ def gatherings(draw: st.DrawFn) -> tuple[Dialect, list[Pointer], list[list[float
     dialect = draw(st.sampled_from([PMAC, TURBO]))
     spaces = draw(st.lists(st.sampled_from("YXDL"), min_size=1, max_size=dialect.gathering.source_count))
     sources = [word(space, 0x100 + place) for place, space in enumerate(spaces)]
-    row = st.tuples(*(buffer_a_value(space) for space in spaces)).map(list)
+    row = st.tuples(*(value_in_buffer(space) for space in spaces)).map(list)
     return dialect, sources, draw(st.lists(row, min_size=1, max_size=4))
 
 

@@ -240,7 +240,7 @@ def test_thirty_two_motors_that_are_off_cost_no_more_than_eight(machine: Machine
 
 # The bundled machines: one lathe behind two controllers, and nothing of them is left to guess.
 
-PAPER, MACHINES_TURBO = "lee-2001-lathe", "turbo-ethernet-lathe"
+PAPER, TURBO_MACHINE = "lee-2001-lathe", "turbo-ethernet-lathe"
 KILL_MODE, ONLY_ITSELF = 0b11 << 21, 0b10 << 21
 NO_TRAVEL_SWITCHES = 1 << 17
 
@@ -252,14 +252,14 @@ def dialect_of(machine: MachineProfile) -> Dialect:
 
 
 def test_the_turbo_is_set_as_the_pmac_is_and_moves_the_iron_of_the_paper() -> None:
-    paper, turbo = load_machine(PAPER).machine, load_machine(MACHINES_TURBO).machine
+    paper, turbo = load_machine(PAPER).machine, load_machine(TURBO_MACHINE).machine
     # Chuck and tool, too: it is one lathe, and a lobe that was found on it is that of both.
     names = ("tool", "spindle", "carriage", "chuck", "heartbeat", "safety")
     assert replace(turbo, **{name: getattr(paper, name) for name in names}) == turbo
     assert turbo.tool.name and turbo.chuck.name
     assert turbo.controller.axis_definitions == paper.controller.axis_definitions
     # Each setting of the PMAC has its place on a Turbo; the flags of a channel are another word there.
-    paper, turbo = load_machine(PAPER).machine, load_machine(MACHINES_TURBO).machine
+    paper, turbo = load_machine(PAPER).machine, load_machine(TURBO_MACHINE).machine
     dialect = dialect_of(turbo)
     target = settings_with(paper.controller.variables, dialect)
     found = settings_with(turbo.controller.variables, dialect)
@@ -271,9 +271,9 @@ def test_the_turbo_is_set_as_the_pmac_is_and_moves_the_iron_of_the_paper() -> No
     for index in flags:
         assert int(found[index]) >> 16 == int(target[index]) >> 16
     # Turbo Software Reference: 4096 servo cycles, 1.8 s, unless I40 says how many.
-    controller = load_machine(MACHINES_TURBO).machine.controller
+    controller = load_machine(TURBO_MACHINE).machine.controller
     assert controller.variables["I40"] * controller.servo_period_ms == pytest.approx(100.0, abs=0.5)
-    assert parse_address(load_machine(MACHINES_TURBO).machine.link) == EthernetAddress(host="192.6.94.5")
+    assert parse_address(load_machine(TURBO_MACHINE).machine.link) == EthernetAddress(host="192.6.94.5")
 
 
 @every_machine

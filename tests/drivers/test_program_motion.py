@@ -157,7 +157,7 @@ def acceleration(commands: np.ndarray, cycle_ms: float) -> np.ndarray:
     return np.diff(commands, 2) / cycle_ms**2
 
 
-def timed_run(bench: Bench, *lines: str, wait_s: float = 2.0) -> np.ndarray:
+def run_for(bench: Bench, *lines: str, wait_s: float = 2.0) -> np.ndarray:
     recorder = bench.record(3)
     bench.program(*lines)
     bench.client.request("R")
@@ -174,7 +174,7 @@ def timed_run(bench: Bench, *lines: str, wait_s: float = 2.0) -> np.ndarray:
 )
 def test_a_run_time_error_in_linear_moves_ends_at_the_target_without_a_jump(closed: Bench, error: str) -> None:
     """The moves that are calculated are done: 800 counts, with the ramps of TA20 at the most (1 ms after TA0)."""
-    commands = timed_run(closed, *LINEAR_MOVES, error)
+    commands = run_for(closed, *LINEAR_MOVES, error)
     snapshot = closed.lathe.snapshot()
     assert snapshot.runtime_error
     assert not snapshot.program_running
@@ -188,7 +188,7 @@ def test_a_run_time_error_in_linear_moves_ends_at_the_target_without_a_jump(clos
 @pytest.mark.parametrize("error", ["P(0-1)=3", "TA0 Z500:0", "LINEAR TM100 Z900", "PVT0", "Z(EXP(700))"])
 def test_a_run_time_error_in_pvt_ramps_the_speed_down_without_a_jump(closed: Bench, error: str) -> None:
     """4 counts/ms at Ix15 = 0.5 of the carriage, 0.5 of the spindle and 40 of the tool: 16 counts more."""
-    commands = timed_run(closed, *PVT_MOVES, error)
+    commands = run_for(closed, *PVT_MOVES, error)
     assert closed.lathe.snapshot().runtime_error
     assert commands[-1] == pytest.approx(300 + 4**2 / (2 * 0.5), abs=1e-3)
     velocity = np.diff(commands) / closed.cycle_ms
@@ -207,7 +207,7 @@ def test_a_run_time_error_in_pvt_ramps_the_speed_down_without_a_jump(closed: Ben
 )
 def test_a_loop_without_moves_lets_the_time_go_on(closed: Bench, loop: tuple[str, ...]) -> None:
     started = time.process_time()
-    timed_run(closed, "TA1 TS0", *loop, wait_s=2.0)
+    run_for(closed, "TA1 TS0", *loop, wait_s=2.0)
     assert closed.lathe.snapshot().program_running
     assert time.process_time() - started < 5.0
     closed.client.request("A")
@@ -216,7 +216,7 @@ def test_a_loop_without_moves_lets_the_time_go_on(closed: Bench, loop: tuple[str
 
 def test_an_endless_loop_counts_with_the_real_time_interrupt(closed: Bench) -> None:
     """Two jumps back end a look at the program; the next one comes (I8 + 1) servo cycles later."""
-    timed_run(closed, "P1=0", "WHILE(1=1)", "P1=P1+1", "ENDWHILE", wait_s=1.0)
+    run_for(closed, "P1=0", "WHILE(1=1)", "P1=P1+1", "ENDWHILE", wait_s=1.0)
     looks = 1000 / (3 * closed.cycle_ms)
     assert closed.number("P1") == pytest.approx(2 * looks, rel=0.02)
 
@@ -269,7 +269,7 @@ def test_a_program_runs_again_from_its_first_line_in_the_units_of_its_axes(close
     assert closed.number("P1") == 3
     assert closed.number("#3P") == pytest.approx(30)
     closed.client.request("#3->-10Z+500")
-    commands = timed_run(closed, "ABS", "TA10 TS0 TM50", "Z20", wait_s=0.5)
+    commands = run_for(closed, "ABS", "TA10 TS0 TM50", "Z20", wait_s=0.5)
     assert commands[-1] == pytest.approx(-10 * 20 + 500)
 
 

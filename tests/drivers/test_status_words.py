@@ -371,33 +371,33 @@ OF_A_SYSTEM = (93,)
 
 
 @pytest.fixture
-def factory_card(machine: MachineProfile) -> Wire:
+def turbo_at_factory(machine: MachineProfile) -> Wire:
     made = wire(machine, TURBO)
     made.raw("$$$***\r")
     made.raw("I3=2I6=1I4=0\r")
     return made
 
 
-def reported(factory_card: Wire) -> list[str]:
-    return [text for first in range(0, 8192, 256) for text in factory_card.ask(f"I{first}..{first + 255}")]
+def reported(turbo_at_factory: Wire) -> list[str]:
+    return [text for first in range(0, 8192, 256) for text in turbo_at_factory.ask(f"I{first}..{first + 255}")]
 
 
-def test_a_setting_is_reported_in_the_form_of_a_real_card(factory_card: Wire) -> None:
+def test_a_setting_is_reported_in_the_form_of_a_real_card(turbo_at_factory: Wire) -> None:
     wanted = {
         *GLOBAL,
         *(100 * motor + number for motor in range(1, 33) for number in OF_A_MOTOR),
         *(5000 + 100 * system + number for system in range(1, 17) for number in OF_A_SYSTEM),
     }
-    assert {number for number, text in enumerate(reported(factory_card)) if text.startswith("$")} == wanted
+    assert {number for number, text in enumerate(reported(turbo_at_factory)) if text.startswith("$")} == wanted
     # Public programs take it as it is, and have that many systems and one.
-    assert factory_card.ask("I68") == ["15"]
-    assert factory_card.ask("I9=3 I68 I20") == ["I68=15", "I20=$0"]
+    assert turbo_at_factory.ask("I68") == ["15"]
+    assert turbo_at_factory.ask("I9=3 I68 I20") == ["I68=15", "I20=$0"]
     for form in (0, 1):
-        factory_card.tell(f"I9={form}")
-        assert not [text for text in reported(factory_card) if "$" in text]
+        turbo_at_factory.tell(f"I9={form}")
+        assert not [text for text in reported(turbo_at_factory) if "$" in text]
 
 
 def test_addresses_of_a_pmac_are_those_that_the_manual_names(machine: MachineProfile) -> None:
     """Software Reference I9: I20 to I44, I47, and those of motors and coordinate systems."""
-    factory_card = wire(machine, PMAC)
-    assert factory_card.ask("I9=2 I20 I44 I47 I48 I105") == ["$0", "$0", "$0", "0", "$73F"]
+    turbo_at_factory = wire(machine, PMAC)
+    assert turbo_at_factory.ask("I9=2 I20 I44 I47 I48 I105") == ["$0", "$0", "$0", "0", "$73F"]

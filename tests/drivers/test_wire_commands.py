@@ -168,7 +168,7 @@ def test_motors_are_asked_in_one_line_and_a_space_parts_the_sign_that_asks(card:
 
 
 @pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def systems_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+def program_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
     """Loops closed; program 1 goes three steps of 30 counts in X, each in 100 ms."""
     dialect: Dialect = request.param
     made = wire(machine, dialect)
@@ -176,22 +176,22 @@ def systems_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wir
     return made
 
 
-def systems_place(systems_card: Wire) -> float:
-    return float(systems_card.ask("#3P")[0])
+def carriage_place(program_card: Wire) -> float:
+    return float(program_card.ask("#3P")[0])
 
 
-def test_b_and_r_run_from_the_top_or_a_label_and_s_does_one_move(systems_card: Wire) -> None:
+def test_b_and_r_run_from_the_top_or_a_label_and_s_does_one_move(program_card: Wire) -> None:
     """The fraction is the label in units of 1/100000: N500 is .005."""
     for line, end in (("&1B1R", 90), ("B1.005R", 120), ("B1S", 150), ("S", 180), ("S", 210)):
-        systems_card.tell(line)
-        systems_card.settle()
-        assert systems_place(systems_card) == end, line
+        program_card.tell(line)
+        program_card.settle()
+        assert carriage_place(program_card) == end, line
 
 
 @pytest.mark.parametrize("number", ["0", "0.5", "32768", "99999999999999"])
-def test_003_a_program_number_that_there_cannot_be(systems_card: Wire, number: str) -> None:
-    assert systems_card.refusal(f"B{number}") == 3
-    systems_card.tell("B32767", "B1")
+def test_003_a_program_number_that_there_cannot_be(program_card: Wire, number: str) -> None:
+    assert program_card.refusal(f"B{number}") == 3
+    program_card.tell("B32767", "B1")
 
 
 HELD = range(1, 90)
@@ -201,88 +201,88 @@ WORDS = {"Q": (0.03, (30, 60)), "/": (0.03, (30, 60)), "A": (0.1, HELD), "H": (0
 
 @pytest.mark.parametrize(("word", "after_s", "places"), [(word, *row) for word, row in WORDS.items()])
 def test_what_stops_a_program_and_that_r_goes_on(
-    systems_card: Wire, word: str, after_s: float, places: Sequence[int]
+    program_card: Wire, word: str, after_s: float, places: Sequence[int]
 ) -> None:
-    systems_card.tell(f"I{systems_card.card.dialect.system_index(1, 95)}=50000", "B1R")
-    systems_card.sim.wait(after_s)
-    systems_card.tell(word)
-    systems_card.sim.wait(2.0)
-    held = systems_place(systems_card)
+    program_card.tell(f"I{program_card.card.dialect.system_index(1, 95)}=50000", "B1R")
+    program_card.sim.wait(after_s)
+    program_card.tell(word)
+    program_card.sim.wait(2.0)
+    held = carriage_place(program_card)
     assert round(held) in places
-    systems_card.sim.wait(1.0)
-    assert systems_place(systems_card) == held
+    program_card.sim.wait(1.0)
+    assert carriage_place(program_card) == held
     if word != "A":
-        systems_card.tell("R")
-        systems_card.settle()
-        assert systems_place(systems_card) == 90
+        program_card.tell("R")
+        program_card.settle()
+        assert carriage_place(program_card) == 90
 
 
-def test_percent_sets_and_reports_the_time_base(systems_card: Wire) -> None:
-    systems_card.tell(f"I{systems_card.card.dialect.system_index(1, 94)}=8388607", "%50")
-    systems_card.sim.wait(0.1)
-    assert systems_card.ask("%") == ["50"]
-    systems_card.tell("B1R")
-    systems_card.sim.wait(0.31)
-    assert systems_card.card.systems[1].moving
-    assert systems_place(systems_card) < 60
-    systems_card.settle()
-    assert systems_place(systems_card) == 90
+def test_percent_sets_and_reports_the_time_base(program_card: Wire) -> None:
+    program_card.tell(f"I{program_card.card.dialect.system_index(1, 94)}=8388607", "%50")
+    program_card.sim.wait(0.1)
+    assert program_card.ask("%") == ["50"]
+    program_card.tell("B1R")
+    program_card.sim.wait(0.31)
+    assert program_card.card.systems[1].moving
+    assert carriage_place(program_card) < 60
+    program_card.settle()
+    assert carriage_place(program_card) == 90
 
 
-def test_the_program_counter_and_what_is_executed(systems_card: Wire) -> None:
+def test_the_program_counter_and_what_is_executed(program_card: Wire) -> None:
     """P{program}:{line}; the counter is ahead of the motion by a move."""
-    systems_card.tell("B1")
-    assert systems_card.ask("PC LIST PC LIST PE,2") == ["P1:0", *["P1:0:INCTA10TS0TM100"] * 2, "P1:2:Z30"]
-    systems_card.tell("R")
-    systems_card.sim.wait(0.05)
-    (counter,) = systems_card.ask("PC")
-    (executing,) = systems_card.ask("PE")
+    program_card.tell("B1")
+    assert program_card.ask("PC LIST PC LIST PE,2") == ["P1:0", *["P1:0:INCTA10TS0TM100"] * 2, "P1:2:Z30"]
+    program_card.tell("R")
+    program_card.sim.wait(0.05)
+    (counter,) = program_card.ask("PC")
+    (executing,) = program_card.ask("PE")
     assert counter.startswith("P1:")
     assert executing.startswith("P1:")
     assert int(counter[3:]) >= int(executing[3:])
-    assert systems_card.ask("PR") == ["0"]
+    assert program_card.ask("PR") == ["0"]
 
 
-def test_an_axis_is_called_something_else_without_a_move(systems_card: Wire) -> None:
-    systems_card.tell("Z=1000")
-    before = systems_card.card.motors[3].actual
-    systems_card.tell("OPEN PROG2 CLEAR", "ABS TA10 TS0 TM100", "Z1010", "CLOSE", "B2R")
-    systems_card.settle()
-    assert systems_card.card.motors[3].actual - before == pytest.approx(10, abs=0.5)
-    assert systems_card.refusal("U=5") == 3
+def test_an_axis_is_called_something_else_without_a_move(program_card: Wire) -> None:
+    program_card.tell("Z=1000")
+    before = program_card.card.motors[3].actual
+    program_card.tell("OPEN PROG2 CLEAR", "ABS TA10 TS0 TM100", "Z1010", "CLOSE", "B2R")
+    program_card.settle()
+    assert program_card.card.motors[3].actual - before == pytest.approx(10, abs=0.5)
+    assert program_card.refusal("U=5") == 3
 
 
-def test_z_calls_every_axis_zero(systems_card: Wire) -> None:
-    systems_card.tell("#3J=500")
-    systems_card.settle()
-    systems_card.tell("Z", "OPEN PROG2 CLEAR", "ABS TA10 TS0 TM100", "Z10", "CLOSE", "B2R")
-    before = systems_card.card.motors[3].actual
-    systems_card.settle()
-    assert systems_card.card.motors[3].actual - before == pytest.approx(10, abs=0.5)
+def test_z_calls_every_axis_zero(program_card: Wire) -> None:
+    program_card.tell("#3J=500")
+    program_card.settle()
+    program_card.tell("Z", "OPEN PROG2 CLEAR", "ABS TA10 TS0 TM100", "Z10", "CLOSE", "B2R")
+    before = program_card.card.motors[3].actual
+    program_card.settle()
+    assert program_card.card.motors[3].actual - before == pytest.approx(10, abs=0.5)
 
 
-def test_pmatch_takes_the_axes_to_be_where_the_motors_are(systems_card: Wire) -> None:
-    systems_card.tell("#3J=500")
-    systems_card.settle()
-    systems_card.tell("PMATCH", "OPEN PROG2 CLEAR", "ABS TA10 TS0 TM100", "Z500", "CLOSE", "B2R")
-    systems_card.settle()
-    assert systems_place(systems_card) == 500
+def test_pmatch_takes_the_axes_to_be_where_the_motors_are(program_card: Wire) -> None:
+    program_card.tell("#3J=500")
+    program_card.settle()
+    program_card.tell("PMATCH", "OPEN PROG2 CLEAR", "ABS TA10 TS0 TM100", "Z500", "CLOSE", "B2R")
+    program_card.settle()
+    assert carriage_place(program_card) == 500
 
 
-def test_axis_definitions_are_asked_for_as_clients_do(systems_card: Wire) -> None:
-    assert systems_card.ask("&1#1->, #2->, #3->,") == ["X", "Y", "Z"]
-    assert systems_card.ask("#4->") == ["0"]
-    systems_card.tell("#3->0", "#3->8660Z+10.5")
-    assert systems_card.ask("#3->") == ["8660Z+10.5"]
+def test_axis_definitions_are_asked_for_as_clients_do(program_card: Wire) -> None:
+    assert program_card.ask("&1#1->, #2->, #3->,") == ["X", "Y", "Z"]
+    assert program_card.ask("#4->") == ["0"]
+    program_card.tell("#3->0", "#3->8660Z+10.5")
+    assert program_card.ask("#3->") == ["8660Z+10.5"]
 
 
-def test_undefine_forgets_the_axes_of_a_system_and_undefine_all_those_of_all(systems_card: Wire) -> None:
-    systems_card.tell("#3->0", "&2 #3->A", "&1 UNDEFINE")
-    assert systems_card.ask("#1-> #2-> #3->") == ["0", "0", "0"]
-    assert systems_card.ask("&2#3->&1") == ["A"]
-    systems_card.tell("UNDEFINE ALL")
-    assert systems_card.ask("&2#3->&1") == ["0"]
-    assert systems_card.refusal("&1 B1R") == 14
+def test_undefine_forgets_the_axes_of_a_system_and_undefine_all_those_of_all(program_card: Wire) -> None:
+    program_card.tell("#3->0", "&2 #3->A", "&1 UNDEFINE")
+    assert program_card.ask("#1-> #2-> #3->") == ["0", "0", "0"]
+    assert program_card.ask("&2#3->&1") == ["A"]
+    program_card.tell("UNDEFINE ALL")
+    assert program_card.ask("&2#3->&1") == ["0"]
+    assert program_card.refusal("&1 B1R") == 14
 
 
 # The list of error numbers: for each of them what brings it about, in both families (Software Reference, I6).
@@ -291,7 +291,7 @@ Prepare = Callable[[Wire], object]
 
 
 @pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def errors_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+def closed_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
     """All loops closed; coordinate system 1 is addressed."""
     dialect: Dialect = request.param
     made = wire(machine, dialect)
@@ -301,9 +301,9 @@ def errors_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire
 
 
 def after(*lines: str, seconds: float = 0.0) -> Prepare:
-    def prepare(errors_card: Wire) -> None:
-        errors_card.tell(*lines)
-        errors_card.sim.wait(seconds)
+    def prepare(closed_card: Wire) -> None:
+        closed_card.tell(*lines)
+        closed_card.sim.wait(seconds)
 
     return prepare
 
@@ -312,27 +312,27 @@ def program(*lines: str, then: str = "&1B1", seconds: float = 0.0) -> Prepare:
     return after("OPEN PROG 1 CLEAR", *lines, "CLOSE", then, seconds=seconds)
 
 
-def running(errors_card: Wire) -> None:
-    program("INC TA10 TS0 TM100", "WHILE(P1=0)", "X10", "X-10", "ENDWHILE", then="&1B1R", seconds=0.3)(errors_card)
+def running(closed_card: Wire) -> None:
+    program("INC TA10 TS0 TM100", "WHILE(P1=0)", "X10", "X-10", "ENDWHILE", then="&1B1R", seconds=0.3)(closed_card)
 
 
-def locked(errors_card: Wire) -> None:
-    errors_card.tell("PASSWORD=secret")
-    errors_card.raw("$$$\rI3=2 I6=1\r")
+def locked(closed_card: Wire) -> None:
+    closed_card.tell("PASSWORD=secret")
+    closed_card.raw("$$$\rI3=2 I6=1\r")
 
 
-def both_limits(errors_card: Wire) -> None:
-    program("X1")(errors_card)
-    travel = errors_card.card.motors[3].travel
+def both_limits(closed_card: Wire) -> None:
+    program("X1")(closed_card)
+    travel = closed_card.card.motors[3].travel
     travel.plus_pin = travel.minus_pin = True
-    errors_card.sim.wait(0.1)
+    closed_card.sim.wait(0.1)
 
 
-def moved_since_the_stop(errors_card: Wire) -> None:
-    program("INC TA10 TS0 TM100", "Z30", "Z30", then="&1B1S")(errors_card)
-    errors_card.settle()
-    errors_card.tell("#3J:5")
-    errors_card.settle()
+def moved_since_the_stop(closed_card: Wire) -> None:
+    program("INC TA10 TS0 TM100", "Z30", "Z30", then="&1B1S")(closed_card)
+    closed_card.settle()
+    closed_card.tell("#3J:5")
+    closed_card.settle()
 
 
 ROWS: dict[str, tuple[int, Prepare, str]] = {
@@ -373,14 +373,14 @@ ROWS: dict[str, tuple[int, Prepare, str]] = {
 
 @pytest.mark.parametrize(("number", "prepare", "line"), ROWS.values(), ids=ROWS)
 def test_an_error_number_stands_for_one_kind_of_refusal(
-    errors_card: Wire, monkeypatch: pytest.MonkeyPatch, number: int, prepare: Prepare, line: str
+    closed_card: Wire, monkeypatch: pytest.MonkeyPatch, number: int, prepare: Prepare, line: str
 ) -> None:
     """BELL, ERR and three digits, CR, and no acknowledgement."""
     monkeypatch.setattr(buffers, "MAX_LINES", 5)
     if number == 6:
         monkeypatch.setattr(buffers, "MAX_LINES", 2)
-    prepare(errors_card)
-    assert errors_card.raw(f"{line}\r".encode("latin-1")) == b"\x07ERR%03d\r" % number
+    prepare(closed_card)
+    assert closed_card.raw(f"{line}\r".encode("latin-1")) == b"\x07ERR%03d\r" % number
 
 
 def test_what_has_a_number_is_what_the_list_has() -> None:
@@ -388,33 +388,33 @@ def test_what_has_a_number_is_what_the_list_has() -> None:
     assert {number for number, _, _ in ROWS.values()} == set(range(1, 20)) - {8, 19}
 
 
-def test_a_password_opens_what_it_protects(errors_card: Wire) -> None:
-    locked(errors_card)
-    errors_card.tell("OPEN PROG 999", "CLOSE", "PASSWORD=secret", "OPEN PROG 1000", "CLOSE")
+def test_a_password_opens_what_it_protects(closed_card: Wire) -> None:
+    locked(closed_card)
+    closed_card.tell("OPEN PROG 999", "CLOSE", "PASSWORD=secret", "OPEN PROG 1000", "CLOSE")
 
 
-def test_a_carriage_return_that_a_bad_line_has_spoilt_is_answered_by_nothing(errors_card: Wire) -> None:
+def test_a_carriage_return_that_a_bad_line_has_spoilt_is_answered_by_nothing(closed_card: Wire) -> None:
     """With its parity bit set it ends no line: there is nothing to answer until the next one."""
-    assert errors_card.raw(b"P1=1\x8d") == b""
-    errors_card.sim.wait(1.0)
-    assert errors_card.port.take_output() == b""
-    assert errors_card.raw(b"\r") == b"\x07ERR004\r"
-    assert errors_card.ask("P1") == ["0"]
+    assert closed_card.raw(b"P1=1\x8d") == b""
+    closed_card.sim.wait(1.0)
+    assert closed_card.port.take_output() == b""
+    assert closed_card.raw(b"\r") == b"\x07ERR004\r"
+    assert closed_card.ask("P1") == ["0"]
 
 
 @pytest.mark.parametrize(
     "word", ["RAPID", "RETURN", "RET", "STOP", "SPLINE1", "ABS", "READ(A)", "PSET X0", "FRAX(X)"]
 )
-def test_005_a_word_of_programs_is_not_taken_letter_by_letter(errors_card: Wire, word: str) -> None:
+def test_005_a_word_of_programs_is_not_taken_letter_by_letter(closed_card: Wire, word: str) -> None:
     """R alone would run the program, S step it, A abort."""
-    errors_card.tell(
+    closed_card.tell(
         "OPEN PROG 1 CLEAR", "LINEAR INC TA10 TS0 TM1000", "X10", "X-10", "CLOSE", "#1J/#2J/#3J/", "&1B1"
     )
-    assert errors_card.raw(f"{word}\r").endswith(b"\x07ERR005\r")
-    errors_card.sim.wait(0.1)
-    assert not errors_card.card.systems[1].running
-    assert all(errors_card.card.motors[motor].enabled for motor in (1, 2, 3))
-    errors_card.tell("&1R")
-    assert errors_card.raw(f"{word}\r").endswith(b"\x07ERR005\r")
-    errors_card.sim.wait(0.1)
-    assert errors_card.card.systems[1].running, "and nothing that runs is aborted"
+    assert closed_card.raw(f"{word}\r").endswith(b"\x07ERR005\r")
+    closed_card.sim.wait(0.1)
+    assert not closed_card.card.systems[1].running
+    assert all(closed_card.card.motors[motor].enabled for motor in (1, 2, 3))
+    closed_card.tell("&1R")
+    assert closed_card.raw(f"{word}\r").endswith(b"\x07ERR005\r")
+    closed_card.sim.wait(0.1)
+    assert closed_card.card.systems[1].running, "and nothing that runs is aborted"

@@ -263,7 +263,7 @@ def test_a_checksum_counts_neither_control_characters_nor_errors(card: Wire) -> 
 
 
 @pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def chained_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+def chain_card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
     """Card number 0, on a line of many."""
     dialect: Dialect = request.param
     made = wire(machine, dialect)
@@ -277,39 +277,39 @@ def test_alone_on_its_line_a_card_is_always_meant(machine: MachineProfile) -> No
 
 
 def test_an_address_holds_until_the_next_one_and_only_what_is_meant_for_this_card_is_done(
-    chained_card: Wire,
+    chain_card: Wire,
 ) -> None:
-    assert chained_card.raw("P1=1\rUUU\r\r@3P1=2\rP1\r") == b""
-    assert chained_card.raw("@0P1\r") == b"0\r\x06"
-    assert chained_card.raw("@0\rP1=4\rP1\r") == b"\x06\x064\r\x06"
-    assert chained_card.raw("@1\rP1=5\r") == b"\x06"
-    assert chained_card.raw("@0P1 @\r") == b"4\r0\r\x06"
+    assert chain_card.raw("P1=1\rUUU\r\r@3P1=2\rP1\r") == b""
+    assert chain_card.raw("@0P1\r") == b"0\r\x06"
+    assert chain_card.raw("@0\rP1=4\rP1\r") == b"\x06\x064\r\x06"
+    assert chain_card.raw("@1\rP1=5\r") == b"\x06"
+    assert chain_card.raw("@0P1 @\r") == b"4\r0\r\x06"
     # Both programs of `@0&1B1R@1&1B7R` start with one CR, each on its card.
-    assert chained_card.raw("@0P1=1@1P1=2 UUU@0P2=3\r") == b"\x06"
-    assert chained_card.raw("@0P1..2\r") == b"1\r3\r\x06"
+    assert chain_card.raw("@0P1=1@1P1=2 UUU@0P2=3\r") == b"\x06"
+    assert chain_card.raw("@0P1..2\r") == b"1\r3\r\x06"
 
 
-def test_two_signs_mean_every_card(chained_card: Wire) -> None:
-    assert chained_card.raw("@@P1=7 P1 @\r") == b"7\r@\r\x06"
+def test_two_signs_mean_every_card(chain_card: Wire) -> None:
+    assert chain_card.raw("@@P1=7 P1 @\r") == b"7\r@\r\x06"
 
 
-def test_the_number_of_the_card_is_i0(chained_card: Wire) -> None:
-    chained_card.raw("@0I0=4\r")
-    assert chained_card.raw("@0P1=1\r") == b""
-    assert chained_card.raw("@4P1\r") == b"0\r\x06"
+def test_the_number_of_the_card_is_i0(chain_card: Wire) -> None:
+    chain_card.raw("@0I0=4\r")
+    assert chain_card.raw("@0P1=1\r") == b""
+    assert chain_card.raw("@4P1\r") == b"0\r\x06"
 
 
-def test_003_a_number_that_no_card_can_have(chained_card: Wire) -> None:
-    assert chained_card.raw("@16\r") == b"\x07ERR003\r"
+def test_003_a_number_that_no_card_can_have(chain_card: Wire) -> None:
+    assert chain_card.raw("@16\r") == b"\x07ERR003\r"
 
 
-def test_control_characters_act_on_every_card_unless_they_have_an_answer(chained_card: Wire) -> None:
-    chained_card.raw("@0#2J/\r")
-    chained_card.raw("@1\r")
-    assert chained_card.raw("\x02\x03\x06\x07\x10\x16\x0b") == b""
-    assert not chained_card.card.motors[2].enabled
-    assert chained_card.raw("@0\r") == b"\x06"
-    assert chained_card.raw("\x07") == b"000001000000\r"
+def test_control_characters_act_on_every_card_unless_they_have_an_answer(chain_card: Wire) -> None:
+    chain_card.raw("@0#2J/\r")
+    chain_card.raw("@1\r")
+    assert chain_card.raw("\x02\x03\x06\x07\x10\x16\x0b") == b""
+    assert not chain_card.card.motors[2].enabled
+    assert chain_card.raw("@0\r") == b"\x06"
+    assert chain_card.raw("\x07") == b"000001000000\r"
 
 
 # A host is answered as it asks, and none of them can keep the card for itself.

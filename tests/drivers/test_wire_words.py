@@ -206,52 +206,50 @@ PROGRAM_TEXT = ("CLEAR", "HOME1", "X5", "RAPID", "ABS", "RETURN", 'CMD"#1J+"', '
 """What only a buffer takes."""
 
 
-def state(unknown_card: Controller) -> tuple[object, ...]:
+def state(pmac_card: Controller) -> tuple[object, ...]:
     """All that a command could change."""
-    variables = unknown_card.variables
+    variables = pmac_card.variables
     return (
         dict(variables.settings()),
         list(variables._p),
         {number: dict(values) for number, values in variables._q.items()},
         dict(variables._m),
         dict(variables.pointers),
-        {number: list(lines) for number, lines in unknown_card.programs.items()},
-        {number: list(lines) for number, lines in unknown_card.plcs.buffers.items()},
-        unknown_card.plcs.switches,
-        unknown_card.open_buffer,
-        unknown_card.password.text,
+        {number: list(lines) for number, lines in pmac_card.programs.items()},
+        {number: list(lines) for number, lines in pmac_card.plcs.buffers.items()},
+        pmac_card.plcs.switches,
+        pmac_card.open_buffer,
+        pmac_card.password.text,
         [
             (m.amplifier_enabled, m.enabled, m.desired, m.velocity, m.home_complete, m.jogging)
-            for m in unknown_card.motors.values()
+            for m in pmac_card.motors.values()
         ],
         [
             (s.running, s.moving, s.program_number, s.time_base.percent, dict(s.frame.definitions))
-            for s in unknown_card.systems.values()
+            for s in pmac_card.systems.values()
         ],
-        dict(unknown_card.tables.tables),
-        (unknown_card.gather.size, unknown_card.gather.running),
-        list(unknown_card.host.pending_commands),
+        dict(pmac_card.tables.tables),
+        (pmac_card.gather.size, pmac_card.gather.running),
+        list(pmac_card.host.pending_commands),
     )
 
 
 @pytest.fixture
-def unknown_card(machine: MachineProfile) -> Wire:
+def pmac_card(machine: MachineProfile) -> Wire:
     return wire(machine)
 
 
 @pytest.fixture
-def ready(unknown_card: Wire) -> Wire:
+def ready(pmac_card: Wire) -> Wire:
     """A card with something for every word to act on: a program, a PLC, closed loops, a buffer."""
-    unknown_card.tell(
-        "I5=0 P1=7", "OPEN PLC 1 CLEAR", "P2=P2+1", "CLOSE", "OPEN PROG 1 CLEAR", "DWELL500", "CLOSE"
-    )
-    unknown_card.tell("#1J/ #2J/ #3J/", "&1B1", "DEFINE GATHER 100", "I21=$C0 I20=1")
-    return unknown_card
+    pmac_card.tell("I5=0 P1=7", "OPEN PLC 1 CLEAR", "P2=P2+1", "CLOSE", "OPEN PROG 1 CLEAR", "DWELL500", "CLOSE")
+    pmac_card.tell("#1J/ #2J/ #3J/", "&1B1", "DEFINE GATHER 100", "I21=$C0 I20=1")
+    return pmac_card
 
 
-def second(unknown_card: Wire) -> Wire:
+def second(pmac_card: Wire) -> Wire:
     """Another host of the same card."""
-    return Wire(sim=unknown_card.sim, port=unknown_card.sim.connect())
+    return Wire(sim=pmac_card.sim, port=pmac_card.sim.connect())
 
 
 def is_command(word: str) -> bool:

@@ -225,7 +225,7 @@ def machine_tool() -> Bench:
     return bench
 
 
-def called_refusal(bench: Bench, text: str) -> str:
+def refusal_in_call(bench: Bench, text: str) -> str:
     with pytest.raises(PmacError) as refused:
         bench.run(text)
     return refused.value.detail
@@ -245,7 +245,7 @@ def test_call_runs_another_program_or_label_and_comes_back_behind_itself() -> No
 def test_a_call_of_what_is_not_there_is_a_run_time_error(call: str) -> None:
     bench = Bench()
     bench.programs[35] = "X1"
-    assert "CALL" in called_refusal(bench, call)
+    assert "CALL" in refusal_in_call(bench, call)
 
 
 def test_a_called_program_without_a_good_structure_is_err016() -> None:
@@ -289,7 +289,7 @@ def test_a_code_without_program_or_label_is_ignored_and_its_line_goes_on(code: s
 
 @pytest.mark.parametrize("code", ["G1000", "M-1"])
 def test_codes_end_at_999_999(code: str) -> None:
-    assert "0 to 999.999" in called_refusal(Bench(), code)
+    assert "0 to 999.999" in refusal_in_call(Bench(), code)
 
 
 def test_m_codes_begin_with_an_implicit_n0_and_m_and_i_without_equals_are_code_and_vector() -> None:
