@@ -167,9 +167,8 @@ WHOLE_IN_BOTH = frozenset(("test_goldens.py", "test_nothing_is_cut.py"))
 OF_THE_HOST = frozenset(
     f"test_{name}.py"
     for name in (
-        *("controller_apply", "controller_backup", "controller_proofs", "cut_cam", "cut_timebase", "end_marks"),
-        *("fingerprint", "heartbeat_cuts", "hold", "identified_programs", "identifying", "kept_heartbeat"),
-        *("line_checksums", "program_constants", "program_load", "stop_proofs", "stop_races"),
+        *("controller_backup", "controller_proofs", "cut_cam", "heartbeat_cuts", "hold", "identifying"),
+        *("kept_heartbeat", "line_checksums", "program_load", "stop_races"),
     )
 )
 """Tests of what this side of the line does, which take long: of the families, the first runs with all others."""

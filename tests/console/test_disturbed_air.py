@@ -16,7 +16,7 @@ from drivers.simulator.plant.true_parameters import ideal
 from profiles.problem import ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
-from tests.drivers.test_disturbed_measurements import disturb
+from tests.drivers.test_identification_refused import disturb
 
 MACHINE = compact_machine().machine
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)

@@ -10,7 +10,7 @@ from console.session.station.commands import CheckHealth, EnableDrives, Home, Id
 from drivers.cutting.strategy import Strategy
 from profiles.store import load_machine
 from tests.console.floor import open_floor
-from tests.drivers.test_disturbed_measurements import disturb
+from tests.drivers.test_identification_refused import disturb
 
 
 @pytest.mark.first(1)

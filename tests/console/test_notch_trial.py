@@ -155,7 +155,7 @@ def test_a_filter_that_would_not_be_safe_otherwise_is_refused_before_a_test(tmp_
 
 @pytest.mark.parametrize("value", [2.5, 2.0, -2.25])
 def test_a_coefficient_that_a_controller_takes_for_another_is_refused(tmp_path: Path, value: float) -> None:
-    """2 becomes -2 in its 24 bits (tests/drivers/test_notch_filter.py)."""
+    """2 becomes -2 in its 24 bits (tests/drivers/test_tool_servo.py)."""
     owner = station_with(tmp_path, Reading.STATED)
     beyond = {**FIRST, "I138": value}
     owner.do(ApplyGains(settings=tuple(beyond.items()), shown=tuple(BEFORE.items())))

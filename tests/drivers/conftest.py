@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import pytest
 
@@ -13,16 +13,16 @@ from drivers.lathe.snapshot import AxisName
 from drivers.lathe.stop import StopPath
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import Axis
-from drivers.simulator.plant.true_parameters import TrueParameters
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
-from tests.drivers.beside_home import beside_home
+from tests.drivers.wire_card import Wire, wire
 
-MachineMaker = Callable[[], MachineProfile]
 JobMaker = Callable[[int], Job]
 
 
@@ -155,8 +155,20 @@ class Bench:
         return self.sim.controller.servo_period_ms
 
 
-BenchMaker = Callable[[], Bench]
 TrueBenchMaker = Callable[[TrueParameters], Bench]
+
+
+def beside_home(machine: MachineProfile, true: TrueParameters | None = None) -> TrueParameters:
+    """Return what a lathe is, with a tenth of the way to go: one that stands elsewhere on purpose stays there."""
+    own = true or ideal(machine)
+    usual = ideal(machine)
+    if (own.tool_start_mm, own.carriage_start_mm, own.spindle_start_turns) != (
+        usual.tool_start_mm,
+        usual.carriage_start_mm,
+        usual.spindle_start_turns,
+    ):
+        return own
+    return replace(own, tool_start_mm=0.1, carriage_start_mm=0.2, spindle_start_turns=0.95)
 
 
 def build(machine: MachineProfile, true: TrueParameters | None = None) -> Bench:
@@ -189,12 +201,6 @@ def experiment() -> JobMaker:
 
 
 @pytest.fixture
-def make_bench(machine: MachineProfile) -> BenchMaker:
-    """Connected benches, as many as a test wants."""
-    return lambda: connected(machine)
-
-
-@pytest.fixture
 def bench_with(machine: MachineProfile) -> TrueBenchMaker:
     """Connected benches whose iron is not what the profile says."""
     return lambda true: connected(machine, true=true)
@@ -213,3 +219,10 @@ def closed(machine: MachineProfile) -> Bench:
     assert made.lathe.verify() == ()
     made.lathe.enable()
     return made
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
+    """A card of either family at the end of a wire."""
+    dialect: Dialect = request.param
+    return wire(machine, dialect)

@@ -17,8 +17,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
-from tests.drivers.beside_home import beside_home
-from tests.drivers.conftest import JobMaker, Recorder
+from tests.drivers.conftest import JobMaker, Recorder, beside_home
 from tests.drivers.families import of_family as of_family
 from tests.drivers.wire_card import Wire
 

@@ -1,4 +1,8 @@
-"""The bundled lathe with a controller of either family: a file that takes `machine` from here runs in both."""
+"""The bundled lathe in both families, or with everything close together.
+
+A file that takes `machine` from here runs in both families; `machine = families.close_machine` is the lathe of the
+paper with everything close together, `machine = families.close_families` that in both families.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +12,7 @@ import pytest
 
 from profiles.machine import MachineProfile
 from profiles.store import load_machine
+from tests.compact import compact_machine
 
 ON_ONE = pytest.mark.parametrize("machine", ["pmac"], indirect=True)
 """For what is decided by the host, whatever the controller: in such a file, others work both families."""
@@ -21,3 +26,13 @@ def of_family(machine: MachineProfile, family: str) -> MachineProfile:
 @pytest.fixture(scope="module", params=["pmac", "turbo"])
 def machine(request: pytest.FixtureRequest) -> MachineProfile:
     return of_family(load_machine("lee-2001-lathe").machine, request.param)
+
+
+@pytest.fixture(scope="session")
+def close_machine() -> MachineProfile:
+    return compact_machine().machine
+
+
+@pytest.fixture(scope="module", params=["pmac", "turbo"])
+def close_families(request: pytest.FixtureRequest) -> MachineProfile:
+    return of_family(compact_machine().machine, request.param)

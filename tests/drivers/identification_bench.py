@@ -17,8 +17,8 @@ from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import TrueParameters
 from profiles.machine import MachineProfile
-from tests.drivers.beside_home import beside_home
 from tests.drivers.commissioned import HeardPort
+from tests.drivers.conftest import beside_home
 
 
 @dataclass(kw_only=True)

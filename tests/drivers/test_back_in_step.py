@@ -1,7 +1,4 @@
-"""Faults of the line under a client: what its caller gets, what is sent, and that the next answer is right.
-
-The faults are those of docs/faults.md, made by the simulated card itself, in both families.
-"""
+"""A client that lost its step finds it again, on a line of any speed."""
 
 from __future__ import annotations
 
@@ -11,13 +8,14 @@ from hypothesis import strategies as st
 
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError, RefusedError
 from drivers.link.memory import MemoryLink
+from drivers.link.serial import Pace
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.framing import FaultKind
 from drivers.pmac.reserved import MARKER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
-from tests.drivers.recorded_line import Recorded, recorded
+from tests.drivers.commissioned import Recorded, recorded
 
 FAULTS: dict[str, tuple[dict[str, float], FaultKind]] = {
     "dropped-ack": ({"replies": 1}, FaultKind.UNFINISHED),
@@ -77,9 +75,7 @@ def test_a_question_that_may_be_asked_again_is_asked_once_more_in_step(bench: Re
 
 @pytest.mark.parametrize("fault", FAULTS)
 @pytest.mark.parametrize("line", ["P1=P1+1", "P1=26", "#1J/", "P1=26 P1"])
-def test_what_writes_or_moves_is_sent_once_and_its_outcome_is_said_to_be_unknown(
-    bench: Recorded, fault: str, line: str
-) -> None:
+def test_what_writes_or_moves_is_sent_once_with_an_unknown_outcome(bench: Recorded, fault: str, line: str) -> None:
     bench.inject(fault, **FAULTS[fault][0])
     with pytest.raises(LinkError) as told:
         bench.client.request(line, lines=int(line.endswith(" P1")))
@@ -362,9 +358,7 @@ def test_under_any_faults_an_answer_is_the_right_one_or_an_error_and_nothing_is_
 
 
 @pytest.mark.parametrize(("late_s", "least_s"), [(1.5, 1.5), (1.9, 1.9), (2.5, 2.0), (3.5, 2.0)])
-def test_answers_that_come_too_late_are_not_taken_for_silence(
-    machine: MachineProfile, late_s: float, least_s: float
-) -> None:
+def test_late_answers_are_not_taken_for_silence(machine: MachineProfile, late_s: float, least_s: float) -> None:
     """Something in between passes one answer on after the other, each `late_s` after the one before."""
     sim = SimulatedLathe(machine)
 
@@ -389,3 +383,62 @@ def test_answers_that_come_too_late_are_not_taken_for_silence(
         PmacClient(MemoryLink(Slow(), sim), sim).connect()
     assert codes(told.value) == ["link.late"]
     assert float(told.value.problems[0].value.strip("> s")) >= least_s
+
+
+# How far ahead of a slow line bytes are handed to it. A character is ten bits.
+
+STOP_WITHIN_S = 0.020
+
+
+class Line:
+    """A serial line: a character leaves when the one before has left."""
+
+    def __init__(self, baud_rate: int) -> None:
+        self.character_s = 10.0 / baud_rate
+        self.clear_at_s = 0.0
+
+    def take(self, count: int, now_s: float) -> None:
+        self.clear_at_s = max(self.clear_at_s, now_s) + count * self.character_s
+
+
+@given(
+    st.sampled_from([600, 9600, 19_200, 38_400, 76_800, 115_200]),
+    st.lists(st.tuples(st.integers(1, 300), st.floats(0.0, 0.1)), min_size=1, max_size=30),
+)
+def test_a_stop_at_any_time_is_on_the_wire_within_20_ms(baud_rate: int, lines: list[tuple[int, float]]) -> None:
+    pace, line, now_s = Pace(baud_rate), Line(baud_rate), 0.0
+    for length, pause_s in lines:
+        left = length
+        while left:
+            count = min(pace.room(now_s), left)
+            if count:
+                pace.handed(count, now_s)
+                line.take(count, now_s)
+                left -= count
+            assert line.clear_at_s + line.character_s - now_s <= max(STOP_WITHIN_S, 2.01 * line.character_s)
+            now_s += pace.wait_s(now_s) if left else pause_s
+
+
+@pytest.mark.parametrize(("baud_rate", "ahead"), [(9600, 9), (38_400, 38), (115_200, 115), (300, 1)])
+def test_what_may_wait_is_10_ms_of_the_line_and_one_character_at_least(baud_rate: int, ahead: int) -> None:
+    assert Pace(baud_rate).ahead == ahead
+    assert Pace(baud_rate).room(5.0) == ahead
+
+
+def test_a_long_text_takes_as_long_as_the_line_and_no_longer() -> None:
+    """9600 baud are 960 characters a second."""
+    pace, now_s, left = Pace(9600), 0.0, 960
+    while left:
+        count = min(pace.room(now_s), left)
+        if count:
+            pace.handed(count, now_s)
+        left -= count
+        now_s += pace.wait_s(now_s)
+    assert now_s == pytest.approx(1.0, abs=0.011)
+
+
+def test_a_line_that_rested_does_not_save_up_for_later() -> None:
+    pace = Pace(9600)
+    pace.handed(9, 0.0)
+    assert pace.room(0.001) == 0
+    assert pace.room(1000.0) == 9

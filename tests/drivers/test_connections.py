@@ -1,22 +1,25 @@
-"""Hosts on a socket, seen from the transport: who is read, who is answered at once, and who is cut off."""
+"""Hosts on sockets, and who speaks to the control socket."""
 
 from __future__ import annotations
 
 import asyncio
+import socket
 from collections.abc import Awaitable, Callable
+from contextlib import ExitStack, closing, suppress
 from functools import partial
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 import pytest
 
 from drivers.simulator.hosts.connection import SLOW_READER, UNREAD_LIMIT, Begin, Connection, PlainStream
+from drivers.simulator.hosts.control_address import UnixAddress
+from drivers.simulator.hosts.control_socket import LINES_A_TURN, ControlHost, listen_for_control
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.hosts.port import INBOX_LIMIT
 from drivers.simulator.hosts.real_time import Host
-
-if TYPE_CHECKING:
-    from drivers.simulator.machine import SimulatedLathe
-    from tests.drivers.conftest import Bench
+from drivers.simulator.machine import SimulatedLathe
+from profiles.machine import MachineProfile
+from tests.drivers.conftest import Bench
 
 CYCLE_S = 0.005
 """A little more than one background cycle of the bundled machine, 11 x 443 us."""
@@ -142,9 +145,7 @@ def test_a_stop_acts_as_it_comes(closed: Bench, stop: bytes) -> None:
 
 
 @pytest.mark.parametrize(("kind", "request_"), [("plain", b"P1\r"), ("ethernet", GETRESPONSE + b"P1")])
-def test_a_host_that_asks_a_lot_lets_others_in_between_and_is_answered_in_the_end(
-    bench: Bench, kind: str, request_: bytes
-) -> None:
+def test_a_host_that_asks_a_lot_lets_others_in_and_is_answered(bench: Bench, kind: str, request_: bytes) -> None:
     async def scene(hall: Hall) -> None:
         flooding, quick = Network(), Network()
         host = getattr(hall, kind)(flooding)
@@ -202,9 +203,7 @@ def test_what_a_lost_host_left_is_not_executed_any_more(bench: Bench) -> None:
 
 
 @pytest.mark.parametrize(("kind", "request_"), [("plain", b"P1\r"), ("ethernet", GETRESPONSE + b"P1")])
-def test_a_host_that_ends_its_sending_side_is_answered_to_the_end_and_closed_then(
-    bench: Bench, kind: str, request_: bytes
-) -> None:
+def test_a_host_that_ends_its_sending_is_answered_then_closed(bench: Bench, kind: str, request_: bytes) -> None:
     async def scene(hall: Hall) -> None:
         network = Network()
         host = getattr(hall, kind)(network)
@@ -337,3 +336,94 @@ def test_clients_that_ask_change_no_trajectory(closed: Bench, bench: Bench) -> N
     play(bench, scene)
     assert len(alone.positions) > 2000
     assert (watched.commands, watched.positions) == (alone.commands, alone.positions)
+
+
+# The control socket: its hosts have turns, as those of the card.
+
+
+class Channel(Network):
+    """The transport of a control host."""
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
+        self.high = high
+
+    @property
+    def lines(self) -> list[str]:
+        return b"".join(self.sent).decode().splitlines()
+
+
+def scene(machine: MachineProfile, play: Callable[[ControlHost, Channel], object]) -> Channel:
+    """Let a host do something, and then the loop have a hundred turns."""
+
+    async def run() -> Channel:
+        host, channel = ControlHost(SimulatedLathe(machine)), Channel()
+        host.connection_made(channel)
+        play(host, channel)
+        for _ in range(100):
+            await asyncio.sleep(0)
+        return channel
+
+    return asyncio.run(run())
+
+
+def test_a_few_lines_a_turn_and_the_others_have_theirs(machine: MachineProfile) -> None:
+    after_one: list[int] = []
+
+    def play(host: ControlHost, channel: Channel) -> None:
+        host.data_received(b"active\n" * 50)
+        after_one.append(len(channel.lines))
+        assert not channel.reading
+
+    channel = scene(machine, play)
+    assert after_one == [LINES_A_TURN]
+    assert channel.lines == ["ok"] * 50
+    assert channel.reading
+
+
+def test_nothing_is_read_of_a_host_that_does_not_read_its_answers(machine: MachineProfile) -> None:
+    def play(host: ControlHost, channel: Channel) -> None:
+        assert channel.high == 65_536
+        host.pause_writing()
+        host.data_received(b"list\n" * 50)
+        assert (channel.sent, channel.reading) == ([], False)
+
+    assert scene(machine, play).sent == []
+
+    def go_on(host: ControlHost, channel: Channel) -> None:
+        play(host, channel)
+        host.resume_writing()
+
+    assert scene(machine, go_on).lines.count("ok") == 50
+
+
+@pytest.mark.parametrize("length", [4097, 5_000_000])
+def test_a_line_that_is_too_long_is_refused_and_the_next_is_answered(machine: MachineProfile, length: int) -> None:
+    channel = scene(machine, lambda host, _: host.data_received(b"x" * length + b"\nactive\n"))
+    assert channel.lines == ["refused: a line has at most 4096 bytes", "ok"]
+
+
+def test_a_host_that_sends_no_more_is_closed_behind_its_answers(machine: MachineProfile) -> None:
+    def play(host: ControlHost, channel: Channel) -> None:
+        host.data_received(b"active\n" * 9 + b"active")
+        assert host.eof_received()
+        assert channel.ended == ""
+
+    channel = scene(machine, play)
+    assert (channel.lines, channel.ended) == (["ok"] * 10, "closed")
+
+
+def test_a_path_whose_owner_hangs_is_taken(machine: MachineProfile, tmp_path: Path) -> None:
+    """So many wait to be served that there is no room for another: it is not waited for, and not taken over."""
+    path = str(tmp_path / "faults")
+    with ExitStack() as opened:
+        listening = opened.enter_context(closing(socket.socket(socket.AF_UNIX)))
+        listening.bind(path)
+        listening.listen(0)
+        for _ in range(4):
+            waiting = opened.enter_context(closing(socket.socket(socket.AF_UNIX)))
+            waiting.setblocking(False)
+            with suppress(BlockingIOError):
+                waiting.connect(path)
+        with pytest.raises(OSError, match="in use"):
+            asyncio.run(listen_for_control(asyncio.Protocol, UnixAddress(path=path), opened))
+    assert Path(path).is_socket()

@@ -1,24 +1,29 @@
-"""What is verified before the first motion: a card that breaks a rule is told of, with value and limit."""
+"""What a controller has to be set to, its devices, and what a backup brings back."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from console.text.catalogue import load
 from console.text.checks import check_lines
+from drivers.commissioning.backup import backup_text, read_backup, typed_lines
 from drivers.commissioning.card_state import CardState, state_checks
 from drivers.commissioning.check import Check, Group
-from drivers.commissioning.verification import after_abort, after_jog_stop
+from drivers.commissioning.reading import Extent, read_configuration, whole_card
+from drivers.commissioning.stops import after_abort, after_jog_stop
 from drivers.lathe.heartbeat import Heartbeat
-from drivers.pmac.dialect import Setting
+from drivers.lathe.safety import safety_problems
+from drivers.pmac.dialect import Dialect, Setting
 from drivers.pmac.trajectory.jog import JogSettings
 from profiles.findings import Severity
-from profiles.machine import MachineProfile
+from profiles.machine import SAFETY_DEVICES, MachineProfile, Safety
 from tests.drivers.commissioned import Commissioned, commissioned
 from tests.drivers.families import ON_ONE
-from tests.drivers.families import machine as machine  # both families
+from tests.drivers.families import machine as machine
+from tests.drivers.test_backup_whole import PLC_TEXTS, TEXTS
 
 FRESH = {"pmac": set(), "turbo": {"watchdog"}}
 """What a fresh card of the profile is warned of: on a Turbo the long watchdog, which a PMAC has no setting for."""
@@ -30,13 +35,10 @@ def found(card: Commissioned, code: str, variable: str = "") -> Check:
     return checks[0]
 
 
-def test_a_fresh_card_of_the_profile_holds(machine: MachineProfile) -> None:
+def test_a_fresh_card_of_the_profile_holds_in_every_group(machine: MachineProfile) -> None:
     findings = commissioned(machine).findings()
     assert {check.severity for check in findings} <= {Severity.WARNING}
     assert {check.code for check in findings} == FRESH[machine.controller.family]
-
-
-def test_every_group_is_looked_at(machine: MachineProfile) -> None:
     groups = [check.group for check in commissioned(machine).verify().checks]
     assert list(dict.fromkeys(groups)) == [group for group in Group if group not in (Group.PROOFS, Group.COMPUTER)]
 
@@ -81,10 +83,7 @@ def test_what_breaks_a_rule_fails_by_name(
     assert (check.found, check.wanted) == (value, wanted)
 
 
-@pytest.mark.parametrize(
-    ("setting", "value", "code"),
-    [(Setting.SEGMENT_MS, 5, "segments")],
-)
+@pytest.mark.parametrize(("setting", "value", "code"), [(Setting.SEGMENT_MS, 5, "segments")])
 def test_settings_with_another_number_in_each_family(
     machine: MachineProfile, setting: Setting, value: int, code: str
 ) -> None:
@@ -103,7 +102,7 @@ def test_blending_and_time_base_of_the_coordinate_system(machine: MachineProfile
     assert found(card, "led_by_master").severity is Severity.REFUSAL
 
 
-def test_kill_mode_switches_and_fault_input_are_told(machine: MachineProfile) -> None:
+def test_kill_modes_are_told_where_they_are_not_the_profiles(machine: MachineProfile) -> None:
     card = commissioned(machine)
     index = card.dialect.index(Setting.FLAG_MODE, 1)
     card.tell(f"I{index}=$500000")
@@ -112,9 +111,6 @@ def test_kill_mode_switches_and_fault_input_are_told(machine: MachineProfile) ->
     card.tell(f"I{index}=$20000")
     codes = {check.code for check in card.findings() if check.variable == f"I{index}"}
     assert codes == {"differs", "kills_all", "switches_off"}
-
-
-def test_a_kill_mode_of_its_own_is_not_warned_of(machine: MachineProfile) -> None:
     card = commissioned(machine)
     for motor in (1, 2, 3):
         card.tell(f"I{card.dialect.index(Setting.FLAG_MODE, motor)}=$400000")
@@ -132,9 +128,7 @@ def test_background_plcs_must_be_permitted(machine: MachineProfile, value: int, 
         assert (found(card, "plcs").severity, found(card, "plcs").found) == (Severity.WARNING, str(value))
 
 
-def test_a_profile_that_permits_background_plcs_is_told_once_that_the_card_does_not(
-    machine: MachineProfile,
-) -> None:
+def test_background_plcs_that_the_card_does_not_permit_are_told_once(machine: MachineProfile) -> None:
     permitted = {**machine.controller.variables, "I5": 2}
     card = commissioned(replace(machine, controller=replace(machine.controller, variables=permitted)))
     card.tell("I5=0")
@@ -142,7 +136,9 @@ def test_a_profile_that_permits_background_plcs_is_told_once_that_the_card_does_
     assert (check.code, check.severity, check.wanted) == ("plcs", Severity.REFUSAL, "2")
 
 
-def test_the_watchdog_of_a_turbo_is_told_in_ms(machine: MachineProfile) -> None:
+def test_a_setting_that_two_rules_know_is_told_once_and_the_watchdog_of_a_turbo_in_ms(
+    machine: MachineProfile,
+) -> None:
     card = commissioned(machine)
     if card.dialect.watchdog.number is None:
         assert "watchdog" not in {check.code for check in card.verify().checks}
@@ -152,6 +148,12 @@ def test_the_watchdog_of_a_turbo_is_told_in_ms(machine: MachineProfile) -> None:
     assert (check.facts["time"], check.wanted) == ("1812.9 ms", "226")
     card.tell("I40=226")
     assert "watchdog" not in {check.code for check in card.findings()}
+    card = commissioned(machine)
+    card.factory()
+    failing = [
+        c.variable for c in card.findings() if c.severity is Severity.REFUSAL and c.variable.startswith("I")
+    ]
+    assert sorted(failing) == sorted(set(failing))
 
 
 def test_a_servo_time_that_is_not_that_of_the_machine(machine: MachineProfile) -> None:
@@ -162,12 +164,18 @@ def test_a_servo_time_that_is_not_that_of_the_machine(machine: MachineProfile) -
     assert (check.found, check.facts["period"], check.wanted) == ("1856853", "221.354 us", "3713707")
 
 
-def test_somebody_elses_plc_and_a_table_are_told(machine: MachineProfile) -> None:
+def test_what_runs_beside_is_told(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.tell("OPEN PLC5", "CLEAR", "P5=P5+1", "CLOSE", "#1DEFINE COMP 2,#2,#1,10000", "16 0")
     assert found(card, "plc_texts").found == "PLC 5"
     (table,) = [check for check in card.verify().checks if check.code == "table"]
     assert table.found.startswith("2,#2,#1,10000, 2, sha256 ")
+    card = commissioned(machine)
+    card.tell("#1J/", "#2J/", "#3J/", "OPEN PROG1", "CLEAR", "DWELL60000", "CLOSE", "&1B1R")
+    card.sim.wait(0.05)
+    assert found(card, "running").found == "&1"
+    (drives,) = [check for check in card.verify().checks if check.code == "drives_on"]
+    assert drives.found == "#1, #2, #3"
 
 
 def test_an_encoder_that_is_converted_otherwise(machine: MachineProfile) -> None:
@@ -177,15 +185,6 @@ def test_an_encoder_that_is_converted_otherwise(machine: MachineProfile) -> None
     card.tell(f"{word}={'$1'}" if table.first_setting else f"{word}$1")
     check = found(card, "encoder")
     assert (check.subject, check.found) == ("spindle", "$1")
-
-
-def test_a_running_program_and_a_switched_on_drive_are_seen(machine: MachineProfile) -> None:
-    card = commissioned(machine)
-    card.tell("#1J/", "#2J/", "#3J/", "OPEN PROG1", "CLEAR", "DWELL60000", "CLOSE", "&1B1R")
-    card.sim.wait(0.05)
-    assert found(card, "running").found == "&1"
-    (drives,) = [check for check in card.verify().checks if check.code == "drives_on"]
-    assert drives.found == "#1, #2, #3"
 
 
 @pytest.mark.parametrize(("guarded", "word"), [("P1003=1", ("jog", "조그")), ("P1003=2", ("program", "프로그램"))])
@@ -208,10 +207,16 @@ def test_what_was_ended_because_its_host_was_killed_is_told(
     assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
 
 
-def test_a_variable_of_that_number_means_nothing_without_our_heartbeat(machine: MachineProfile) -> None:
+def test_a_variable_of_that_number_means_nothing_without_our_heartbeat_nor_does_another_family(
+    machine: MachineProfile,
+) -> None:
     card = commissioned(machine)
     card.tell("P1004=2")
     assert not [check for check in card.findings() if check.code == "heartbeat_lost"]
+    card = commissioned(machine)
+    other = "turbo" if machine.controller.family == "pmac" else "pmac"
+    card.machine = replace(machine, controller=replace(machine.controller, family=other))
+    assert found(card, "family").wanted == other
 
 
 def test_a_fault_of_a_motor_is_told(machine: MachineProfile) -> None:
@@ -244,25 +249,13 @@ def test_a_card_at_factory_settings_is_told_what_that_does(machine: MachineProfi
     assert {"factory", "no_limit", "slow_tool", "soft_abort", "too_much_current", "axis"} <= codes
 
 
-def test_a_setting_that_two_rules_know_is_told_once(machine: MachineProfile) -> None:
-    card = commissioned(machine)
-    card.factory()
-    failing = [
-        c.variable for c in card.findings() if c.severity is Severity.REFUSAL and c.variable.startswith("I")
-    ]
-    assert sorted(failing) == sorted(set(failing))
-
-
-def test_what_the_profile_leaves_open_is_shown(machine: MachineProfile) -> None:
+def test_a_profile_is_shown_with_what_it_leaves_open_or_contradicts(machine: MachineProfile) -> None:
     card = commissioned(machine)
     card.tell("I103=$720", "I171=1000")
     (check,) = [c for c in card.verify().checks if c.code == "not_stated" and c.subject == "tool"]
     assert check.severity is Severity.NOTICE
     assert "I103 = $720" in check.found
     assert "I171 = 1000" in check.found
-
-
-def test_a_profile_whose_gains_contradict_each_other(machine: MachineProfile) -> None:
     tool = replace(machine.tool, gain_kp_v_per_m=200.0)
     card = commissioned(replace(machine, tool=tool))
     check = found(card, "profile_gains", "I130")
@@ -270,9 +263,7 @@ def test_a_profile_whose_gains_contradict_each_other(machine: MachineProfile) ->
     assert (check.found, check.wanted) == ("528", "716")
 
 
-def test_a_machine_that_is_signed_for_is_told_that_its_loop_is_the_soft_published_one(
-    machine: MachineProfile,
-) -> None:
+def test_a_machine_that_is_signed_for_is_told_of_its_soft_published_loop(machine: MachineProfile) -> None:
     """3 N push this loop by 33 um: 10.9 um/N, the figure of docs/tuning.md."""
     signed = replace(machine, safety=replace(machine.safety, signed_for="machine"))
     check = found(commissioned(signed), "soft_loop")
@@ -282,13 +273,6 @@ def test_a_machine_that_is_signed_for_is_told_that_its_loop_is_the_soft_publishe
     stiff = replace(signed, tool=replace(signed.tool, gain_kp_v_per_m=766.0))
     codes = {each.code for card in (stiff, machine) for each in commissioned(card).findings()}
     assert "soft_loop" not in codes, "with designed gains, and on the paper's lathe"
-
-
-def test_a_card_of_another_family_is_told(machine: MachineProfile) -> None:
-    card = commissioned(machine)
-    other = "turbo" if machine.controller.family == "pmac" else "pmac"
-    card.machine = replace(machine, controller=replace(machine.controller, family=other))
-    assert found(card, "family").wanted == other
 
 
 def test_an_inverter_spindle_is_not_asked_for_what_it_has_not(machine: MachineProfile) -> None:
@@ -311,3 +295,137 @@ def test_run_on_after_a_stop_by_hand_calculation() -> None:
     slow = after_jog_stop(JogSettings(acceleration=0.25, ta_ms=100.0, ts_ms=25.0, speed=50.0), 0.0)
     assert slow.time_ms == pytest.approx(225.0)
     assert slow.counts == pytest.approx(50.0 * 225.0 / 2.0)
+
+
+# What doctor says of the safety devices: how they are fitted, who signed, and what the card sees of them.
+
+WIRED = Safety(
+    emergency_stop="wired",
+    safe_torque_off="wired",
+    guard="wired",
+    enabling_device="wired",
+    chuck_closed="wired",
+    key_removed="wired",
+    spindle_permit="wired",
+)
+
+
+def devices(machine: MachineProfile, safety: Safety, *lines: str) -> list[Check]:
+    card = commissioned(replace(machine, safety=safety))
+    card.tell(*lines)
+    return [check for check in card.verify().checks if check.group is Group.SAFETY]
+
+
+def test_devices_fail_unless_wired_signed_or_read(machine: MachineProfile) -> None:
+    found = devices(machine, Safety())
+    assert [(check.subject, check.severity) for check in found] == [
+        (device, Severity.REFUSAL) for device in SAFETY_DEVICES
+    ]
+    safety = replace(WIRED, guard="not fitted", signed_by="Kim, 2026-03-01")
+    told = {check.subject: check for check in devices(machine, safety)}
+    assert (told["guard"].severity, told["guard"].found) == (Severity.NOTICE, "Kim, 2026-03-01")
+    assert {check.severity for name, check in told.items() if name != "guard"} == {Severity.OK}
+    check = devices(machine, replace(WIRED, inputs=("guard=open",)))[-1]
+    assert (check.code, check.severity, check.found) == ("input_unreadable", Severity.REFUSAL, "guard=open")
+
+
+@pytest.mark.parametrize("nobody", ["", "   ", "-", "\u3164", "2026-03-01"])
+def test_what_is_not_fitted_needs_a_name(machine: MachineProfile, nobody: str) -> None:
+    unsigned = replace(WIRED, guard="not fitted", signed_by=nobody)
+    (check,) = [c for c in devices(machine, unsigned) if c.subject == "guard"]
+    assert (check.code, check.severity) == ("device_unsigned", Severity.REFUSAL)
+    (problem,) = safety_problems(replace(machine, safety=unsigned), {})
+    assert (problem.code, problem.key) == ("safety.not_signed", "safety.guard")
+    assert safety_problems(replace(machine, safety=replace(unsigned, signed_by="김 2026-03-01")), {}) == ()
+
+
+@pytest.mark.parametrize(
+    ("word", "good", "severity"),
+    [(8, 1, Severity.OK), (7, 1, Severity.REFUSAL), (8, 0, Severity.REFUSAL), (7, 0, Severity.OK)],
+)
+def test_an_input_of_the_card_is_read(machine: MachineProfile, word: int, good: int, severity: Severity) -> None:
+    safety = replace(WIRED, inputs=(f"guard->Y:$7F0,3={good}",))
+    check = devices(machine, safety, f"WY:$7F0,{word}")[-1]
+    assert (check.code, check.subject, check.severity) == ("input", "guard", severity)
+    assert (check.found, check.wanted) == (str(word >> 3 & 1), str(good))
+
+
+# A backup with values: sent to a fresh card by the client, and read again, it is the same text to the byte.
+
+PROGRAMS, PLCS = 30, 20
+DATE = "2026-03-01T12:00:00+00:00"
+
+
+def filled(machine: MachineProfile, random: Random) -> Commissioned:
+    """A card with something of everything, in every coordinate system."""
+    card = commissioned(machine)
+    dialect = card.dialect
+    motors, systems, highest = dialect.motor_count, dialect.system_count, dialect.highest_index
+    lines = ["I15=1", "I108=32", "I130=1999.5", f"P{highest}=-0.125", "P7=1/3", "P8=-2000000.25", f"M{highest}=3"]
+    lines += ["M1->X:$700,24,S", "M2->Y:$10F0,8,4", "M3->D:$28", "M4->L:$1200", "M5->Y:$12A0,24", "M5=77", "M7=5"]
+    lines += [f"P{random.randrange(1000)}={random.uniform(-1e6, 1e6):.6f}" for _ in range(40)]
+    lines += ["UNDEFINE ALL"]
+    lines += [f"&{n % systems + 1}#{n}->{100 * n}{'XYZ'[n // systems % 3]}+{n}" for n in range(1, motors + 1)]
+    lines += [f"&{system}Q{system}={system}.5" for system in range(1, systems + 1)]
+    for motor in (4, 3, 1):
+        lines += [f"#{motor}DEFINE COMP 40,#2,#{motor},40000", *["1 2 3 -4 5 -60 7 0"] * 5]
+    for number in (*range(1, PROGRAMS), 1000):
+        lines += [f"OPEN PROG {number} CLEAR", *random.choices(TEXTS, k=12), "CLOSE"]
+    for number in range(1, PLCS + 1):
+        lines += [f"OPEN PLC {number} CLEAR", *random.choices(PLC_TEXTS, k=9), "CLOSE"]
+    last = {"pmac": 0x9FFF, "turbo": 0x107FF}[dialect.name]
+    lines += ["DEFINE UBUFFER 300", f"WX:${last - 299:X},$ABCDEF,1", f"WY:${last:X},$FFFFFF"]
+    if dialect.kinematics is not None:
+        lines += ["&3", "OPEN INVERSE CLEAR", "P4=Q7*100", "IF(Q10=1)", "ENDIF", "CLOSE"]
+        lines += ["&16OPEN FORWARD CLEAR", "Q7=P4/100", "CLOSE", "&1"]
+    card.tell(*lines)
+    return card
+
+
+def text_of(card: Commissioned, extent: Extent) -> str:
+    return backup_text(read_configuration(card.client, card.dialect, extent), DATE)
+
+
+def restored(machine: MachineProfile, text: str) -> Commissioned:
+    """A fresh card to which our client has sent the text."""
+    card = commissioned(machine)
+    card.client.download(typed_lines(text))
+    assert card.client.in_step
+    return card
+
+
+def part(dialect: Dialect) -> Extent:
+    """Everything but most of what takes time: the definitions and settings of the factory."""
+    every = range(200)
+    return Extent(settings=(every,), pointers=(every,), motors=tuple(range(1, dialect.motor_count + 1)))
+
+
+def test_text_of_programs_tables_and_systems_comes_back(machine: MachineProfile) -> None:
+    first = filled(machine, Random(30))
+    extent = part(first.dialect)
+    text = text_of(first, extent)
+    for kind, count in (("OPEN PROG", PROGRAMS), ("OPEN PLC", PLCS), ("; #", 3)):
+        assert sum(line.startswith(kind) for line in text.splitlines()) == count
+    assert {line.partition("#")[0] for line in text.splitlines() if line[0:1] == "&"} == {
+        f"&{n}" for n in range(1, first.dialect.system_count + 1)
+    }
+    again = text_of(restored(machine, text), extent)
+    tables = [line for line in text.splitlines() if line.startswith("; #")]
+    assert [line for line in again.splitlines() if "sha256" not in line] == [
+        line for line in text.splitlines() if "sha256" not in line and line not in tables
+    ], "without the values the entries of tables are not kept"
+
+
+@pytest.mark.long
+def test_backup_restore_backup_is_identical(machine: MachineProfile) -> None:
+    first = filled(machine, Random(31))
+    extent = whole_card(first.dialect, values=True)
+    text = text_of(first, extent)
+    systems = first.dialect.system_count
+    for line in ("P7=0.3333333333", "M7=5", f"&{systems}Q{systems}={systems}.5", "#4DEFINE COMP 40,#2,#4,40000"):
+        assert f"\n{line}\n" in text
+    assert "\nDEFINE UBUFFER 300\nWX:$" in text
+    assert ("\n&3OPEN INVERSE\n" in text) == (first.dialect.kinematics is not None)
+    assert text_of(restored(machine, text), extent) == text
+    backup = read_backup(text, "file")
+    assert backup_text(backup.configuration, backup.date) == text

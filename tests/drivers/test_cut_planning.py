@@ -1,30 +1,31 @@
-"""What is known of a cut before anything moves: its real path, its times, its warnings and its refusals."""
+"""Plans of cuts, also of axes that were identified."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import cmath
+import math
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from itertools import pairwise
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.cutting.planning import CutPlan, Strategy, nominal_command, plan_cut
 from drivers.errors import DriverError
+from drivers.identification.nominal import nominal_response
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_response, unfit_problems
 from drivers.pmac.axes import read_definitions
 from drivers.pmac.check import CheckedMove, CheckedProgram, loop_lines, run_through
 from drivers.pmac.settings import settings_with
 from profiles.axis.servo import sampled_response
 from profiles.compensations.path import CutPath, PathHarmonic, target_path
 from profiles.findings import Severity
-from profiles.problem import ProblemError
+from profiles.job import Job
+from profiles.machine import MachineProfile
+from profiles.problem import ProblemError, ProfileError
+from tests.drivers.conftest import JobMaker
 from tests.drivers.cut_floor import short
-
-if TYPE_CHECKING:
-    from profiles.job import Job
-    from profiles.machine import MachineProfile
-    from tests.drivers.conftest import JobMaker
 
 
 def with_settings(machine: MachineProfile, changed: Mapping[str, float]) -> MachineProfile:
@@ -132,6 +133,7 @@ def test_the_angle_is_not_rounded_over_a_thousand_turns(machine: MachineProfile,
     assert np.abs(deviation_in_um(moves[-200:], plan, job, machine)).max() < 0.05
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("rpm", [333.3, 1000, 1234.5])
 @pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.NONE])
 def test_pvt_segments_are_whole_milliseconds(
@@ -142,9 +144,7 @@ def test_pvt_segments_are_whole_milliseconds(
     assert all(time == int(time) and time >= 1 for time in times)
 
 
-def test_pvt_is_continuous_in_position_and_speed_and_ends_at_rest(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_pvt_is_continuous_and_ends_at_rest(machine: MachineProfile, experiment: JobMaker) -> None:
     program = checked(plan_cut(short(experiment), machine, Strategy.PVT), machine)
     pieces = [piece for move in program.moves for piece in move.pieces]
     for before, after in pairwise(pieces):
@@ -188,9 +188,7 @@ def test_the_experiments_are_planned_without_a_refusal(
         assert codes(plan_cut(experiment(number), machine, strategy), Severity.REFUSAL) == set()
 
 
-def test_the_printed_times_are_stretched_and_cost_speed_and_stroke(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_the_printed_times_cost_speed_and_stroke(machine: MachineProfile, experiment: JobMaker) -> None:
     plan = plan_cut(short(experiment), machine, Strategy.PAPER)
     assert plan.spindle_speed_rpm == pytest.approx(500)
     facts = {f.problem.code: (f.problem.value, f.problem.limit) for f in plan.findings}
@@ -198,21 +196,11 @@ def test_the_printed_times_are_stretched_and_cost_speed_and_stroke(
     assert facts["cut.speed_differs"] == ("500 rpm", "1000 rpm")
     assert facts["cut.stroke_lost"] == ("36.67 um (66.7 %)", "55.00 um")
     assert codes(plan, Severity.WARNING) == set(facts)
-
-
-def test_a_ts_of_five_keeps_the_speed_and_still_two_thirds_of_the_stroke(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
     plan = plan_cut(short(experiment, 2), machine, Strategy.PAPER, 5)
     assert plan.spindle_speed_rpm == pytest.approx(1000)
     assert codes(plan, Severity.WARNING) == {"cut.stroke_lost"}
     assert {f.problem.value for f in plan.findings} == {"22.00 um (66.7 %)"}
-
-
-def test_a_ts_of_one_keeps_ten_milliseconds_and_half_of_the_stroke_and_more(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
-    """TA = TM = 10, TS = 1: the share that a zig-zag keeps is 1 - 4 ((TA-TS)/8 + TS^2/(24 (TA-TS)))/TM."""
+    # TA = TM = 10, TS = 1: the share that a zig-zag keeps is 1 - 4 ((TA-TS)/8 + TS^2/(24 (TA-TS)))/TM.
     plan = plan_cut(short(experiment), machine, Strategy.PAPER, 1)
     lost = 4 * (9 / 8 + 1 / (24 * 9)) / 10
     (finding,) = [f for f in plan.findings if f.problem.code == "cut.stroke_lost"]
@@ -258,9 +246,7 @@ def test_a_path_that_leaves_the_part_is_refused_and_a_plain_cut_of_the_same_job_
     assert codes(plan_cut(shallow, machine, Strategy.NONE), Severity.REFUSAL) == set()
 
 
-def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_a_learned_path_is_judged_by_its_own_waves(machine: MachineProfile, experiment: JobMaker) -> None:
     """The lobe is lowest at 150 deg, and so is a wave of 6 um, four in a turn, with a crest at 15: 33.5 um out.
 
     The edge takes 5 um more.
@@ -275,9 +261,7 @@ def test_a_learned_path_is_judged_by_its_own_waves_at_the_depth_of_the_job(
         assert ("cut.leaves_part" in codes(plan, Severity.REFUSAL)) is refused
 
 
-def test_the_predicted_following_error_is_that_of_the_reference(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_the_following_error_is_that_of_the_reference(machine: MachineProfile, experiment: JobMaker) -> None:
     """|1 - T| |1/T| 27.5 um at 50 Hz with T = 0.885 exp(-0.903 j): 25.6 um; 25 um trip, 27 um do not."""
     response = 0.885 * np.exp(-0.903j)
     error_um = 27.5 * abs(1 - response) / abs(response)
@@ -295,9 +279,7 @@ def test_a_lobe_too_fast_for_whole_milliseconds_is_refused(machine: MachineProfi
 
 
 @pytest.mark.parametrize("ts_ms", [-1, 8_388_608])
-def test_a_ts_that_the_controller_does_not_take_is_refused(
-    machine: MachineProfile, experiment: JobMaker, ts_ms: int
-) -> None:
+def test_a_ts_that_cannot_be_is_refused(machine: MachineProfile, experiment: JobMaker, ts_ms: int) -> None:
     with pytest.raises(DriverError) as refused:
         plan_cut(short(experiment), machine, Strategy.PAPER, ts_ms)
     assert refused.value.problems[0].code == "program.refused"
@@ -315,3 +297,117 @@ def test_a_lease_is_looked_at_in_every_turn_and_changes_nothing_else(
     assert guarded.text.replace(" AND I5111>0", "") == plain.text
     assert guarded.duration_s == plain.duration_s
     assert guarded.findings == plain.findings
+
+
+# A cut that inverts what was identified: its command, whose response it takes, and what it refuses.
+
+Curve = Callable[[float], complex]
+
+
+def identified(
+    machine: MachineProfile, path: Strategy, curve: Curve, *frequencies_hz: float
+) -> IdentifiedResponse:
+    """What the console would have kept of an axis that answers like this."""
+    variables = machine.controller.variables
+    origin = Origin(
+        machine=machine.name,
+        simulated=True,
+        version="1.17",
+        kind="PMAC1, X1",
+        gains={f"I{number}": variables[f"I{number}"] for number in range(130, 136)},
+        servo_period_ms=machine.controller.servo_period_ms,
+    )
+    points = tuple(
+        IdentifiedPoint(
+            frequency_hz=frequency_hz,
+            gain=abs(curve(frequency_hz)),
+            phase_deg=math.degrees(cmath.phase(curve(frequency_hz))),
+            gain_ci=0.001,
+            phase_ci_deg=0.06,
+            coherence=1.0,
+            amplitude_um=25.0,
+        )
+        for frequency_hz in frequencies_hz
+    )
+    date = "2001-11-30T14:05:00.000Z"
+    return IdentifiedResponse(origin=origin, path=path, how="measured", delay_cycles=0, date=date, points=points)
+
+
+def test_the_command_is_divided_by_gain_and_leads_by_phase(machine: MachineProfile, experiment: JobMaker) -> None:
+    """Half a gain and 60 deg of lag: twice the amplitude, and 20 deg of spindle earlier."""
+    found = identified(machine, Strategy.PVT, lambda _: cmath.rect(0.5, math.radians(-60.0)), 50.0)
+    job = experiment(1)
+    command = nominal_command(job, machine, Strategy.PVT, as_response(found, "there"))
+    assert command.amplitude_um == pytest.approx(55.0)
+    assert command.phase_deg == pytest.approx(job.lobe_phase_deg - 20.0)
+    assert command.mean_um == pytest.approx(100.0)
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])
+def test_what_the_model_would_have_answered_makes_the_command_of_the_model(
+    machine: MachineProfile, experiment: JobMaker, path: Strategy
+) -> None:
+    """The age of a path is in what was identified, and no cycle of it is counted twice."""
+    found = identified(machine, path, lambda hz: nominal_response(path, machine, hz), 50.0)
+    command, model = (
+        nominal_command(experiment(1), machine, path, response) for response in (as_response(found, "there"), None)
+    )
+    assert command.amplitude_um == pytest.approx(model.amplitude_um, rel=1e-9)
+    assert command.phase_deg == pytest.approx(model.phase_deg, abs=1e-9)
+
+
+@pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
+def test_the_program_of_an_identified_axis_is_another(
+    machine: MachineProfile, experiment: JobMaker, path: Strategy
+) -> None:
+    found = identified(machine, path, lambda hz: 0.9 * complex(sampled_response(machine, hz)), 40.0, 60.0)
+    job = replace(experiment(1), cut_length_mm=1.0)
+    plan, by_model = (plan_cut(job, machine, path, response=r) for r in (as_response(found, "there"), None))
+    assert (plan.text, plan.table) != (by_model.text, by_model.table)
+    assert plan.target == by_model.target
+
+
+def test_a_speed_that_was_not_identified_makes_no_program(machine: MachineProfile, experiment: JobMaker) -> None:
+    found = identified(machine, Strategy.CAM, lambda _: 0.9 + 0j, 40.0, 60.0)
+    job = replace(experiment(1), spindle_speed_rpm=1300.0)
+    with pytest.raises(ProfileError) as caught:
+        plan_cut(job, machine, Strategy.CAM, response=as_response(found, "there"))
+    (problem,) = caught.value.problems
+    assert (problem.code, problem.where, problem.value) == ("response.outside_band", "there", "65 Hz")
+
+
+def test_a_response_holds_for_its_machine_path_gains_and_world(machine: MachineProfile) -> None:
+    found = identified(machine, Strategy.PVT, lambda _: 0.9 + 0j, 50.0)
+    assert unfit_problems(found, machine, Strategy.PVT, simulated=True) == ()
+    assert unfit_problems(found, machine, Strategy.PVT) == ()
+    origin = found.origin
+    variables = {**machine.controller.variables, "I133": 0.0}
+    others = {
+        "strategy": (found, machine, Strategy.CAM),
+        "machine": (found, replace(machine, name="another"), Strategy.PVT),
+        "controller": (replace(found, origin=replace(origin, kind="TURBO PMAC2")), machine, Strategy.PVT),
+        "I133": (
+            found,
+            replace(machine, controller=replace(machine.controller, variables=variables)),
+            Strategy.PVT,
+        ),
+        "servo_period_ms": (replace(found, origin=replace(origin, servo_period_ms=0.2214)), machine, Strategy.PVT),
+    }
+    for key, differing in others.items():
+        (problem,) = unfit_problems(*differing, simulated=True, where="file")
+        assert (problem.code, problem.where, problem.key) == ("response.of_another", "file", key)
+    (world,) = unfit_problems(found, machine, Strategy.PVT, simulated=False)
+    assert (world.value, world.limit) == ("simulated", "real")
+
+
+def test_a_response_that_names_no_filter_was_measured_without_one(machine: MachineProfile) -> None:
+    """As they were kept before there was a filter: Ix30 to Ix35 alone."""
+    found = identified(machine, Strategy.PVT, lambda _: 0.9 + 0j, 50.0)
+    assert not any(name >= "I136" for name in found.origin.gains)
+    variables = {**machine.controller.variables, "I136": -1.09375, "I139": 0.125}
+    filtered = replace(machine, controller=replace(machine.controller, variables=variables))
+    problems = unfit_problems(found, filtered, Strategy.PVT)
+    assert [(each.key, each.value, each.limit) for each in problems] == [
+        ("I136", "0", "-1.09375"),
+        ("I139", "0", "0.125"),
+    ]

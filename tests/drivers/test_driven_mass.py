@@ -1,17 +1,27 @@
-"""A mass behind an amplifier against the closed forms of its motion: damping, dry friction, both and none."""
+"""Driven masses with friction, guides, and the ends of their travel."""
 
 from __future__ import annotations
 
 import math
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.pmac.settings import settings_with
 from drivers.simulator.card.servo import ServoAxis
+from drivers.simulator.hosts.control_line import answer
 from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, linear_motor, rotary_motor
+from drivers.simulator.plant.drives import Drives, build_drives
+from drivers.simulator.plant.presets import plant_named
+from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.servo_gains import ServoGains
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from profiles.machine import MachineProfile
+from tests.drivers.conftest import TrueBenchMaker
 
 CYCLE_S = 3_713_707 / 8_388_608_000
 FRICTION_N, MASS_KG, COUNTS_PER_M = 3.0, 4.74, 5e6
@@ -66,7 +76,7 @@ def test_a_free_slide_stops_after_m_v2_over_2_f(speed_mm_per_s: float) -> None:
     assert np.count_nonzero(v) == math.floor(stop_s / CYCLE_S)
 
 
-def test_with_damping_too_it_stops_after_the_logarithm() -> None:
+def test_a_free_slide_stops_by_friction_and_damping() -> None:
     """M dv/dt = -B v - F ends after (M / B) ln(1 + B v / F)."""
     speed = 0.05
     _, v = went(slide(201.6), speed * COUNTS_PER_M, 0.0, 2000)
@@ -170,3 +180,159 @@ def test_a_rotor_is_a_slide_in_counts_of_its_turn() -> None:
     assert rotor.acceleration_per_bit == pytest.approx(500 / (2 * math.pi) * 10_000)
     assert rotor.friction == pytest.approx(250 / (2 * math.pi) * 10_000)
     assert rotor.damping_per_s == pytest.approx(2.0)
+
+
+# Dry friction that builds up over a distance: by its differential equation, and by what it does to a tool.
+
+GUIDES_MASS_KG, DAMPING, GUIDES_FRICTION_N, DISTANCE_M = 4.74, 163.4, 3.0, 5e-6
+N_PER_BIT, GUIDES_COUNTS_PER_M = 624.025 * 10 / 32_768, 5e6
+GAINS = ServoGains(ix08=96, ix09=96, ix30=528, ix31=4905, ix32=0, ix33=811, ix34=0, ix35=0, ix69=32_767)
+
+
+def moved_um(forces_n: list[float], cycles: int) -> np.ndarray:
+    """Where a slide with this friction goes under each of these forces for so many servo cycles."""
+    slide = linear_motor(
+        mass_kg=GUIDES_MASS_KG,
+        damping_n_s_per_m=DAMPING,
+        force_n_per_bit=N_PER_BIT,
+        peak_output_bits=32_767,
+        counts_per_m=GUIDES_COUNTS_PER_M,
+    )
+    limit = GUIDES_FRICTION_N / GUIDES_MASS_KG * GUIDES_COUNTS_PER_M
+    axis = ServoAxis(slide, GAINS, CYCLE_S, load=Presliding(limit, DISTANCE_M * GUIDES_COUNTS_PER_M, None))
+    at: list[float] = []
+    for force_n in forces_n:
+        at += axis.push(force_n / N_PER_BIT / 32_767, cycles)
+    return np.array(at) / GUIDES_COUNTS_PER_M * 1e6
+
+
+def by_equation_um(forces_n: list[float], cycles: int) -> np.ndarray:
+    """m x" = F - B x' - f with f' = (F_c x' - f |x'|) / s; a force acts one servo cycle later."""
+    from scipy.integrate import solve_ivp
+
+    def slope(time_s: float, state: np.ndarray) -> list[float]:
+        _, speed, friction_n = state
+        place = math.floor(time_s / CYCLE_S + 1e-9) - 1
+        force_n = forces_n[min(place // cycles, len(forces_n) - 1)] if place >= 0 else 0.0
+        grown = (GUIDES_FRICTION_N * speed - friction_n * abs(speed)) / DISTANCE_M
+        return [speed, (force_n - DAMPING * speed - friction_n) / GUIDES_MASS_KG, grown]
+
+    times_s = np.arange(cycles * len(forces_n)) * CYCLE_S
+    found = solve_ivp(
+        slope, (0.0, times_s[-1]), [0.0, 0.0, 0.0], t_eval=times_s, max_step=CYCLE_S / 5, rtol=1e-8, atol=1e-12
+    )
+    return np.asarray(found.y[0]) * 1e6
+
+
+@pytest.mark.parametrize("forces_n", [[2.0, 0.0, -2.0, 0.0], [4.0, -4.0, 2.5, 0.0]], ids=["before", "sliding"])
+def test_it_moves_as_its_differential_equation_says(forces_n: list[float]) -> None:
+    cycles = 120
+    at, expected = moved_um(forces_n, cycles), by_equation_um(forces_n, cycles)
+    assert abs(at - expected).max() < 0.02 * np.ptp(expected)
+
+
+def test_below_the_limit_the_slide_is_on_a_spring_that_keeps_a_part() -> None:
+    """2 N of 3 N: x = -s ln(1 - 2/3) = 5.49 um; unloaded, F = 0 is reached s ln(1 + 2/3) = 2.55 um back."""
+    slowly = np.linspace(0.0, 2.0, 4001)
+    at = moved_um([*slowly, *slowly[::-1]], 1)
+    assert at[4001] == pytest.approx(5.49, abs=0.1)
+    assert at[-1] == pytest.approx(5.49 - 2.55, abs=0.1)
+
+
+def test_a_tool_on_its_guides_answers_a_small_push_at_once(machine: MachineProfile) -> None:
+    """With friction that is there at once 2 N move nothing; the plant has what its file says."""
+    true = plant_named("steady", machine, 1)
+    for presliding_um, least_um, most_um in ((0.0, 0.0, 0.0), (4.0, 3.0, 6.0)):
+        still: Any = replace(true, presliding_um=presliding_um, encoder_noise_um=0.0, current_lag_s=0.0)
+        tool = build_drives(machine, still, settings_with(machine.controller.variables)).tool
+        bits = 2.0 / (true.force_n_per_v * 10 / 32_768)
+        places = [place for part in range(4001) for place in tool.push(part / 4000 * bits / 10_531, 1)]
+        moved = (places[-1] - places[0]) / machine.tool.counts_per_mm * 1000.0
+        assert least_um <= abs(moved) <= most_um
+    assert ideal(machine).presliding_um == 0.0
+
+
+# Where the iron of the tool and of the carriage ends, whatever the card commands.
+
+FATAL_ERROR = 1 << 2
+
+TOOL_MM, CARRIAGE_MM = (-5.0, 78.0), (-8.0, 202.0)
+"""The travel of the profile, -2 to 75 and -5 to 199 mm, and 3 mm more."""
+
+
+def mounted(machine: MachineProfile) -> TrueParameters:
+    return plant_named("mounted", machine, 1)
+
+
+def drives(machine: MachineProfile, true: TrueParameters | None = None) -> Drives:
+    return build_drives(machine, true or mounted(machine), settings_with(machine.controller.variables))
+
+
+@pytest.mark.parametrize("friction_n", [0.0, 0.1])
+@pytest.mark.parametrize(("output", "end_mm"), [(1.0, TOOL_MM[1]), (-1.0, TOOL_MM[0])])
+def test_a_tool_that_is_pushed_stands_at_its_end(
+    machine: MachineProfile, friction_n: float, output: float, end_mm: float
+) -> None:
+    tool = drives(machine, replace(mounted(machine), coulomb_friction_n=friction_n)).tool
+    place = np.array(tool.push(output, 4000)) + tool.origin
+    assert place[-1] == pytest.approx(end_mm * 5000.0)
+    assert (place.min() >= TOOL_MM[0] * 5000.0, place.max() <= TOOL_MM[1] * 5000.0) == (True, True)
+    assert tool.at_end
+    for _ in range(2):  # the output of the first cycle is the one before
+        tool.push(-output, 20)
+    assert not tool.at_end
+
+
+@pytest.mark.parametrize("block", [11, 4000])
+def test_a_loop_told_to_go_further_pushes_and_comes_back(machine: MachineProfile, block: int) -> None:
+    """Blocks of the card or one long one: the end is where it is."""
+    tool = drives(machine).tool
+    start = tool.close_loop()
+    speed = 100.0 * 5000.0 * 0.00044270837
+    there = np.minimum(np.arange(1, 4001) * speed + start, 80.0 * 5000.0).tolist()
+    track = [place for at in range(0, 4000, block) for place in tool.follow(there[at : at + block])]
+    assert max(track) + tool.origin == pytest.approx(TOOL_MM[1] * 5000.0)
+    assert track[-1] == max(track)
+    assert tool.output_bits / tool.limit_bits > 0.1
+    back = np.maximum(there[-1] - np.arange(1, 4001) * speed, 60.0 * 5000.0).tolist()
+    track = [place for at in range(0, 4000, block) for place in tool.follow(back[at : at + block])]
+    # What its integrator has taken up at the end, it lets go in seconds.
+    assert track[-1] == pytest.approx(60.0 * 5000.0, abs=3000)
+
+
+def test_far_from_its_ends_an_axis_is_what_it_is_without_any_and_at_them_it_stands(
+    machine: MachineProfile,
+) -> None:
+    near, free = drives(machine).tool, drives(machine, ideal(machine)).tool
+    commands = (20_000.0 + 200.0 * np.sin(np.arange(4000) * 0.1)).tolist()
+    for tool in (near, free):
+        tool.close_loop()
+    # One long block takes the careful way, blocks of the card the quick one.
+    quick = [x for at in range(0, 4000, 10) for x in free.follow(commands[at : at + 10])]
+    assert near.follow(commands) == quick
+    carriage = drives(machine).carriage
+    track, at_its_end = carriage.follow([1000.0 * n for n in range(300)]), carriage.at_end
+    assert max(track) + carriage.origin == CARRIAGE_MM[1] * 1000.0
+    assert carriage.follow([100_000.0])[-1] == 100_000.0
+    assert (at_its_end, carriage.at_end) == (True, False)
+    assert carriage.push(-1.0, 20_000)[-1] + carriage.origin == CARRIAGE_MM[0] * 1000.0
+
+
+@pytest.mark.parametrize(("motor", "end"), [(1, TOOL_MM[1] * 5000.0), (3, CARRIAGE_MM[1] * 1000.0)])
+def test_without_its_limits_an_axis_runs_into_its_stop_trips_and_it_is_said_once(
+    machine: MachineProfile, bench_with: TrueBenchMaker, motor: int, end: float
+) -> None:
+    bench = bench_with(mounted(machine))
+    bench.lathe.enable()
+    bench.lathe.home()
+    bench.client.request(f"I{motor}13=0 I{motor}14=0")
+    bench.client.request(f"#{motor}J+")
+    for _ in range(120):
+        bench.sim.wait(0.5)
+        if not bench.sim.controller.motors[motor].enabled:
+            break
+    assert int(bench.ask(f"#{motor}?"), 16) & FATAL_ERROR
+    assert bench.number(f"#{motor}P") == pytest.approx(end, abs=2)
+    kinds = [collision.kind.value for collision in bench.sim.collisions]
+    assert kinds.count("end_of_travel") == 1
+    assert "end_of_travel: " in answer(bench.sim, "collisions")

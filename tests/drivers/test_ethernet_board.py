@@ -1,23 +1,23 @@
-"""The Ethernet board in front of a simulated card: what a client sends, and the very bytes that it gets."""
+"""The Ethernet board and its clients."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.ethernet import Direction, MalformedRequestError, Request, RequestCode
 from drivers.simulator.hosts.ethernet import Board, EthernetSession
 from drivers.simulator.machine import SimulatedLathe
+from profiles.machine import MachineProfile
 from profiles.store import load_machine
-
-if TYPE_CHECKING:
-    from profiles.machine import MachineProfile
+from tests.drivers.wire_card import DOWN, UP, BoardWire, wire_board
 
 CYCLE_S = 0.005
 """A little more than one background cycle of the bundled machine, 11 x 443 us."""
@@ -94,33 +94,6 @@ def client(connect: Connect) -> Client:
     return connect()
 
 
-def test_the_first_line_of_a_client_is_answered_with_the_version_alone(client: Client) -> None:
-    client.lathe.controller.variables.replace_i({3: 1, 6: 3})
-    (reply,) = client.send(bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver")
-    number, rest = reply.split(b"\r")
-    assert float(number) > 1
-    assert rest == b"\x06"
-
-
-def test_lines_are_answered_up_to_their_acknowledgement_or_error(client: Client) -> None:
-    assert client.response(b"P1=25 P2=50 P1..2") == b"25\r50\r\x06"
-    assert client.response(b"UUU") == b"\x07ERR003\r"
-    assert client.response(b"P1 CLEAR P2") == b"25\r\x07ERR005\r"
-    assert client.response(b"") == b"\x06"
-    assert client.response(b"P1\0P2") == b"25\r\x06"
-
-
-def test_a_long_response_comes_in_pieces_of_1400_bytes(client: Client) -> None:
-    """1001 values of two bytes and the acknowledgement: 1400 and 603 bytes."""
-    first = client.response(b"P0..1000")
-    assert client.ask(RequestCode.READREADY, length=2)[0] != 0
-    second = client.fetched()
-    assert (len(first), len(second)) == (1400, 603)
-    assert first + second == b"0\r" * 1001 + b"\x06"
-    assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
-    assert client.fetched() == b"\0"
-
-
 def test_what_sendline_brings_is_fetched_later_and_in_order(client: Client) -> None:
     assert client.ask(RequestCode.SENDLINE, b"P1=7 P1") == b"@"
     assert client.ask(RequestCode.SENDLINE, b"UUU") == b"@"
@@ -135,19 +108,6 @@ def test_what_nobody_fetched_comes_before_the_response_to_the_next_line(client: 
     client.ask(RequestCode.SENDLINE, b"P1=7 P1")
     assert client.response(b"P1=8 P1") == b"7\r\x06"
     assert client.fetched() == b"8\r\x06"
-
-
-def test_a_flush_forgets_what_waits(client: Client) -> None:
-    client.ask(RequestCode.SENDLINE, b"P0..1000")
-    assert client.ask(RequestCode.FLUSH, value=500) == b"@"
-    assert client.ask(RequestCode.READREADY, length=2) == b"\0\0"
-    assert client.response(b"P1") == b"0\r\x06"
-
-
-def test_fewer_bytes_are_fetched_when_the_client_has_room_for_fewer(client: Client) -> None:
-    client.ask(RequestCode.SENDLINE, b"P1=12345 P1")
-    assert client.ask(RequestCode.GETBUFFER, length=3) == b"123"
-    assert client.ask(RequestCode.GETBUFFER, length=2048) == b"45\r\x06"
 
 
 @pytest.mark.parametrize(
@@ -174,20 +134,11 @@ def test_in_other_handshakes_the_board_ends_a_reply_at_the_same_characters(
 
 @pytest.mark.parametrize("code", [RequestCode.CTRL_RESPONSE, RequestCode.SENDCTRLCHAR])
 @pytest.mark.parametrize("on_the_wire", [0x000B, 0x0B00])
-def test_a_control_k_kills_and_is_answered_by_one_byte(
-    client: Client, code: RequestCode, on_the_wire: int
-) -> None:
+def test_a_control_k_kills_and_answers_one_byte(client: Client, code: RequestCode, on_the_wire: int) -> None:
     client.response(b"#1J/")
     assert client.lathe.controller.motors[1].enabled
     assert len(client.ask(code, value=on_the_wire, length=1)) == 1
     assert not client.lathe.controller.motors[1].enabled
-
-
-def test_raw_bytes_through_the_host_port_are_a_line_typed_by_hand(client: Client) -> None:
-    for byte in b"P1=9 P1\r":
-        assert client.ask(RequestCode.PORT, index=byte, value=7) == b"@"
-    upload = Direction.UPLOAD
-    assert [client.ask(RequestCode.PORT, direction=upload) for _ in range(4)] == [b"9", b"\r", b"\x06", b"\0"]
 
 
 def test_lines_of_a_write_buffer_are_typed_and_answered_as_one(client: Client) -> None:
@@ -197,15 +148,20 @@ def test_lines_of_a_write_buffer_are_typed_and_answered_as_one(client: Client) -
     assert client.response(b"LIST PROG 1") == b"X10\rX20\rRET\r\x06"
     assert client.ask(RequestCode.WRITEBUFFER, lines[:-1]) == b"\0\0\0\0"
     assert client.response(b"P5") == b"42\r\x06"
+    # A hundred lines are more than are executed in one cycle, and the last but one of them is wrong.
+    data = b"P1\r" * 98 + b"\rUUU\r"
+    line = Request(direction=Direction.DOWNLOAD, code=RequestCode.SENDLINE, length=len(data), data=data)
+    buffer = Request(direction=Direction.DOWNLOAD, code=RequestCode.WRITEBUFFER, length=11, data=b"P2=1\0P2\0P3\0")
+    assert client.send(line.encode() + buffer.encode()) == [b"@", b"\0\0\0\0"]
+    fetched = [client.fetched() for _ in range(102)]
+    assert fetched == [b"0\r\x06"] * 98 + [b"\x06", b"\x07ERR003\r", b"\x06", b"\0"]
 
 
 @pytest.mark.parametrize(
     ("handshake", "error_number"),
     [(b"I3=2 I6=1", 5), (b"I3=2 I6=3", 5), (b"I3=1 I6=1", 5), (b"I3=0 I6=3", 5), (b"I3=2 I6=0", 0)],
 )
-def test_a_write_buffer_ends_at_the_first_error_with_its_line_and_number(
-    client: Client, handshake: bytes, error_number: int
-) -> None:
+def test_a_write_buffer_ends_at_its_first_error(client: Client, handshake: bytes, error_number: int) -> None:
     client.response(handshake)
     client.ask(RequestCode.FLUSH)
     reply = client.ask(RequestCode.WRITEBUFFER, b"P1=1\0\0X10\0P1=2\0")
@@ -223,16 +179,6 @@ def test_a_line_number_above_255_takes_both_bytes(client: Client) -> None:
     assert client.ask(RequestCode.WRITEBUFFER, b"\0" * 300 + b"UUU\0") == b"\x2d\x01\x03\x80"
 
 
-def test_a_write_buffer_leaves_what_waited_before_it(client: Client) -> None:
-    """A hundred lines are more than are executed in one cycle, and the last but one of them is wrong."""
-    data = b"P1\r" * 98 + b"\rUUU\r"
-    line = Request(direction=Direction.DOWNLOAD, code=RequestCode.SENDLINE, length=len(data), data=data)
-    lines = Request(direction=Direction.DOWNLOAD, code=RequestCode.WRITEBUFFER, length=11, data=b"P2=1\0P2\0P3\0")
-    assert client.send(line.encode() + lines.encode()) == [b"@", b"\0\0\0\0"]
-    fetched = [client.fetched() for _ in range(102)]
-    assert fetched == [b"0\r\x06"] * 98 + [b"\x06", b"\x07ERR003\r", b"\x06", b"\0"]
-
-
 def test_all_clients_see_one_memory_and_each_bit_can_be_changed_alone(connect: Connect) -> None:
     one, other = connect(), connect()
     assert one.ask(RequestCode.SETMEM, b"\x0f\0\xf0\xff", value=100) == b"@"
@@ -246,15 +192,6 @@ def test_all_clients_see_one_memory_and_each_bit_can_be_changed_alone(connect: C
     assert one.ask(RequestCode.GETMEM, value=100, length=4) == b"\x01\x01\xf0\0"
     assert one.ask(RequestCode.SETBITS, b"\xff\0\0\0" + b"\x0f\0\0\0", value=100) == b"@"
     assert one.ask(RequestCode.GETMEM, value=100, length=1) == b"\xf0"
-
-
-def test_a_new_address_is_kept_and_firmware_changes_nothing(connect: Connect) -> None:
-    one, other = connect(), connect()
-    assert one.ask(RequestCode.IPADDRESS, direction=Direction.UPLOAD, length=4) == bytes((192, 6, 94, 5))
-    assert one.ask(RequestCode.IPADDRESS, bytes((10, 0, 0, 9))) == bytes((10, 0, 0, 9))
-    assert other.ask(RequestCode.IPADDRESS, direction=Direction.UPLOAD) == bytes((10, 0, 0, 9))
-    assert one.ask(RequestCode.FWDOWNLOAD, b"\x12\x34" * 700, value=1) == b"@"
-    assert one.response(b"P1") == b"0\r\x06"
 
 
 def test_each_client_has_its_own_addressing_and_its_own_queue(connect: Connect) -> None:
@@ -291,9 +228,7 @@ def test_what_came_before_garbage_is_answered_and_then_it_is_told(client: Client
             client.session.turn()
 
 
-def test_a_client_that_never_fetches_costs_no_more_than_so_much_memory(
-    client: Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_client_that_never_fetches_costs_little_memory(client: Client, monkeypatch: pytest.MonkeyPatch) -> None:
     """An answer of 2003 bytes is still kept whole when it is the one that goes beyond the limit."""
     monkeypatch.setattr("drivers.simulator.hosts.ethernet.UNREAD_LIMIT", 10_000)
     kept = b""
@@ -335,9 +270,7 @@ def well_formed(draw: st.DrawFn) -> bytes:
 
 
 @given(st.lists(well_formed(), max_size=8), st.binary(max_size=20))
-def test_each_request_has_one_reply_whatever_is_in_it_and_garbage_only_closes(
-    sent: list[bytes], garbage: bytes
-) -> None:
+def test_each_request_has_one_reply_and_garbage_only_closes(sent: list[bytes], garbage: bytes) -> None:
     lathe = SimulatedLathe(load_machine("lee-2001-lathe").machine)
     client = Client(lathe=lathe, session=EthernetSession(lathe, lathe.connect(), Board()))
     replies = client.send(b"".join(sent))
@@ -347,3 +280,96 @@ def test_each_request_has_one_reply_whatever_is_in_it_and_garbage_only_closes(
     with suppress(MalformedRequestError):
         client.send(garbage)
     lathe.wait(0.01)
+
+
+# Programs of others at the Ethernet board, byte by byte: what they send, and what they wait for.
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def board(machine: MachineProfile, request: pytest.FixtureRequest) -> BoardWire:
+    """As the factory leaves it: I3 = 1, I6 = 3."""
+    dialect: Dialect = request.param
+    return wire_board(machine, dialect)
+
+
+def connected(board: BoardWire) -> BoardWire:
+    assert board.response(b"i6=1 i3=2 ver").endswith(b"\x06")
+    return board
+
+
+def test_libraries_take_a_version_one_ack_and_lines_of_255_characters(board: BoardWire) -> None:
+    """Two assignments without a word, the data of `ver`, and one acknowledgement at the end."""
+    (reply,) = board.raw(bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver")
+    assert re.fullmatch(rb"\d+\.\d+\s*\r\x06", reply)
+    # Each reply is one piece, and the next command gets its own; also behind an error.
+    connected(board)
+    for number in range(50):
+        assert board.raw(bytes.fromhex("40bf000000000008") + b"P1=%02d P1" % number) == [b"%d\r\x06" % number]
+        assert board.raw(bytes.fromhex("40bf000000000003") + b"UUU") == [b"\x07ERR003\r"]
+    # It packs the length into one byte; the high one is always 0.
+    connected(board)
+    line = b"P1=1".ljust(251) + b"P2=2"
+    assert board.raw(bytes.fromhex("40bf0000000000ff") + line) == [b"\x06"]
+    assert board.response(b"P1..2") == b"1\r2\r\x06"
+
+
+def test_a_library_that_saves_gets_a_nul_in_the_time_that_it_doubles_for_it(board: BoardWire) -> None:
+    """It waits 6 s for this line, and its next command gets its own answer."""
+    connected(board)
+    began_s = board.sim.now_s()
+    assert board.raw(bytes.fromhex("40bf000000000004") + b"SAVE") == [b"\x00"]
+    assert 3.0 < board.sim.now_s() - began_s < 6.0
+    assert board.raw(bytes.fromhex("40bf000000000003") + b"P99") == [b"0\r\x06"]
+
+
+def test_a_port_driver_flushes_polls_and_asks_by_control_characters(board: BoardWire) -> None:
+    """On a silence it would look with READREADY and fetch with GETBUFFER: nothing is left there."""
+    connected(board)
+    assert board.raw(bytes.fromhex("40b3000000000000")) == [b"@"]
+    assert board.raw(bytes.fromhex("40bf000000000000")) == [b"\x06"]
+    items = [item for n in range(1, 9) for item in (f"#{n}?", f"#{n}P", f"#{n}F", f"M{n}31", f"P{n}00")]
+    reply = board.response(" ".join(items).encode())
+    assert len(reply.removesuffix(b"\r\x06").split(b"\r")) == len(items) == 40
+    assert board.raw(bytes.fromhex("c0c2000000000002")) == [b"\0\0"]
+    assert board.raw(bytes.fromhex("c0c5000000000578")) == [b"\0"]
+    # It can only end such a reply by its own time-out, and asks the board once more before.
+    connected(board)
+    (reply,) = board.raw(bytes.fromhex("c0c4000200000578"))
+    assert b"\x06" not in reply
+    assert reply.count(b" ") == 7
+    assert board.raw(bytes.fromhex("c0c2000000000002")) == [b"\0\0"]
+
+
+def exchange(board: BoardWire, line: bytes) -> bytes:
+    """SENDLINE, which says @, and GETBUFFER."""
+    assert board.ask(DOWN, 0xB0, line) == b"@"
+    return board.ask(UP, 0xC5, length=1400)
+
+
+def test_a_controller_class_that_sends_and_fetches(machine: MachineProfile) -> None:
+    """It flushes with 500 ms in its header, and follows its jogs by the registers of the motor."""
+    board = wire_board(machine, TURBO)
+    assert board.raw(bytes.fromhex("40b301f400000000")) == [b"@"]
+    assert exchange(board, b"I3=2") == b"\x06"
+    assert exchange(board, b"I4=0") == b"\x06"
+    replies = [exchange(board, word) for word in (b"VERSION", b"TYPE", b"DATE")]
+    assert all(re.fullmatch(rb"[^\r]+\r\x06", reply) for reply in replies)
+    for line in (b"M261->D:$000108", b"M262->D:$00010B", b"I219=1000", b"I221=0", b"I220=10", b"I222=50"):
+        assert exchange(board, line) == b"\x06"
+    assert exchange(board, b"I222") == b"50\r\x06"
+    assert exchange(board, b"#2J/") == b"\x06"
+    assert exchange(board, b"#2J:1000") == b"\x06"
+    (moving,) = re.fullmatch(rb"([0-9A-F]{12})\r\x06", exchange(board, b"#2?")).groups()  # type: ignore[union-attr]
+    assert int(moving[:6], 16) >> 17 & 1, "the move timer"
+    board.settle()
+    assert exchange(board, b"#2P") == b"1000\r\x06"
+    assert exchange(board, b"M262") == b"%d\r\x06" % (1000 * 96 * 32)
+    assert board.ask(UP, 0xC5, length=1400) == b"\0"
+
+
+def test_after_a_reset_a_client_has_to_flush_and_to_set_the_handshake_again(board: BoardWire) -> None:
+    connected(board)
+    assert board.response(b"$$$***") == b"\n"
+    assert board.response(b"UUU").endswith(b"\x07\r")  # behind its checksum, where the family has I4 = 1
+    assert board.ask(DOWN, 0xB3) == b"@"
+    assert re.fullmatch(rb"\d+\.\d+\s*\r\x06", board.response(b"i6=1 i3=2 i4=0 ver"))

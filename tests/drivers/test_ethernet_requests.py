@@ -1,13 +1,17 @@
-"""The wire format of the Ethernet board, with bytes as clients send them."""
+"""Requests of Ethernet clients, byte by byte, and what faults of the line make of the replies."""
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.ethernet import (
     Direction,
     MalformedRequestError,
@@ -18,8 +22,277 @@ from drivers.pmac.ethernet import (
     take_request,
     write_reply,
 )
+from drivers.simulator.hosts.connection import Connection, PlainStream
+from drivers.simulator.hosts.ethernet import Board, EthernetSession
+from drivers.simulator.machine import SimulatedLathe
+from profiles.machine import MachineProfile
+from tests.drivers.test_connections import GETRESPONSE, Hall, Network, pass_time
+from tests.drivers.wire_card import CYCLE_S, DOWN, UP, BoardWire, wire_board
 
-DOWN, UP = Direction.DOWNLOAD, Direction.UPLOAD
+LOOK = bytes.fromhex("c0c2 0000 0000 0002")
+FETCH = bytes.fromhex("c0c5 0000 0000 0578")
+LINE = bytes.fromhex("c0b1 0000 0000 0578")
+
+
+@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
+def board(machine: MachineProfile, request: pytest.FixtureRequest) -> BoardWire:
+    dialect: Dialect = request.param
+    made = wire_board(machine, dialect)
+    made.ask(DOWN, 0xBF, b"I3=2 I6=1 P1=25 P2=50")
+    made.ask(DOWN, 0xB3)
+    return made
+
+
+ROWS: dict[str, list[tuple[bytes, bytes]]] = {
+    "B0 SENDLINE adds the CR and says @": [
+        (bytes.fromhex("40b0 0000 0000 0002") + b"P1", b"@"),
+        (FETCH, b"25\r\x06"),
+    ],
+    "B1 GETLINE ends with CR ACK or LF": [
+        (bytes.fromhex("40b0 0000 0000 0005") + b"P1..2", b"@"),
+        *((LINE, piece) for piece in (b"25\r", b"50\r", b"\x06", b"\0")),
+    ],
+    "B3 FLUSH empties the queue and says @": [
+        (bytes.fromhex("40b0 0000 0000 0002") + b"P1", b"@"),
+        (bytes.fromhex("40b3 0000 0000 0000"), b"@"),
+        (LOOK, b"\0\0"),
+        (FETCH, b"\0"),
+    ],
+    "B3 FLUSH with 500 ms": [(bytes.fromhex("40b3 01f4 0000 0000"), b"@")],
+    "B4 B5 memory by its offset": [
+        (bytes.fromhex("40b5 0102 0000 0003") + b"abc", b"@"),
+        (bytes.fromhex("c0b4 0102 0000 0003"), b"abc"),
+        (bytes.fromhex("c0b4 0101 0000 0002"), b"\0a"),
+    ],
+    "B5 SETMEM as an upload": [
+        (bytes.fromhex("c0b5 0000 0000 0001") + b"z", b"@"),
+        (bytes.fromhex("c0b4 0000 0000 0001"), b"z"),
+    ],
+    "B4 GETMEM of 1400 bytes": [(bytes.fromhex("c0b4 0000 0000 0578"), bytes(1400))],
+    "BA SETBIT ors with 1 and ands with 0": [
+        (bytes.fromhex("40ba 0010 0001 0004 0500 0080"), b"@"),
+        (bytes.fromhex("c0b4 0010 0000 0004"), bytes.fromhex("05000080")),
+        (bytes.fromhex("40ba 0010 0000 0004 feff ffff"), b"@"),
+        (bytes.fromhex("c0b4 0010 0000 0004"), bytes.fromhex("04000080")),
+    ],
+    "BB SETBITS sets four bytes and clears four": [
+        (bytes.fromhex("40b5 0010 0000 0004 0f0f 0f0f"), b"@"),
+        (bytes.fromhex("40bb 0010 0000 0008 f000 0000 0003 0000"), b"@"),
+        (bytes.fromhex("c0b4 0010 0000 0004"), bytes.fromhex("ff0c0f0f")),
+    ],
+    "BE PORT one byte each way": [
+        *((bytes([0x40, 0xBE, 0, 0, 0, byte, 0, 0]), b"@") for byte in b"P2\r"),
+        *((bytes.fromhex("c0be 0000 0000 0001"), bytes([byte])) for byte in b"50\r\x06\0"),
+    ],
+    "BF GETRESPONSE up to ACK": [(bytes.fromhex("40bf 0000 0000 0005") + b"P1..2", b"25\r50\r\x06")],
+    "BF GETRESPONSE of an error up to its CR": [
+        (bytes.fromhex("40bf 0000 0000 0003") + b"UUU", b"\x07ERR003\r"),
+        (FETCH, b"\0"),
+    ],
+    "BF GETRESPONSE of nothing": [(bytes.fromhex("40bf 0000 0000 0000"), b"\x06")],
+    "C2 READREADY first byte": [
+        (LOOK, b"\0\0"),
+        (bytes.fromhex("40b0 0000 0000 0002") + b"P1", b"@"),
+        (LOOK, b"\1\0"),
+        (FETCH, b"25\r\x06"),
+        (LOOK, b"\0\0"),
+    ],
+    "C5 GETBUFFER as much as is wanted": [
+        (bytes.fromhex("40b0 0000 0000 0005") + b"P1..2", b"@"),
+        (bytes.fromhex("c0c5 0000 0000 0004"), b"25\r5"),
+        (bytes.fromhex("c0c5 0000 0000 0800"), b"0\r\x06"),
+    ],
+    "C5 GETBUFFER of an empty queue": [(FETCH, b"\0"), (bytes.fromhex("c0c5 0000 0000 0800"), b"\0")],
+    "C6 C7 WRITEBUFFER and what came of it": [
+        (bytes.fromhex("40c6 0000 0000 000a") + b"P1=3\0P2=4\0", b"\0\0\0\0"),
+        (bytes.fromhex("c0c7 0000 0000 0004"), b"\0\0\0\0"),
+        (bytes.fromhex("40bf 0000 0000 0005") + b"P1..2", b"3\r4\r\x06"),
+        (bytes.fromhex("40c6 0000 0000 000b") + b"P1=5\0P1=\0X1", bytes([2, 0, 3, 0x80])),
+        (bytes.fromhex("c0c7 0000 0000 0004"), bytes([2, 0, 3, 0x80])),
+    ],
+    "CB FWDOWNLOAD one byte": [(bytes.fromhex("40cb 0000 0000 0002 1234"), b"@")],
+    "E0 IPADDRESS get and set": [
+        (bytes.fromhex("c0e0 0000 0000 0004"), bytes((192, 6, 94, 5))),
+        (bytes.fromhex("40e0 0000 0000 0004 0a00 0009"), bytes((10, 0, 0, 9))),
+        (bytes.fromhex("c0e0 0000 0000 0004"), bytes((10, 0, 0, 9))),
+    ],
+}
+
+
+@pytest.mark.parametrize("steps", ROWS.values(), ids=ROWS)
+def test_a_request_has_its_reply(board: BoardWire, steps: list[tuple[bytes, bytes]]) -> None:
+    for sent, reply in steps:
+        assert board.raw(sent) == [reply], sent.hex(" ")
+
+
+@pytest.mark.parametrize(
+    ("character", "line"),
+    [(2, "#{}?"), (3, "&{}??"), (6, "#{}F"), (7, "???"), (16, "#{}P"), (22, "#{}V")],
+    ids=["^B", "^C", "^F", "^G", "^P", "^V"],
+)
+def test_c4_an_answer_to_a_control_character_has_no_ack(board: BoardWire, character: int, line: str) -> None:
+    systems = len(board.sim.controller.systems) if line[0] == "&" else 8
+    asked = " ".join(dict.fromkeys(line.format(number) for number in range(1, systems + 1)))
+    values = board.response(asked.encode()).removesuffix(b"\r\x06").split(b"\r")
+    reply = board.ask(UP, 0xC4, value=character, length=1400)
+    assert reply == b" ".join(values) + b"\r"
+    assert board.raw(LOOK) == [b"\0\0"]
+
+
+@pytest.mark.parametrize("character", [1, 4, 11, 15, 17, 18, 19])
+def test_c4_a_control_character_without_an_answer_is_answered_by_nul(board: BoardWire, character: int) -> None:
+    board.response(b"#1J/")
+    assert board.ask(UP, 0xC4, value=character) == b"\0"
+    assert board.sim.controller.motors[1].enabled is (character != 11)
+
+
+@pytest.mark.parametrize(
+    ("line", "data", "pieces"),
+    [
+        (b"P10..708", b"0\r" * 699, [1399]),
+        (b"P1 P10..707", b"25\r" + b"0\r" * 698, [1400]),
+        (b"P10..709", b"0\r" * 700, [1400, 1]),
+        (b"P1 P10..708", b"25\r" + b"0\r" * 699, [1400, 2]),
+        (b"P10..1009 P10..1009", b"0\r" * 2000, [1400, 1400, 1201]),
+    ],
+    ids=["1399", "1400", "1400 that end with CR, then ACK", "1402", "4001"],
+)
+def test_a_reply_has_1400_bytes_at_most(board: BoardWire, line: bytes, data: bytes, pieces: list[int]) -> None:
+    taken = [board.response(line)]
+    while not taken[-1].endswith(b"\x06"):
+        assert board.raw(LOOK) == [b"\1\0"]
+        taken.append(board.fetched(2048))
+    assert [len(piece) for piece in taken] == pieces
+    assert b"".join(taken) == data + b"\x06"
+    assert board.fetched() == b"\0"
+
+
+def test_what_a_program_sends_ends_a_reply_at_its_cr(board: BoardWire) -> None:
+    """With I64 there is an STX in front of it: the client gets it by itself, and its own reply whole."""
+    board.response(b"#1J/ #2J/ #3J/ I64=1")
+    for line in (b"OPEN PROG 1 CLEAR", b'SEND"Hello"', b"CLOSE", b"&1B1R"):
+        assert board.response(line) == b"\x06"
+    board.sim.wait(0.1)
+    assert board.fetched() == b"\x02Hello\r"
+    assert board.response(b"P1") == b"25\r\x06"
+
+
+@pytest.mark.parametrize(
+    ("i6", "reply"),
+    [(0, b"\x07"), (1, b"\x07ERR003\r"), (2, b"\x07"), (3, b"\x07\r")],
+    ids=lambda value: str(value),
+)
+def test_errors_come_as_the_card_words_them(board: BoardWire, i6: int, reply: bytes) -> None:
+    """There is no error of the board's own; with I6 = 3 the text is fetched behind BELL CR."""
+    board.response(b"I6=%d" % i6)
+    assert board.response(b"UUU") == reply
+    if i6 == 3:
+        assert board.fetched() == b"ERR003\r"
+    assert board.fetched() == b"\0"
+
+
+# Faults as a client of the Ethernet board meets them: its replies are frames, and the empty queue is a NUL.
+
+
+@pytest.fixture
+def faulty_board(machine: MachineProfile) -> BoardWire:
+    made = wire_board(machine)
+    assert made.response(b"I6=1 I3=2 P1=25 P2=50") == b"\x06"
+    return made
+
+
+@pytest.mark.parametrize(
+    ("fault", "reply"),
+    [("dropped-ack", b"25\r50\r"), ("extra-line", b"\r25\r50\r\x06"), ("nul", b"\0"), ("bare-bel", b"\x07")],
+)
+def test_a_spoiled_reply_byte_by_byte(faulty_board: BoardWire, fault: str, reply: bytes) -> None:
+    faulty_board.sim.faults.inject(fault, replies=1)
+    assert faulty_board.response(b"P1P2") == reply
+    assert faulty_board.response(b"P1P2") == b"25\r50\r\x06"
+
+
+def test_a_reply_leaves_in_pieces(faulty_board: BoardWire) -> None:
+    faulty_board.sim.faults.inject("split-segments", gap_ms=20)
+    replies = faulty_board.raw(GETRESPONSE[:-1] + b"\x04P1P2")
+    assert replies == [b"25\r"]
+    faulty_board.sim.wait(0.021)
+    faulty_board.sim.wait(CYCLE_S)
+    assert faulty_board.session.turn() == [b"50\r\x06"]
+
+
+def test_a_late_reply_is_no_empty_queue(faulty_board: BoardWire) -> None:
+    """A board that has nothing to say answers a NUL; one whose reply is late says nothing yet."""
+    faulty_board.sim.faults.inject("late-reply", delay_ms=300)
+    before_s = faulty_board.sim.now_s()
+    assert faulty_board.response(b"P1") == b"25\r\x06"
+    assert 0.3 <= faulty_board.sim.now_s() - before_s < 0.32
+
+
+def test_a_hanging_card_has_a_silent_board_and_reads_afterwards(faulty_board: BoardWire) -> None:
+    faulty_board.sim.faults.inject("hang", for_s=0.2)
+    faulty_board.session.receive(GETRESPONSE + b"P1")
+    for _ in range(30):
+        faulty_board.sim.wait(CYCLE_S)
+        assert faulty_board.session.turn() == []
+        assert not faulty_board.session.busy
+    faulty_board.sim.wait(0.1)
+    assert faulty_board.raw(b"") == [b"25\r\x06"]
+
+
+def test_a_slow_line_takes_a_millisecond_a_character(faulty_board: BoardWire) -> None:
+    faulty_board.sim.faults.inject("9600-baud")
+    before_s = faulty_board.sim.now_s()
+    faulty_board.session.receive(GETRESPONSE + b"P1")
+    said = b""
+    while not said.endswith(b"\x06"):
+        faulty_board.sim.wait(CYCLE_S)
+        said += b"".join(faulty_board.session.turn())
+    assert said == b"25\r\x06"
+    # Ten characters there and four back.
+    assert faulty_board.sim.now_s() - before_s == pytest.approx(14 / 960, abs=3 * CYCLE_S)
+
+
+@pytest.mark.parametrize(
+    "discipline", [PlainStream, partial(EthernetSession, board=Board())], ids=["plain", "board"]
+)
+def test_a_cut_cable_resets_the_connection_and_every_new_one_until_it_is_mended(
+    machine: MachineProfile, discipline: Callable[..., PlainStream]
+) -> None:
+    async def scene() -> None:
+        hall = Hall(SimulatedLathe(machine))
+        network, late, mended = Network(), Network(), Network()
+        hall.enter(discipline, network)
+        hall.lathe.faults.inject("cut-cable", for_s=0.1)
+        await pass_time(hall, 1)
+        assert (network.ended, len(hall.hosts)) == ("aborted", 0)
+        hall.enter(discipline, late)
+        assert late.ended == "aborted"
+        await pass_time(hall, 21)
+        assert isinstance(hall.enter(discipline, mended), Connection)
+        assert mended.ended == ""
+        assert hall.lathe.faults.active() == ()
+
+    asyncio.run(scene())
+
+
+def test_a_power_cycle_resets_the_connections_of_a_board_and_leaves_a_serial_line(machine: MachineProfile) -> None:
+    async def scene() -> None:
+        hall = Hall(SimulatedLathe(machine))
+        serial, faulty_board = Network(), Network()
+        host = hall.plain(serial)
+        hall.ethernet(faulty_board)
+        hall.lathe.power_cycle()
+        await pass_time(hall, 1)
+        assert (serial.ended, faulty_board.ended) == ("", "aborted")
+        host.data_received(b"I3=2\r")
+        assert serial.sent == [b"\x06"]
+
+    asyncio.run(scene())
+
+
+# The wire format of the Ethernet board, with bytes as clients send them.
+
+REQUEST_DOWN, REQUEST_UP = Direction.DOWNLOAD, Direction.UPLOAD
 
 
 def cut(chunks: list[bytes]) -> list[Request]:
@@ -43,21 +316,29 @@ def cut(chunks: list[bytes]) -> list[Request]:
     [
         (
             bytes.fromhex("40bf00000000000d") + b"i6=1 i3=2 ver",
-            Request(direction=DOWN, code=RequestCode.GETRESPONSE, length=13, data=b"i6=1 i3=2 ver"),
+            Request(direction=REQUEST_DOWN, code=RequestCode.GETRESPONSE, length=13, data=b"i6=1 i3=2 ver"),
         ),
-        (bytes.fromhex("c0c5000000000800"), Request(direction=UP, code=RequestCode.GETBUFFER, length=2048)),
-        (bytes.fromhex("40b301f400000000"), Request(direction=DOWN, code=RequestCode.FLUSH, value=500)),
-        (bytes.fromhex("c0c2000000000002"), Request(direction=UP, code=RequestCode.READREADY, length=2)),
+        (
+            bytes.fromhex("c0c5000000000800"),
+            Request(direction=REQUEST_UP, code=RequestCode.GETBUFFER, length=2048),
+        ),
+        (bytes.fromhex("40b301f400000000"), Request(direction=REQUEST_DOWN, code=RequestCode.FLUSH, value=500)),
+        (bytes.fromhex("c0c2000000000002"), Request(direction=REQUEST_UP, code=RequestCode.READREADY, length=2)),
         (
             bytes.fromhex("40ba040200010004") + b"\x10\0\0\0",
-            Request(direction=DOWN, code=RequestCode.SETBIT, value=0x402, index=1, length=4, data=b"\x10\0\0\0"),
+            Request(
+                direction=REQUEST_DOWN, code=RequestCode.SETBIT, value=0x402, index=1, length=4, data=b"\x10\0\0\0"
+            ),
         ),
         (
             bytes.fromhex("c0b5000800000003") + b"abc",
-            Request(direction=UP, code=RequestCode.SETMEM, value=8, length=3, data=b"abc"),
+            Request(direction=REQUEST_UP, code=RequestCode.SETMEM, value=8, length=3, data=b"abc"),
         ),
-        (bytes.fromhex("c0e0000000000004"), Request(direction=UP, code=RequestCode.IPADDRESS, length=4)),
-        (bytes.fromhex("40be0007004a0000"), Request(direction=DOWN, code=RequestCode.PORT, value=7, index=0x4A)),
+        (bytes.fromhex("c0e0000000000004"), Request(direction=REQUEST_UP, code=RequestCode.IPADDRESS, length=4)),
+        (
+            bytes.fromhex("40be0007004a0000"),
+            Request(direction=REQUEST_DOWN, code=RequestCode.PORT, value=7, index=0x4A),
+        ),
     ],
 )
 def test_requests_of_clients_are_read_as_they_mean_them(sent: bytes, request_: Request) -> None:
@@ -75,7 +356,7 @@ def test_an_upload_carries_no_data_whatever_its_length_field_says() -> None:
     ("length", "target"), [(0, 1400), (1, 1), (1399, 1399), (1400, 1400), (2048, 1400), (65_535, 1400)]
 )
 def test_a_reply_has_1400_bytes_unless_the_client_wants_fewer(length: int, target: int) -> None:
-    assert Request(direction=UP, code=RequestCode.GETBUFFER, length=length).reply_length == target
+    assert Request(direction=REQUEST_UP, code=RequestCode.GETBUFFER, length=length).reply_length == target
 
 
 @pytest.mark.parametrize("on_the_wire", ["0002", "0200"])
@@ -128,10 +409,10 @@ def requests(draw: st.DrawFn) -> Request:
     code = draw(st.sampled_from([*CARRYING, *BARE, RequestCode.SETMEM]))
     value, index = draw(words), draw(words)
     if code in BARE:
-        return Request(direction=UP, code=code, value=value, index=index, length=draw(words))
+        return Request(direction=REQUEST_UP, code=code, value=value, index=index, length=draw(words))
     data = draw(st.binary(min_size=code == RequestCode.SETMEM, max_size=CARRYING.get(code, 1400)))
     place = min(value, 65_536 - len(data)) if code == RequestCode.SETMEM else value
-    return Request(direction=DOWN, code=code, value=place, index=index, length=len(data), data=data)
+    return Request(direction=REQUEST_DOWN, code=code, value=place, index=index, length=len(data), data=data)
 
 
 @given(st.lists(requests(), max_size=6), st.data())

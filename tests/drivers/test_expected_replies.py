@@ -1,4 +1,4 @@
-"""What a line will be answered with: every forecast is held against what the simulated card does answer."""
+"""Addresses of links, and the replies that lines may have."""
 
 from __future__ import annotations
 
@@ -6,7 +6,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.pmac.dialect import PMAC, TURBO, Dialect
+from drivers.errors import LinkError
+from drivers.link.address import (
+    EthernetAddress,
+    LinkAddress,
+    SerialAddress,
+    SimulatedAddress,
+    TcpAddress,
+    parse_address,
+    parse_host_port,
+)
 from drivers.pmac.expected_replies import ExpectedReplies, expected_replies, number_of, opens_buffer
 from profiles.machine import MachineProfile
 from tests.drivers.wire_card import Wire, wire
@@ -55,29 +64,19 @@ COMMANDS = (
 UNCERTAIN = ("UUU", "P1=P2+3", "P1=3&1", "J=100^50", "X10", "#1->X", "SAVE", "$$$", "LIST PROG 1 #1J+")
 
 
-@pytest.fixture(params=[PMAC, TURBO], ids=lambda dialect: dialect.name)
-def card(machine: MachineProfile, request: pytest.FixtureRequest) -> Wire:
-    dialect: Dialect = request.param
-    return wire(machine, dialect)
-
-
 @pytest.fixture(scope="module")
 def asked(machine: MachineProfile) -> Wire:
     return wire(machine)
 
 
 @pytest.mark.parametrize(("line", "lines"), QUESTIONS)
-def test_a_question_has_as_many_lines_as_the_card_answers_and_changes_nothing(
-    card: Wire, line: str, lines: int
-) -> None:
+def test_a_question_has_the_lines_of_the_card_and_changes_nothing(card: Wire, line: str, lines: int) -> None:
     assert expected_replies(line) == ExpectedReplies(lines, reads_only=True)
     assert len(card.ask(line)) == lines
 
 
 @pytest.mark.parametrize(("line", "lines"), COMMANDS)
-def test_a_command_has_as_many_lines_as_the_card_answers_and_is_never_taken_for_a_question(
-    card: Wire, line: str, lines: int
-) -> None:
+def test_a_command_has_the_lines_of_the_card_and_is_no_question(card: Wire, line: str, lines: int) -> None:
     assert expected_replies(line) == ExpectedReplies(lines, reads_only=False)
     assert len(card.ask(line)) == lines
 
@@ -165,9 +164,7 @@ def state_of(card: Wire) -> object:
 
 
 @given(line=st.lists(st.sampled_from(PIECES), max_size=6).map("".join))
-def test_what_is_called_a_question_changes_nothing_on_the_card_and_has_as_many_lines_as_were_foreseen(
-    asked: Wire, line: str
-) -> None:
+def test_what_is_called_a_question_changes_nothing_and_has_as_many_lines(asked: Wire, line: str) -> None:
     expected = expected_replies(line)
     if not expected.reads_only:
         return
@@ -201,3 +198,135 @@ def test_whether_a_buffer_is_open_behind_a_line(line: str, opens: bool | None) -
 )
 def test_a_variable_is_read_in_each_form_of_the_report(text: str, number: float) -> None:
     assert number_of(text) == number
+
+
+# Link addresses, as an operator writes them.
+
+BY_PATH = "/dev/serial/by-path/pci-0000:00:14.0-usb-0:1:1.0-port0"
+
+hosts = st.one_of(
+    st.from_regex(r"[a-z]([a-z0-9-]{0,20}[a-z0-9])?(\.[a-z]{2,5})?", fullmatch=True), st.ip_addresses().map(str)
+)
+ports = st.integers(1, 65_535)
+names = st.text(st.characters(codec="ascii", exclude_characters=" /", categories=["L", "N", "P", "S"]), min_size=1)
+devices = names.filter(lambda name: not name.endswith(":")).map(lambda name: f"/dev/{name}")
+addresses = st.one_of(
+    st.builds(TcpAddress, host=hosts, port=ports),
+    st.builds(EthernetAddress, host=hosts, port=ports, reserves_stop=st.booleans()),
+    st.builds(SerialAddress, device=devices, baud_rate=st.integers(1, 4_000_000)),
+    st.builds(SimulatedAddress),
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "address"),
+    [
+        ("serial:/dev/ttyUSB0", SerialAddress(device="/dev/ttyUSB0", baud_rate=38_400)),
+        ("serial:/dev/ttyS1?baud=9600", SerialAddress(device="/dev/ttyS1", baud_rate=9600)),
+        ("serial:/dev/pts/7", SerialAddress(device="/dev/pts/7")),
+        (f"serial:{BY_PATH}", SerialAddress(device=BY_PATH)),
+        (f"serial:{BY_PATH}?baud=115200", SerialAddress(device=BY_PATH, baud_rate=115_200)),
+        ("tcp:lathe:1025", TcpAddress(host="lathe", port=1025)),
+        ("tcp:[::1]:1025", TcpAddress(host="::1", port=1025)),
+        ("ethernet:192.6.94.5", EthernetAddress(host="192.6.94.5", port=1025)),
+        ("ethernet:lathe:1026", EthernetAddress(host="lathe", port=1026)),
+        ("ethernet:[fe80::1]", EthernetAddress(host="fe80::1", port=1025)),
+        ("ethernet:lathe?stop=reserved", EthernetAddress(host="lathe", reserves_stop=True)),
+        ("ethernet:[fe80::1]:9?stop=reserved", EthernetAddress(host="fe80::1", port=9, reserves_stop=True)),
+        ("sim:", SimulatedAddress()),
+    ],
+)
+def test_an_address_is_read_and_written(text: str, address: LinkAddress) -> None:
+    assert parse_address(text) == address
+    assert str(address) == text
+
+
+@pytest.mark.parametrize(
+    ("text", "shortest"),
+    [("serial:/dev/ttyUSB0?baud=38400", "serial:/dev/ttyUSB0"), ("ethernet:lathe:1025", "ethernet:lathe")],
+)
+def test_what_is_usual_need_not_be_written(text: str, shortest: str) -> None:
+    assert str(parse_address(text)) == shortest
+
+
+@given(addresses)
+def test_what_is_written_is_read_back(address: LinkAddress) -> None:
+    assert parse_address(str(address)) == address
+
+
+def test_ports_and_speeds_are_refused_where_a_link_has_none() -> None:
+    assert parse_host_port("127.0.0.1:0") == TcpAddress(host="127.0.0.1", port=0)
+    with pytest.raises(LinkError) as refused:
+        parse_address("tcp:127.0.0.1:0")
+    assert "1 <= PORT" in refused.value.problems[0].limit
+    with pytest.raises(LinkError) as refused:
+        parse_address("serial:/dev/ttyS1:9600")
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.value) == ("link.bad_address", "serial:/dev/ttyS1:9600")
+    assert "serial:/dev/NAME[?baud=RATE]" in problem.limit
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "",
+        "sim",
+        "sim:lathe",
+        "serial",
+        "serial:",
+        "serial:ttyUSB0",
+        "serial:COM3",
+        "serial:/",
+        "serial:/dev/",
+        "serial:/dev/ttyUSB0:",
+        "serial:/dev/ttyUSB0?",
+        "serial:/dev/ttyUSB0?baud",
+        "serial:/dev/ttyUSB0?baud=",
+        "serial:/dev/ttyUSB0?baud=0",
+        "serial:/dev/ttyUSB0?baud=-9600",
+        "serial:/dev/ttyUSB0?baud=4000001",
+        "serial:/dev/ttyUSB0?baud=9600&parity=odd",
+        "serial:/dev/ttyUSB0?rate=9600",
+        "serial:/dev/ttyUSB0?baud=" + "9" * 5000,
+        "serial:/dev/tty USB0",
+        "serial:/dev/tty\x1bUSB0",
+        "serial:?baud=9600",
+        "tcp",
+        "tcp:",
+        "tcp:host",
+        "tcp:host:",
+        "tcp::1",
+        "tcp:a b:1",
+        "tcp:::1:5",
+        "tcp:host:65536",
+        "tcp:h:-1",
+        "tcp:host:" + "9" * 5000,
+        "ethernet:",
+        "ethernet::1025",
+        "ethernet:host:0",
+        "ethernet:fe80::1",
+        "ethernet:a/b",
+        "ethernet:host?",
+        "ethernet:host?stop",
+        "ethernet:host?stop=",
+        "ethernet:host?stop=direct",
+        "ethernet:host?stop=Reserved",
+        "ethernet:host?stop=reserved:1025",
+        "ethernet:host?stop=reserved?stop=reserved",
+        "ethernet:host?stop=reserved&baud=9600",
+        "ethernet:?stop=reserved",
+        "tcp:host:1025?stop=reserved",
+        "serial:/dev/ttyUSB0?stop=reserved",
+        "usb:/dev/ttyUSB0",
+        "udp:host:1",
+    ],
+)
+def test_a_text_that_is_no_address_is_refused(text: str) -> None:
+    with pytest.raises(LinkError) as refused:
+        parse_address(text)
+    assert refused.value.problems[0].code == "link.bad_address"
+
+
+def test_a_simulated_lathe_differs_from_its_profile_unless_another_is_asked_for() -> None:
+    """A lathe that is as its profile says would make every first part round."""
+    assert parse_address("sim:") == SimulatedAddress(plant="realistic")

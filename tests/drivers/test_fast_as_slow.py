@@ -1,4 +1,4 @@
-"""What the simulator does in one go for speed is what it does one servo cycle after another, to the last bit."""
+"""What is simulated in blocks, and the velocity that is reported."""
 
 from __future__ import annotations
 
@@ -12,13 +12,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from drivers.pmac.dialect import DIALECTS, PMAC
+from drivers.pmac.dialect import DIALECTS, PMAC, TURBO
 from drivers.pmac.execution import moves
 from drivers.pmac.gathering.gather import gather_settings
 from drivers.pmac.gathering.gather_client import motor_channel
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
 from drivers.pmac.language import blocks
+from drivers.pmac.reported_velocity import AveragedVelocity
 from drivers.pmac.trajectory.pieces import Piece
+from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.player import Player
 from drivers.simulator.card.registers import CardMemory
 from drivers.simulator.card.servo import ServoAxis
@@ -33,8 +35,10 @@ from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError, Spindle
 from drivers.simulator.plant.workpiece import OVERLAP
+from profiles.machine import MachineProfile
 from profiles.store import load_job
 from tests.compact import compact_machine
+from tests.drivers.wire_card import Wire, wire
 
 CYCLE_S = 0.000442
 GAINS = ServoGains(ix08=96, ix09=96, ix30=528, ix31=4905, ix32=4905, ix33=811, ix34=1, ix35=20000, ix69=10_531)
@@ -283,3 +287,92 @@ def test_a_lathe_does_the_same_at_any_speed(seed: int, slowly: Callable[[], None
     slow = told(seed)
     for at, (one, other) in enumerate(zip(fast, slow, strict=True)):
         assert one == other, at
+
+
+# V: of the last servo cycle on a PMAC, averaged over I60 and I61 on a Turbo.
+
+JOG = "I400=1 I10=3713707 I419=0 I420=10 I421=0 I422=49.5 #4J+"
+"""49.5 counts/ms, which the manual says are 21.9 counts in a servo cycle (Software Reference, V)."""
+
+
+def turbo(machine: MachineProfile) -> Wire:
+    return wire(machine, TURBO)
+
+
+def cycles_ms(card: Wire, cycles: int) -> float:
+    return cycles * card.card.servo_period_ms
+
+
+def velocity(card: Wire) -> float:
+    return float(card.ask("#4V")[0])
+
+
+def test_a_turbo_says_the_average_of_256_servo_cycles_and_a_pmac_that_of_one(machine: MachineProfile) -> None:
+    """The spread of single cycles, 21 and 22 counts, is not seen."""
+    card = turbo(machine)
+    card.tell(JOG)
+    card.sim.wait(1.0)
+    told = set()
+    for _ in range(100):
+        card.sim.wait(0.005)
+        told.add(velocity(card))
+    assert told == {21.9}
+    assert {float(v) for v in card.raw("\x16").split()[3:4]} == {21.9}
+    card = wire(machine, PMAC)
+    card.tell(JOG)
+    card.sim.wait(1.0)
+    told = set()
+    for _ in range(100):
+        card.sim.wait(0.005)
+        told.add(velocity(card))
+    assert told == {21.0, 22.0}
+
+
+def test_the_average_lags_by_its_length_and_ends_with_it(machine: MachineProfile) -> None:
+    """From rest at full speed it rises as the part of the 256 cycles in which the motor has moved."""
+    card = turbo(machine)
+    card.tell(JOG)
+    card.sim.wait(cycles_ms(card, 128) / 1000.0)
+    assert 0.3 * 21.9 < velocity(card) < 0.6 * 21.9
+    card.sim.wait(cycles_ms(card, 300) / 1000.0)
+    assert velocity(card) == 21.9
+    card.tell("#4K")
+    card.sim.wait(2.0)
+    assert velocity(card) == 0.0
+
+
+@pytest.mark.parametrize(("period", "shift", "shown"), [(0, 4, 21.9), (3, 6, 21.9), (15, 9, 10.9), (7, 8, 10.9)])
+def test_period_and_shift(machine: MachineProfile, period: int, shift: int, shown: float) -> None:
+    """The change over 16 (I60 + 1) cycles, divided by 2 to the I61."""
+    card = turbo(machine)
+    card.tell(f"I60={period} I61={shift}", JOG)
+    card.sim.wait(1.0)
+    assert velocity(card) == pytest.approx(shown, abs=0.11)
+
+
+def test_a_new_zero_is_no_velocity(machine: MachineProfile) -> None:
+    card = turbo(machine)
+    card.tell("I400=1 #4J=5000")
+    card.settle()
+    card.sim.wait(0.3)
+    assert velocity(card) == 0.0
+    card.tell("#4HMZ")
+    assert velocity(card) == 0.0
+    card.sim.wait(0.3)
+    assert velocity(card) == 0.0
+
+
+def test_blocks_of_any_length_keep_the_same_positions() -> None:
+    variables = VariableStore({60: 3, 61: 6}, TURBO)
+    one, many = AveragedVelocity(variables, (60, 61)), AveragedVelocity(variables, (60, 61))
+    places = [float(n * n) for n in range(500)]
+    done = 0
+    for size in (1, 2, 3, 5, 7, 11, 200, 13, 258):
+        for at in many.kept(size, done):
+            many.keep(places[done + at])
+        done += size
+    assert done == len(places)
+    for n, place in enumerate(places):
+        if one.kept(1, n):
+            one.keep(place)
+    assert many.counts_per_cycle == one.counts_per_cycle == (499.0**2 - 435.0**2) / 64

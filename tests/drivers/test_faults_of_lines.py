@@ -1,12 +1,29 @@
-"""Faults of the line, as a host meets them: the very bytes, and what the client makes of them."""
+"""Faults of lines: what they make of replies, and what a client makes of them."""
 
 from __future__ import annotations
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
+from drivers.simulator.faults.line_effects import (
+    SPOILERS,
+    Piece,
+    Reply,
+    as_bare_bell,
+    as_nul,
+    combine,
+    late,
+    schedule,
+    slow,
+    split,
+    with_empty_line,
+    with_wrong_checksums,
+    without_acknowledgement,
+)
 from drivers.simulator.hosts.port import INBOX_LIMIT
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
@@ -75,8 +92,7 @@ def test_a_checksum_on_demand_is_a_reply(card: Wire) -> None:
 
 
 @pytest.mark.parametrize(
-    ("fault", "untouched", "touched"),
-    [("dropped-ack", "UUU\r", "P1\r"), ("split-segments", "P9=1\r", "P1\r")],
+    ("fault", "untouched", "touched"), [("dropped-ack", "UUU\r", "P1\r"), ("split-segments", "P9=1\r", "P1\r")]
 )
 def test_only_replies_that_are_changed_count(card: Wire, fault: str, untouched: str, touched: str) -> None:
     """A refusal has no acknowledgement to lose, and one character no pieces."""
@@ -90,7 +106,7 @@ def test_only_replies_that_are_changed_count(card: Wire, fault: str, untouched: 
     assert card.sim.faults.active() == ()
 
 
-def test_what_is_late_arrives_at_once_when_all_faults_are_cleared(card: Wire) -> None:
+def test_what_is_held_up_arrives_when_all_faults_are_cleared_and_what_is_silent_is_not_spoiled(card: Wire) -> None:
     card.sim.faults.inject("late-reply", delay_ms=30_000)
     assert card.raw("P1\r") == b""
     card.sim.wait(0.1)
@@ -99,40 +115,14 @@ def test_what_is_late_arrives_at_once_when_all_faults_are_cleared(card: Wire) ->
     assert card.raw("P2\r") == b"25\r\x06"
     card.sim.wait(0.11)
     assert card.port.take_output() == b"50\r\x06"
-
-
-def test_what_hosts_have_sent_on_a_slow_line_arrives_at_once_when_all_faults_are_cleared(card: Wire) -> None:
     card.sim.faults.inject("9600-baud", baud=110)
     card.port.receive(b"P1=33\r")
     card.sim.wait(0.05)
     card.sim.faults.clear()
     assert card.raw("P1\r") == b"\x0633\r\x06"
-
-
-def test_what_is_not_answered_is_not_spoiled_either(card: Wire) -> None:
     card.raw("I3=0\r")
     card.sim.faults.inject("nul")
     assert card.raw("P3=1\r") == b""
-
-
-@pytest.mark.parametrize("fault", ["dropped-ack", "extra-line", "nul", "bare-bel"])
-def test_the_client_tells_of_a_spoiled_reply_and_goes_on_with_the_next(bench: Bench, fault: str) -> None:
-    bench.client.request("P1=25 P2=50")
-    bench.sim.faults.inject(fault, replies=1)
-    with pytest.raises(LinkError):
-        bench.client.numbers("P1", "P2")
-    assert bench.client.numbers("P2") == (50,)
-    assert bench.client.numbers("P1", "P2") == (25, 50)
-    assert bench.sim.faults.active() == ()
-
-
-def test_the_client_takes_a_reply_in_pieces(bench: Bench) -> None:
-    bench.client.request("P1=1234567 P2=50")
-    bench.sim.faults.inject("split-segments", pieces=5, gap_ms=30)
-    before_s = bench.sim.now_s()
-    assert bench.client.numbers("P1", "P2") == (1234567, 50)
-    # Four gaps; each of them ends with a background cycle of 5 ms.
-    assert 0.12 <= bench.sim.now_s() - before_s < 0.12 + 5 * CYCLE_S
 
 
 def test_the_pieces_leave_one_after_the_other(card: Wire) -> None:
@@ -144,15 +134,12 @@ def test_the_pieces_leave_one_after_the_other(card: Wire) -> None:
     assert [piece for piece in pieces if piece] == [b"25", b"\r5", b"0\r\x06"]
 
 
-def test_a_reply_that_is_late_but_in_time_is_waited_for(bench: Bench) -> None:
+def test_a_late_reply_is_waited_for_or_told_and_flushed(bench: Bench) -> None:
     bench.client.request("P1=25")
     bench.sim.faults.inject("late-reply", delay_ms=500)
     before_s = bench.sim.now_s()
     assert bench.client.numbers("P1") == (25,)
     assert 0.5 <= bench.sim.now_s() - before_s < 0.52
-
-
-def test_a_reply_that_is_too_late_is_told_and_forgotten_with_the_flush(bench: Bench) -> None:
     bench.client.request("P1=25 P2=50")
     bench.sim.faults.inject("late-reply", delay_ms=1000 * REPLY_TIMEOUT_S + 200, replies=1)
     with pytest.raises(LinkTimeoutError):
@@ -258,9 +245,7 @@ def _run(machine: MachineProfile, seed: int) -> list[bytes]:
     return [card.raw("P1\r") for _ in range(60)]
 
 
-def test_with_the_same_seed_the_same_replies_are_hit_and_about_the_share_that_was_asked_for(
-    machine: MachineProfile,
-) -> None:
+def test_with_the_same_seed_the_same_share_of_replies_is_hit(machine: MachineProfile) -> None:
     run = _run(machine, 7)
     assert run == _run(machine, 7)
     assert run != _run(machine, 8)
@@ -313,3 +298,88 @@ def test_nothing_is_garbled_any_more_after_a_clear(card: Wire) -> None:
     card.sim.faults.inject("garbled-line", find="P1", replace="P2")
     card.sim.faults.clear()
     assert card.raw("P1\r") == b"25\r\x06"
+
+
+# What faults make of bytes: pure functions, without a card.
+
+VALUES = Reply(data=b"25\r50\r", end=b"\x06")
+REFUSED = Reply(data=b"25\r", end=b"\x07ERR003\r")
+ACCEPTED = Reply(end=b"\x06")
+
+# The sums of "25 CR", of "CR" and of the line "P1": 0x32 + 0x35 + 0x0D = 116, 13, and 0x50 + 0x31 = 129.
+SUMMED = Reply(data=b"25\r\x74\r\x0d", end=b"\x06", checksum=b"\x81", summed=True)
+
+
+@pytest.mark.parametrize(
+    ("reply", "left"),
+    [(VALUES, b"25\r50\r"), (ACCEPTED, b""), (REFUSED, b"25\r\x07ERR003\r"), (SUMMED, b"25\r\x74\r\x0d\x81")],
+)
+def test_a_dropped_acknowledgement_is_that_byte_alone(reply: Reply, left: bytes) -> None:
+    assert without_acknowledgement(reply).sent == left
+
+
+def test_an_extra_line_is_empty_and_has_its_checksum_where_lines_have_one() -> None:
+    assert with_empty_line(VALUES).sent == b"\r25\r50\r\x06"
+    assert with_empty_line(REFUSED).sent == b"\r25\r\x07ERR003\r"
+    assert with_empty_line(SUMMED).sent == b"\r\x0d" + SUMMED.sent
+
+
+@pytest.mark.parametrize("reply", [VALUES, REFUSED, ACCEPTED, SUMMED])
+def test_a_nul_and_a_bare_bell_take_the_place_of_all(reply: Reply) -> None:
+    assert as_nul(reply).sent == b"\0"
+    assert as_bare_bell(reply).sent == b"\x07"
+
+
+def test_checksums_are_wrong_by_one_and_go_round_to_zero() -> None:
+    assert with_wrong_checksums(SUMMED).sent == b"25\r\x75\r\x0e\x06\x82"
+    assert with_wrong_checksums(VALUES) == VALUES
+    refused = Reply(data=b"25\r\x74", end=b"\x07ERR003\r", summed=True)
+    assert with_wrong_checksums(refused).sent == b"25\r\x75\x07ERR003\r"
+    assert with_wrong_checksums(Reply(end=b"\x06", checksum=b"\xff", summed=True)).sent == b"\x06\0"
+
+
+@given(st.binary(min_size=1, max_size=60), st.integers(2, 100), st.floats(0.001, 10.0))
+def test_pieces_are_the_whole_reply_in_about_equal_parts(said: bytes, pieces: int, gap_s: float) -> None:
+    parts = split(said, pieces=pieces, gap_s=gap_s)
+    assert b"".join(part.data for part in parts) == said
+    assert len(parts) == min(pieces, len(said))
+    lengths = [len(part.data) for part in parts]
+    assert max(lengths) - min(lengths) <= 1
+    assert [part.gap_s for part in parts] == [0.0] + [gap_s] * (len(parts) - 1)
+
+
+def test_a_slow_line_and_a_late_reply_hold_back_what_comes_behind() -> None:
+    arrivals = schedule(slow(b"x" * 96, baud=9600.0), 2.0, 0.0)
+    assert [data for _, data in arrivals] == [b"x"] * 96
+    assert arrivals[0][0] == pytest.approx(2.0 + 10 / 9600)
+    assert arrivals[-1][0] == pytest.approx(2.1)
+    ((first_s, _),) = schedule(late(b"1", delay_s=0.5), 2.0, 0.0)
+    ((second_s, _),) = schedule([Piece(data=b"2")], 2.1, first_s)
+    assert (first_s, second_s) == (2.5, 2.5)
+
+
+@given(
+    st.lists(st.tuples(st.binary(min_size=1, max_size=9), st.floats(0.0, 0.1)), max_size=8),
+    st.sampled_from([110.0, 9600.0]),
+)
+def test_what_is_held_up_arrives_whole_and_in_order(units: list[tuple[bytes, float]], baud: float) -> None:
+    now_s, last_s, arrivals = 0.0, 0.0, []
+    for said, pause_s in units:
+        now_s += pause_s
+        pieces = combine(late(said, delay_s=0.05), lambda part: split(part, pieces=3, gap_s=0.01))
+        arrived = schedule(combine(pieces, lambda part: slow(part, baud=baud)), now_s, last_s)
+        assert arrived[0][0] >= now_s + 0.05
+        assert len(arrived) == len(said)
+        last_s = arrived[-1][0]
+        arrivals += arrived
+    assert b"".join(data for _, data in arrivals) == b"".join(said for said, _ in units)
+    assert [when for when, _ in arrivals] == sorted(when for when, _ in arrivals)
+
+
+@pytest.mark.parametrize("name", SPOILERS)
+@given(data=st.binary(max_size=20), summed=st.booleans())
+def test_a_spoiled_reply_is_a_function_of_the_reply_alone(name: str, data: bytes, summed: bool) -> None:
+    reply = Reply(data=data, end=b"\x06", checksum=b"\x01" if summed else b"", summed=summed)
+    assert SPOILERS[name](reply) == SPOILERS[name](reply)
+    # What has no checksum has none to be spoiled; everything else is seen.
+    assert (SPOILERS[name](reply).sent != reply.sent) is (summed or name != "wrong-checksum")

@@ -1,8 +1,11 @@
-"""Data gathering: which registers, how a sample is packed and listed, and the arrays that come back."""
+"""What is gathered: sources, packing, listings, and the buffer by itself."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import floor, inf, isfinite, nan
 
 import numpy as np
 import pytest
@@ -19,14 +22,30 @@ from drivers.pmac.gathering.gather import (
     listed_words,
     listing,
     long_words_of,
+    padding_of,
     selected_sources,
     setting_of,
+    shifts_of,
     source_of,
     unpack,
 )
 from drivers.pmac.gathering.gather_client import GatherChannel, GatheredData, motor_channel
+from drivers.pmac.gathering.sample_block import packed
+from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import Pointer
-from tests.drivers.packed_samples import pack
+from drivers.pmac.variables import VariableStore
+from drivers.simulator.card.gather_buffer import GatherBuffer
+
+
+def pack(sources: Sequence[Pointer], values: Sequence[float]) -> list[int]:
+    """Make a sample as a controller stores it."""
+    sample = padding_of(sources)
+    for source, value, shift in zip(sources, values, shifts_of(sources), strict=True):
+        mask = 2**24 - 1 if source.space in "XY" else 2**48 - 1
+        sample |= (encode_float(value) if source.space == "L" else int(value) & mask) << shift
+    return [sample >> 48 * place & 2**48 - 1 for place in range(long_words_of(sources))]
+
 
 CYCLE_MS = 0.4427
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=["pmac", "turbo"])
@@ -80,25 +99,16 @@ def test_the_first_digit_of_a_source_says_which_words(dialect: Dialect, setting:
     assert setting_of(word(space, 0x8B), dialect) == setting
 
 
-def test_a_part_of_a_word_or_an_address_that_is_not_there_cannot_be_gathered() -> None:
+def test_masks_and_settings_choose_the_sources() -> None:
     for source in (Pointer(space="X", address=0x10, width=8), Pointer(space="TWB", address=1), word("X", 0x10000)):
         with pytest.raises(GatherError, match="cannot be gathered"):
             setting_of(source, PMAC)
     assert setting_of(word("X", 0x10000), TURBO) == 0x410000
-
-
-def test_the_settings_that_a_client_writes_to_a_turbo() -> None:
     settings = gather_settings([word("D", 0x88), word("D", 0x8B), word("X", 0x9D)], 2, TURBO)
     assert settings == {5049: 2, 5050: 7, 5051: 0, 5001: 0x800088, 5002: 0x80008B, 5003: 0x40009D}
-
-
-def test_the_mask_of_the_manual_chooses_i29_and_i30() -> None:
     settings = {index: 0x800000 + index for index in range(21, 45)}
     chosen = selected_sources({**settings, 20: 0x300}, PMAC)
     assert chosen == (word("D", 29), word("D", 30))
-
-
-def test_the_second_mask_of_a_turbo_goes_on_with_source_25() -> None:
     chosen = selected_sources({5050: 0x800000, 5051: 1, 5024: 0x18, 5025: 0x400019}, TURBO)
     assert chosen == (word("Y", 0x18), word("X", 0x19))
 
@@ -112,11 +122,8 @@ def test_what_is_set_is_what_is_selected_up_to_all_sources(dialect: Dialect) -> 
             gather_settings(wrong, 1, dialect)
 
 
-def test_two_short_sources_share_a_long_word_the_first_in_its_lower_half() -> None:
+def test_short_sources_share_a_long_word_and_an_odd_one_is_filled_up() -> None:
     assert listing(pack([word("Y"), word("X")], [0xABC, -1])) == ["FFFFFF000ABC"]
-
-
-def test_an_odd_sample_is_filled_up() -> None:
     sources = [word("X"), word("D")]
     assert long_words_of(sources) == 2
     assert listing(pack(sources, [1, 0x123456789ABC])) == ["789ABC000001 000000123456"]
@@ -156,9 +163,15 @@ def test_a_damaged_listing_is_not_read(damaged: str) -> None:
         listed_words(["000000000000", damaged])
 
 
-def test_a_sample_of_another_size_is_refused() -> None:
+def test_what_is_no_listing_of_these_samples_is_refused() -> None:
     with pytest.raises(GatherError, match="a sample has 1"):
         unpack([word("X")], [0, 0])
+    channels = [GatherChannel(name="flags", unit="", source=word("Y"))]
+    data = GatheredData.from_listing([], channels, 1, CYCLE_MS)
+    assert data.times_ms.shape == data.values["flags"].shape == (0,)
+    channels = [motor_channel(name, 1, {108: 96}, PMAC) for name in ("commanded", "actual")]
+    with pytest.raises(GatherError, match="3 long words listed, 2 in a sample"):
+        GatheredData.from_listing(listing([1, 2, 3]), channels, 1, CYCLE_MS)
 
 
 @pytest.mark.parametrize("period", [1, 2, 5])
@@ -229,19 +242,7 @@ def test_a_listing_becomes_counts_and_counts_a_cycle_over_milliseconds() -> None
     assert np.allclose(np.array(list(data.values.values())).T, truth, rtol=0, atol=1e-12)
 
 
-def test_an_empty_listing_is_no_samples() -> None:
-    channels = [GatherChannel(name="flags", unit="", source=word("Y"))]
-    data = GatheredData.from_listing([], channels, 1, CYCLE_MS)
-    assert data.times_ms.shape == data.values["flags"].shape == (0,)
-
-
-def test_a_listing_that_ends_inside_a_sample_is_refused() -> None:
-    channels = [motor_channel(name, 1, {108: 96}, PMAC) for name in ("commanded", "actual")]
-    with pytest.raises(GatherError, match="3 long words listed, 2 in a sample"):
-        GatheredData.from_listing(listing([1, 2, 3]), channels, 1, CYCLE_MS)
-
-
-def test_samples_need_a_time_between_them_and_channels_a_name() -> None:
+def test_samples_need_times_names_and_a_known_scale() -> None:
     channel = motor_channel("actual", 1, {108: 96}, PMAC)
     assert GatheredData.from_listing(listing([1]), [channel], 0, CYCLE_MS).times_ms.tolist() == [0.0]
     with pytest.raises(GatherError, match="nothing says when"):
@@ -249,10 +250,213 @@ def test_samples_need_a_time_between_them_and_channels_a_name() -> None:
     for channels in ([channel, channel], []):
         with pytest.raises(GatherError, match="a name of its own"):
             GatheredData.from_listing(listing([1, 2]), channels, 1, CYCLE_MS)
-
-
-def test_a_register_without_a_known_scale_is_refused() -> None:
     with pytest.raises(GatherError, match="there are commanded, actual"):
         motor_channel("temperature", 1, {108: 96}, PMAC)
     with pytest.raises(GatherError, match=r"I208 is 0\.0"):
         motor_channel("actual", 2, {108: 96}, PMAC)
+
+
+# The buffer of data gathering by itself: what is taken, when, and how much of it there is room for.
+
+BITS = {"Y": 24, "X": 24, "D": 48}
+
+
+@dataclass(kw_only=True)
+class Words:
+    """A memory that tells what it was given for a place."""
+
+    values: dict[tuple[str, int], float] = field(default_factory=dict)
+
+    def bits_of(self, _: Pointer) -> None:
+        return None
+
+    def passing(self, _: Pointer) -> None:
+        return None
+
+    def read(self, pointer: Pointer) -> float:
+        return self.values.get((pointer.space, pointer.address), 0.0)
+
+    def write(self, pointer: Pointer, value: float) -> None:
+        self.values[pointer.space, pointer.address] = value
+
+
+def card(
+    sources: list[Pointer], dialect: Dialect = PMAC, period: int = 1, size: int = 1000
+) -> tuple[GatherBuffer, Words, VariableStore]:
+    """A buffer that is defined and set up, with its memory and variables."""
+    variables = VariableStore(dict(gather_settings(sources, period, dialect)), dialect)
+    memory = Words()
+    variables.memory = memory
+    gather = GatherBuffer(variables)
+    gather.define(size)
+    return gather, memory, variables
+
+
+def run(gather: GatherBuffer, cycles: int) -> None:
+    """Servo cycles, as the card has them."""
+    for _ in range(cycles):
+        if gather.running:
+            gather.sample()
+
+
+def value_in_buffer(space: str) -> st.SearchStrategy[float]:
+    if space == "L":
+        return st.floats(-1e9, 1e9)
+    limit = 1 << (BITS[space] - 1)
+    return st.integers(-limit, limit - 1).map(float)
+
+
+@st.composite
+def gatherings(draw: st.DrawFn) -> tuple[Dialect, list[Pointer], list[list[float]]]:
+    dialect = draw(st.sampled_from([PMAC, TURBO]))
+    spaces = draw(st.lists(st.sampled_from("YXDL"), min_size=1, max_size=dialect.gathering.source_count))
+    sources = [word(space, 0x100 + place) for place, space in enumerate(spaces)]
+    row = st.tuples(*(value_in_buffer(space) for space in spaces)).map(list)
+    return dialect, sources, draw(st.lists(row, min_size=1, max_size=4))
+
+
+@given(gatherings())
+def test_what_is_kept_is_what_the_rules_of_packing_say(
+    drawn: tuple[Dialect, list[Pointer], list[list[float]]],
+) -> None:
+    dialect, sources, rows = drawn
+    gather, memory, _ = card(sources, dialect)
+    gather.start()
+    for row in rows:
+        for source, value in zip(sources, row, strict=True):
+            memory.write(source, value)
+        gather.sample()
+    assert gather.long_words() == [each for row in rows for each in pack(sources, row)]
+
+
+@pytest.mark.parametrize("period", [1, 3, 7])
+def test_the_first_cycle_is_gathered_and_then_every_period(period: int) -> None:
+    gather, memory, _ = card([word("D")], period=period)
+    gather.start()
+    for cycle in range(20):
+        memory.write(word("D"), cycle)
+        gather.sample()
+    assert gather.long_words() == list(range(0, 20, period))
+
+
+def test_a_period_of_0_is_one_sample_for_each_command() -> None:
+    gather, memory, _ = card([word("D")], period=0)
+    for value in (5, 6):
+        memory.write(word("D"), value)
+        gather.start()
+        run(gather, 10)
+        assert not gather.running
+    assert gather.long_words() == [5, 6]
+
+
+@pytest.mark.parametrize(("size", "samples"), [(10, 5), (11, 5), (2, 1), (3, 1)])
+def test_it_ends_by_itself_when_another_sample_has_no_room(size: int, samples: int) -> None:
+    sources = [word("D"), word("X")]
+    gather, _, _ = card(sources, size=size)
+    gather.start()
+    run(gather, samples - 1)
+    before_the_last = gather.running
+    run(gather, 100)
+    assert (before_the_last, gather.running) == (True, False)
+    assert len(gather.long_words()) == samples * long_words_of(sources)
+
+
+def test_a_full_buffer_takes_no_more_until_it_is_defined_again() -> None:
+    gather, _, _ = card([word("D")], size=4)
+    gather.start()
+    run(gather, 4)
+    assert refusal(gather.start) == 6
+    gather.define(4)
+    gather.start()
+    assert gather.running
+
+
+def test_data_go_on_behind_those_that_are_there_and_define_begins_anew() -> None:
+    """The manuals name DEFINE GATHER alone for putting the place of storage back to the beginning."""
+    gather, memory, _ = card([word("D")])
+    for value in (1, 2):
+        memory.write(word("D"), value)
+        gather.start()
+        run(gather, 2)
+        gather.running = False
+    assert gather.long_words() == [1, 1, 2, 2]
+    gather.define(100)
+    gather.start()
+    run(gather, 1)
+    assert gather.long_words() == [2]
+
+
+@FAMILIES
+def test_what_is_gathered_is_read_once_when_it_starts(dialect: Dialect) -> None:
+    gather, memory, variables = card([word("D", 0x20)], dialect)
+    memory.write(word("D", 0x20), 1)
+    memory.write(word("D", 0x21), 2)
+    gather.start()
+    for index, value in gather_settings([word("D", 0x21)], 5, dialect).items():
+        variables.set(VariableKind.I, index, value)
+    run(gather, 2)
+    gather.start()  # it runs: this changes nothing
+    run(gather, 1)
+    assert gather.long_words() == [1, 1, 1]
+    gather.running = False
+    gather.start()
+    run(gather, 5)
+    assert gather.long_words() == [1, 1, 1, 2]
+
+
+def refusal(act: object, *arguments: object) -> int:
+    assert callable(act)
+    with pytest.raises(PmacError) as refused:
+        act(*arguments)
+    return refused.value.code
+
+
+def test_what_cannot_be_gathered_is_refused() -> None:
+    gather, _, variables = card([word("D")])
+    gather.delete()
+    assert refusal(gather.start) == 3, "no buffer"
+    assert refusal(gather.define, 0) == 3
+    gather.define(1)
+    variables.set(VariableKind.I, PMAC.gathering.masks[0], 0)
+    assert refusal(gather.start) == 3, "no sources"
+    variables.set(VariableKind.I, PMAC.gathering.masks[0], 3)
+    variables.set(VariableKind.I, PMAC.gathering.first_source + 1, 0x800030)
+    assert refusal(gather.start) == 6, "one long word, two in a sample"
+    variables.memory = None
+    assert refusal(gather.start) == 3, "no memory"
+    assert not gather.running
+
+
+@pytest.mark.parametrize(("period", "size", "before"), [(1, 10, 0), (1, 10, 4), (3, 10, 0), (3, 10, 4), (7, 4, 1)])
+def test_the_cycles_left_are_those_until_it_is_full(period: int, size: int, before: int) -> None:
+    gather, _, _ = card([word("D"), word("D", 0x11)], period=period, size=size)
+    gather.start()
+    run(gather, before)
+    left = gather.cycles_left
+    run(gather, left - 1)
+    assert gather.running
+    run(gather, 1)
+    assert not gather.running
+
+
+# Gathered numbers become the words of a register all at once, as one by one.
+
+
+def test_registers_hold_integers_and_samples_their_sources_in_order() -> None:
+    assert packed([[2.5, -2.5, -0.2]], (3,), b"") == bytes.fromhex("030000 feffff 000000")
+    assert packed([[1.0, 2.0], [-1.0, 256.0]], (6, 3), b"\xab\xcd\xef") == bytes.fromhex(
+        "010000000000 ffffff abcdef 020000000000 000100 abcdef"
+    )
+
+
+@pytest.mark.parametrize(("value", "word"), [(nan, "000000"), (inf, "000000"), (2.0**80 + 2.0**40, "000000")])
+def test_what_no_register_holds_leaves_the_other_samples_alone(value: float, word: str) -> None:
+    assert packed([[1.0, value, -1.0]], (3,), b"") == bytes.fromhex(f"010000 {word} ffffff")
+
+
+@given(st.lists(st.floats() | st.floats(-1e15, 1e15), min_size=1), st.sampled_from((3, 6)))
+def test_many_are_packed_as_each_by_itself(values: list[float], width: int) -> None:
+    whole = (floor(value + 0.5) if isfinite(value) else 0 for value in values)
+    assert packed([values], (width,), b"") == b"".join(
+        (each % 256**width).to_bytes(width, "little") for each in whole
+    )

@@ -1,19 +1,26 @@
-"""A cut without a host, by each policy: where the tool and the spindle end, and when."""
+"""Cuts that lost their host, and the marks of a cut that has ended."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.plc import Policy
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.pvt import pvt_program
 from drivers.pmac.programs.setup import cut_setup
+from drivers.simulator.machine import SimulatedLathe
 from profiles.compensations.path import LobedPath
 from profiles.machine import MachineProfile
+from profiles.store import load_job
 from tests.drivers.conftest import JobMaker
-from tests.drivers.heartbeat_card import (
+from tests.drivers.plc_bench import (
     CARRIAGE,
     DEEP,
     RPM_1000,
@@ -26,8 +33,10 @@ from tests.drivers.heartbeat_card import (
     cut_program,
     host_of,
     leased_loop,
+    run_for,
+    values,
 )
-from tests.drivers.plc_card import run_for, values
+from tests.system.lathe_sites import compact
 
 FAMILIES = pytest.mark.parametrize("dialect", [PMAC, TURBO], ids=lambda dialect: dialect.name)
 
@@ -134,9 +143,7 @@ def test_a_spindle_apart_from_the_program_is_stopped_behind_the_tool(
 
 @FAMILIES
 @pytest.mark.parametrize("policy", [Policy.RETRACT, Policy.STOP])
-def test_when_the_spindle_has_tripped_the_tool_still_goes_out(
-    machine: MachineProfile, dialect: Dialect, policy: Policy
-) -> None:
+def test_a_tripped_spindle_lets_the_tool_go_out(machine: MachineProfile, dialect: Dialect, policy: Policy) -> None:
     """The trip has ended the program, with the tool in the part; the loop of the spindle stays open."""
     mode = "I224=$400000" if dialect is TURBO else "I225=$400000"
     host = host_of(machine, dialect, policy)
@@ -152,9 +159,7 @@ def test_when_the_spindle_has_tripped_the_tool_still_goes_out(
 
 @FAMILIES
 @pytest.mark.parametrize("policy", list(Policy))
-def test_when_the_tool_has_tripped_nothing_tries_to_move_it(
-    machine: MachineProfile, dialect: Dialect, policy: Policy
-) -> None:
+def test_a_tripped_tool_is_moved_by_nothing(machine: MachineProfile, dialect: Dialect, policy: Policy) -> None:
     mode = "I124=$400000" if dialect is TURBO else "I125=$400000"
     host = host_of(machine, dialect, policy)
     host.card.tell(mode)
@@ -202,9 +207,7 @@ def test_a_host_that_is_back_restarts_nothing(machine: MachineProfile, dialect: 
 
 
 @FAMILIES
-def test_a_slow_background_changes_little_where_the_program_looks_at_the_lease(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_a_slow_background_changes_little_by_the_lease(machine: MachineProfile, dialect: Dialect) -> None:
     host = host_of(machine, dialect)
     begin_cut(host, cut_program(leased_loop(dialect)))
     host.card.sim.faults.inject("slow-background", cycle_ms=100.0)
@@ -212,9 +215,7 @@ def test_a_slow_background_changes_little_where_the_program_looks_at_the_lease(
 
 
 @FAMILIES
-def test_a_slow_background_delays_an_abort_by_a_few_of_its_cycles(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_a_slow_background_delays_an_abort_by_some_cycles(machine: MachineProfile, dialect: Dialect) -> None:
     """280 ms, then at most a cycle until each of these: seen, aborted, out."""
     host = host_of(machine, dialect, Policy.STOP)
     begin_cut(host, cut_program(leased_loop(dialect)))
@@ -244,3 +245,68 @@ def test_the_pvt_cut_is_retracted_and_at_rest_within_2_s(
     assert out_s <= PROMISE_S + (TURN_MS + 3 * 3 + 106 * 3) / 1000.0 + CYCLE_S
     assert host.until(host.still) <= REST_S
     assert host.place(TOOL) == pytest.approx(setup.retracted, abs=20)
+
+
+# What a program says of its end: finished only where it came there segment by segment, on its own time base.
+
+LOOK_S = 0.05
+LONGEST_S = 40.0
+
+
+def ended(strategy: Strategy, family: str, line: str, at_turn: float = 4.0) -> tuple[float, float]:
+    """Run the program of a short cut, with another host's line in the midst of it; return P43 and P44."""
+    machine = compact(family)
+    job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.3)
+    plan = plan_cut(job, machine, strategy)
+    sim = SimulatedLathe(machine)
+    client = PmacClient(MemoryLink(sim.connect(), sim), sim)
+    client.connect()
+    for motor in sim.controller.motors.values():
+        motor.home_zero()
+    client.request("#1J/#2J/#3J/")
+    client.request(f"#3J={plan.carriage_start:.3f} #2J={plan.spindle_start:.3f} #1J={plan.tool_start:.3f}")
+    sim.wait(5.0)
+    client.download(plan.program.lines)
+    client.request(f"&1B{plan.program.number}R")
+    sent = not line
+    for _ in range(round(LONGEST_S / LOOK_S)):
+        sim.wait(LOOK_S)
+        if not sent and turn_of(sim, plan) > at_turn:
+            client.request(line)
+            sent = True
+        if not sim.controller.systems[1].running:
+            break
+    assert sent
+    turns, finished = client.numbers("P43", "P44")
+    return turns, finished
+
+
+def turn_of(sim: SimulatedLathe, plan: CutPlan) -> float:
+    """Turns of feed that the carriage has gone."""
+    return (sim.controller.motors[3].position - plan.carriage_start) / plan.setup.carriage_per_turn
+
+
+@pytest.mark.parametrize(
+    ("strategy", "family"),
+    [*((each, "pmac") for each in Strategy), (Strategy.CAM, "turbo"), (Strategy.TIMEBASE, "turbo")],
+)
+@pytest.mark.first(2)
+def test_an_undisturbed_program_says_its_turns_and_that_it_is_finished(strategy: Strategy, family: str) -> None:
+    turns, finished = ended(strategy, family, "")
+    assert (turns, finished) == (20.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("strategy", "line"),
+    [
+        (Strategy.PVT, "P25=P25+1"),
+        (Strategy.PVT, "P25=P25-1"),
+        (Strategy.CAM, "P25=P25-1"),
+        (Strategy.TIMEBASE, "P25=P25+1"),
+        (Strategy.PAPER, "P630=P630+2"),
+        (Strategy.TIMEBASE, "I193=0"),
+    ],
+)
+@pytest.mark.first(2)
+def test_a_program_in_which_somebody_goes_on_elsewhere_is_not_finished(strategy: Strategy, line: str) -> None:
+    assert ended(strategy, "pmac", line)[1] == 0.0

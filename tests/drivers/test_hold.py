@@ -17,8 +17,12 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from profiles.compensations.path import target_path
 from profiles.roundness import evaluate
-from tests.drivers.close_families import machine as machine
+from tests.drivers import families
 from tests.drivers.families import ON_ONE
+
+machine = families.close_families
+"""Everything close together, in both families."""
+
 
 if TYPE_CHECKING:
     from profiles.job import Job
@@ -168,9 +172,7 @@ def test_a_cut_that_is_not_held_ends_with_a_whole_turn_without_a_mark(
 
 
 @ON_ONE
-def test_what_was_cut_before_a_hold_is_as_round_as_a_whole_cut(
-    bench: Bench, machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_what_was_cut_before_a_hold_is_round(bench: Bench, machine: MachineProfile, experiment: JobMaker) -> None:
     """The measured section is in the middle; the hold comes behind it."""
     plan = aligned(bench, replace(experiment(1), cut_length_mm=3.0), machine, Strategy.PVT)
     found = run(bench, plan, 4.5)

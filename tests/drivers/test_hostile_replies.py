@@ -28,8 +28,7 @@ from drivers.simulator.hosts.port import Port
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import Problem
 from profiles.store import load_machine
-from tests.hostile.hostile_card import hostile_card
-from tests.hostile.ways import WAYS, End, Kind, Step, Way
+from tests.hostile.hostile_card import WAYS, End, Kind, Step, Way, hostile_card
 from tests.system.lathe_sites import build, compact
 
 SHORT_S = 0.1

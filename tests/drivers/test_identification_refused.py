@@ -1,4 +1,4 @@
-"""What identification refuses: each with a reason, and nothing moves for it."""
+"""Measurements that are refused or disturbed."""
 
 from __future__ import annotations
 
@@ -8,15 +8,22 @@ from dataclasses import replace
 
 import pytest
 
+from drivers.commissioning.proofs.proving import prove
 from drivers.cutting.strategy import Strategy
-from drivers.errors import RefusedError
-from drivers.identification.excitation import axis_word, return_hz, wave_counts
+from drivers.errors import DriverError, RefusedError
+from drivers.identification.cam_path import return_hz, wave_counts
+from drivers.identification.excitation import axis_word
+from drivers.identification.health import HealthRequest, check_health
 from drivers.identification.identify import identify, take_up
 from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems
+from drivers.identification.result import Origin
+from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
-from profiles.problem import ProblemError, ProfileError
+from profiles.problem import Problem, ProblemError, ProfileError
+from profiles.store import load_machine
+from tests.drivers.commissioned import commissioned
 from tests.drivers.families import ON_ONE
-from tests.drivers.families import machine as machine  # both families
+from tests.drivers.families import machine as machine
 from tests.drivers.identification_bench import Stand, ready, stand
 
 MOVES = re.compile(r"#\d+(J|HM|O|K|\$)|R\b|\bA\b|\bS\b|OPEN|DEFINE|GATHER|I51=1")
@@ -81,29 +88,25 @@ def test_a_sine_beyond_what_the_axis_is_set_to_is_refused(
     assert (problem.code, problem.key) == ("identify.beyond_drive", key)
 
 
-def test_a_sine_beyond_the_thrust_is_refused(machine: MachineProfile) -> None:
+def test_a_sine_beyond_the_thrust_is_refused_by_its_first_frequency(machine: MachineProfile) -> None:
     """50 um at 200 Hz are 79.0 m/s2: 374.2 N for 4.74 kg, and more for the damping."""
     asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(200.0,))
     weak = replace(machine, tool=replace(machine.tool, continuous_force_n=374.0))
     (problem,) = request_problems(asked, weak)
     assert (problem.code, problem.key) == ("identify.beyond_drive", "tool.continuous_force_n")
     assert request_problems(asked, machine) == ()
-
-
-def test_of_frequencies_that_are_too_high_the_first_is_named(machine: MachineProfile) -> None:
     asked = replace(PVT, amplitude_um=50.0, frequencies_hz=(50.0, 210.0, 220.0))
     found = {(problem.key, problem.where) for problem in request_problems(asked, machine)}
     assert found == {("I117", "210 Hz"), ("tool.continuous_force_n", "210 Hz")}
 
 
-def test_the_tool_must_be_clear_of_the_jaws_by_five_millimetres(machine: MachineProfile) -> None:
+def test_the_tool_must_be_clear_of_the_jaws_and_the_way_back_is_no_higher_frequency(
+    machine: MachineProfile,
+) -> None:
     """Home at 76 mm, the outside of the jaws at 70 mm."""
     assert clearance_mm(machine, 50.0) == pytest.approx(5.95)
     nearer = replace(machine, tool=replace(machine.tool, home_radius_mm=75.0))
     assert codes(PVT, nearer) == ["identify.not_clear"]
-
-
-def test_the_way_back_along_the_table_is_no_higher_frequency(machine: MachineProfile) -> None:
     for highest in (10.0, 50.0, 100.0, 200.0):
         assert return_hz(machine, highest) <= max(highest, 100.0)
         assert wave_counts(machine, highest) * highest <= 25_000.0 + 1e-9  # half of 50 counts/ms
@@ -113,9 +116,7 @@ def test_the_way_back_along_the_table_is_no_higher_frequency(machine: MachinePro
 
 
 @pytest.mark.parametrize("definitions", [("#2->Y", "#3->Z"), ("#1->X+Y", "#2->Y", "#3->Z")])
-def test_a_tool_without_an_axis_of_its_own_is_refused(
-    machine: MachineProfile, definitions: tuple[str, ...]
-) -> None:
+def test_a_tool_without_its_own_axis_is_refused(machine: MachineProfile, definitions: tuple[str, ...]) -> None:
     other = replace(machine, controller=replace(machine.controller, axis_definitions=definitions))
     with pytest.raises(ProfileError) as refused:
         axis_word(other, machine.tool.motor)
@@ -167,9 +168,7 @@ def listed(made: Stand) -> list[str]:
 
 @ON_ONE
 @pytest.mark.parametrize("path", [Strategy.PVT, Strategy.CAM])
-def test_a_table_that_the_tool_has_is_no_obstacle_and_stands_as_before(
-    machine: MachineProfile, path: Strategy
-) -> None:
+def test_a_table_of_the_tool_is_no_obstacle_and_stands_as_before(machine: MachineProfile, path: Strategy) -> None:
     """A cut by `cam` leaves one, switched off; it may be another host's, too."""
     made = ready(machine)
     made.tell(*TABLE)
@@ -248,3 +247,142 @@ def test_drives_that_somebody_has_switched_on_are_left_alone(machine: MachinePro
         take_up(made.rig)
     assert [problem.code for problem in refused.value.problems] == ["identify.drives_on"]
     assert not any(MOVES.search(line) for line in made.lines)
+
+
+# What is measured while another host writes a setting is refused: nothing of it is returned to be kept.
+
+DATE = "2001-11-30T14:05:00.000Z"
+
+
+def identified(stand: Stand, origin: Origin) -> object:
+    request = IdentificationRequest(path=Strategy.PVT, frequencies_hz=(50.0,))
+    return identify(stand.rig, request, origin, DATE)
+
+
+def table_identified(stand: Stand, origin: Origin) -> object:
+    request = IdentificationRequest(path=Strategy.CAM, frequencies_hz=(50.0,))
+    return identify(stand.rig, request, origin, DATE)
+
+
+def checked(stand: Stand, origin: Origin) -> object:
+    return check_health(stand.rig, HealthRequest(), origin, DATE)
+
+
+Measure = Callable[[Stand, Origin], object]
+EACH = pytest.mark.parametrize("measured", [identified, table_identified, checked])
+
+
+def disturb(sim: SimulatedLathe, *lines: tuple[float, str]) -> None:
+    """Let another host send each line so many seconds from now."""
+    port, wait = sim.connect(), sim.wait
+    due = [(sim.now_s() + after_s, line) for after_s, line in lines]
+
+    def waiting(seconds: float) -> None:
+        end_s = sim.now_s() + seconds
+        while due and due[0][0] <= end_s:
+            at_s, line = due.pop(0)
+            wait(max(at_s - sim.now_s(), 0.0))
+            port.receive(line.encode() + b"\r")
+            port.take_output()
+        wait(max(end_s - sim.now_s(), 0.0))
+
+    sim.wait = waiting  # type: ignore[method-assign]
+
+
+def refusal(measured: Measure, stand: Stand, origin: Origin) -> Problem:
+    with pytest.raises(DriverError) as ended:
+        measured(stand, origin)
+    return ended.value.problems[0]
+
+
+@pytest.mark.first(5)
+@EACH
+@pytest.mark.parametrize(
+    ("line", "key", "found", "before"),
+    [
+        ("I132=2452", "I132", "2452", "4905"),  # the halved feedforward that was kept as 0.79 at -28 degrees
+        ("I130=370", "I130", "370", "528"),
+        ("I160=1", "I160", "1", "0"),  # a setting that no profile states
+    ],
+)
+def test_a_setting_that_another_host_changes_and_leaves_is_named(
+    machine: MachineProfile, measured: Measure, line: str, key: str, found: str, before: str
+) -> None:
+    stand = ready(machine)
+    origin = stand.origin
+    disturb(stand.sim, (0.3, line))
+    problem = refusal(measured, stand, origin)
+    assert (problem.code, problem.key, problem.value, problem.limit) == ("measurement.changed", key, found, before)
+    assert not stand.drives_on
+
+
+@ON_ONE
+@pytest.mark.parametrize("measured", [identified, checked])
+def test_a_setting_that_is_put_back_before_the_end_is_named(machine: MachineProfile, measured: Measure) -> None:
+    stand = ready(machine)
+    origin = stand.origin
+    disturb(stand.sim, (1.3, "I168=40"), (1.9, "I168=0"))  # friction feedforward, while the tool is moved
+    problem = refusal(measured, stand, origin)
+    assert (problem.code, problem.key) == ("measurement.changed", "I168")
+
+
+@ON_ONE
+@pytest.mark.parametrize(("line", "key"), [("I132=2452", "I132"), ("I10=3700000", "I10")])
+def test_a_setting_that_changed_when_read_moves_nothing(machine: MachineProfile, line: str, key: str) -> None:
+    """The origin is read before drives are enabled and axes homed: that takes seconds."""
+    stand = ready(machine)
+    origin = stand.origin
+    disturb(stand.sim, (0.0, line))
+    stand.sim.wait(0.1)
+    with pytest.raises(RefusedError) as ended:
+        identified(stand, origin)
+    assert (ended.value.problems[0].code, ended.value.problems[0].key) == ("measurement.changed", key)
+
+
+@ON_ONE
+def test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end(machine: MachineProfile) -> None:
+    stand = ready(machine)
+    origin = stand.origin
+    disturb(stand.sim, (1.0, "I117=50"))  # the greatest acceleration of a program
+    problem = refusal(identified, stand, origin)
+    assert (problem.code, problem.key) == ("measurement.changed", "I117")
+
+
+@ON_ONE
+def test_an_axis_that_another_host_scales_otherwise_is_named_at_the_end(machine: MachineProfile) -> None:
+    stand = ready(machine)
+    origin = stand.origin
+    disturb(stand.sim, (0.2, "&1#1->1.001X"))  # before the program runs: later the controller refuses it
+    problem = refusal(checked, stand, origin)
+    assert (problem.code, problem.key) == ("measurement.changed", "#1->")
+    assert (problem.value, problem.limit) == ("&1 1.001X", "&1 X")
+
+
+@ON_ONE
+def test_stops_that_were_measured_with_another_ramp_are_not_kept(machine: MachineProfile) -> None:
+    """The record is kept under the settings that it is valid for, which were read after the last stop alone."""
+    card = commissioned(machine)
+    verification = card.verify()
+    disturb(card.sim, (12.0, "I315=30"))  # the ramp of a stop of the carriage, in mid-test
+    with pytest.raises(DriverError) as ended:
+        prove(card.client, card.stop, card.sim, verification)
+    assert [(each.code, each.key) for each in ended.value.problems] == [("measurement.changed", "I315")]
+
+
+@ON_ONE
+def test_over_a_slow_line_the_sine_is_steady(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Settings are read before the program starts; 30 s would be 9600 baud with an echo."""
+    stand = ready(machine)
+    note = stand.rig.lathe.program.note_settings
+
+    def slowly() -> None:
+        stand.sim.wait(30.0)
+        note()
+
+    monkeypatch.setattr(stand.rig.lathe.program, "note_settings", slowly)
+    assert identified(stand, stand.origin)
+
+
+def test_what_is_measured_undisturbed_is_kept() -> None:
+    stand = ready(load_machine("lee-2001-lathe").machine)
+    assert identified(stand, stand.origin)

@@ -17,10 +17,7 @@ from tests.drivers.families import of_family
 from tests.drivers.wire_card import Wire, wire
 
 UPPER, FORE, PER_DEGREE = 400.0, 300.0, 100.0
-FORWARD = (
-    "Q7=Q91*COS(P4/Q93)+Q92*COS((P4+P5)/Q93)",
-    "Q8=Q91*SIN(P4/Q93)+Q92*SIN((P4+P5)/Q93)",
-)
+FORWARD = ("Q7=Q91*COS(P4/Q93)+Q92*COS((P4+P5)/Q93)", "Q8=Q91*SIN(P4/Q93)+Q92*SIN((P4+P5)/Q93)")
 INVERSE = (
     "Q20=(Q7*Q7+Q8*Q8-Q91*Q91-Q92*Q92)/(2*Q91*Q92)",
     "Q21=ACOS(Q20)",
@@ -101,32 +98,31 @@ def test_each_move_ends_where_the_joints_have_to_be(machine: MachineProfile, seg
     assert card.ask("Q7Q8Q10") == ["400", "350", "0"]
 
 
-def test_segments_follow_the_straight_line_and_end_points_do_not(machine: MachineProfile) -> None:
+def test_a_path_in_segments_keeps_its_line_its_time_and_its_circle(machine: MachineProfile) -> None:
     line = ("LINEAR ABS TA100 TS0 TM400 X600 Y-200",)
     ends = (450.0, 250.0), (600.0, -200.0)
     assert off_the_line(played(arm(machine, *line)), *ends) > 5.0
     assert off_the_line(played(arm(machine, *line, segment_ms=10)), *ends) < 1e-3
     assert off_the_line(played(arm(machine, *line, segment_ms=50)), *ends) < 0.1
-
-
-def test_a_circle_in_segments_is_round(machine: MachineProfile) -> None:
     card = arm(machine, "CIRCLE1 ABS TA50 TS0 TM800 X450 Y250 I50 J0", "LINEAR", segment_ms=5)
     radius = [np.hypot(*(tip(*row) - (500.0, 250.0))) for row in played(card)]
     middle = np.array(radius[len(radius) // 4 : -len(radius) // 4])
     assert np.abs(middle - 50.0).max() < 1e-3
-
-
-def test_the_path_in_segments_has_the_time_and_the_speed_of_the_axes(machine: MachineProfile) -> None:
-    """100 units at 200 units a second: 0.5 s, and TA more."""
+    # 100 units at 200 units a second: 0.5 s, and TA more.
     card = arm(machine, "LINEAR INC TA100 TS0 F200 X100", segment_ms=5)
     began_s = card.sim.now_s()
     played(card)
     assert card.sim.now_s() - began_s == pytest.approx(0.6, abs=0.02)
 
 
-def test_rapid_and_spline_go_by_end_points_also_in_segments(machine: MachineProfile) -> None:
+def test_moves_go_by_end_points_and_begin_where_the_arm_is(machine: MachineProfile) -> None:
     card = arm(machine, "RAPID ABS X600 Y200", "LINEAR TA50 TM200 X550", "SPLINE1 TM100 X500", segment_ms=10)
     np.testing.assert_allclose(played(card)[-1], joints(500.0, 200.0), atol=1e-6)
+    card = arm(machine, "LINEAR INC TA50 TS0 TM200 X10")
+    shoulder, elbow = joints(380.0, 300.0)
+    card.tell(f"#4J={shoulder:.6f}", f"#5J={elbow:.6f}")
+    card.settle()
+    np.testing.assert_allclose(played(card)[-1], joints(390.0, 300.0), atol=1e-3)
 
 
 def test_pvt_asks_for_the_velocities_too(machine: MachineProfile) -> None:
@@ -142,21 +138,10 @@ def test_pvt_asks_for_the_velocities_too(machine: MachineProfile) -> None:
     np.testing.assert_allclose(found / np.linalg.norm(found), speed / np.linalg.norm(speed), atol=0.02)
 
 
-def test_after_a_jog_the_program_begins_where_the_arm_is(machine: MachineProfile) -> None:
-    card = arm(machine, "LINEAR INC TA50 TS0 TM200 X10")
-    shoulder, elbow = joints(380.0, 300.0)
-    card.tell(f"#4J={shoulder:.6f}", f"#5J={elbow:.6f}")
-    card.settle()
-    np.testing.assert_allclose(played(card)[-1], joints(390.0, 300.0), atol=1e-3)
-
-
-def test_pmatch_says_where_the_tip_is(machine: MachineProfile) -> None:
+def test_pmatch_says_where_the_tip_is_and_switched_off_nothing_moves(machine: MachineProfile) -> None:
     card = arm(machine)
     card.tell("Q7=0 Q8=0", "&2PMATCH")
     assert [round(float(text), 3) for text in card.ask("Q7Q8")] == [450.0, 250.0]
-
-
-def test_switched_off_the_motors_stay_where_they_are(machine: MachineProfile) -> None:
     card = arm(machine, "LINEAR ABS TA50 TS0 TM200 X600 Y200")
     card.tell("I5250=0")
     seen = played(card)

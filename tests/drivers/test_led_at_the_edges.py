@@ -57,9 +57,7 @@ def test_a_cam_that_leads_beyond_a_limit_sets_the_bit_and_ends_the_program(machi
 
 
 @FAMILIES
-def test_a_program_that_was_stepped_goes_on_where_the_master_has_led_it(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_a_stepped_program_goes_on_where_the_master_led_it(machine: MachineProfile, dialect: Dialect) -> None:
     card = card_with(machine, dialect)
     card.tell("OPEN PROG 2 CLEAR", "LINEAR INC TA40 TS0 TM100", "Z100", "Z100", "CLOSE")
     follow(card, 96)
@@ -74,9 +72,7 @@ def test_a_program_that_was_stepped_goes_on_where_the_master_has_led_it(
 
 
 @FAMILIES
-def test_what_was_followed_in_a_jog_is_the_motors_own_though_following_ends_before_it(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_what_was_followed_in_a_jog_is_the_motors_own(machine: MachineProfile, dialect: Dialect) -> None:
     card = card_with(machine, dialect)
     follow(card, 96)
     card.tell("I322=2", "#2J=1000", "#3J=4000")
@@ -90,9 +86,7 @@ def test_what_was_followed_in_a_jog_is_the_motors_own_though_following_ends_befo
 
 
 @FAMILIES
-def test_offset_following_that_is_switched_off_keeps_the_reported_position(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_offset_following_that_ends_keeps_the_position(machine: MachineProfile, dialect: Dialect) -> None:
     card = card_with(machine, dialect)
     follow(card, 96, offset=True)
     card.tell("#2J=1000")
@@ -130,9 +124,7 @@ def test_a_follower_is_at_zero_behind_its_home(machine: MachineProfile) -> None:
 
 
 @FAMILIES
-def test_time_that_a_master_has_taken_back_is_not_owed_to_the_clock_of_the_card(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_time_that_a_master_took_back_is_not_owed(machine: MachineProfile, dialect: Dialect) -> None:
     card = card_with(machine, dialect)
     card.tell("OPEN PROG 2 CLEAR", "LINEAR INC TA40 TS0 TM100", "Z100", "CLOSE")
     time_base(card)
@@ -143,9 +135,7 @@ def test_time_that_a_master_has_taken_back_is_not_owed_to_the_clock_of_the_card(
     assert actual(card) == 100.0
 
 
-def test_a_motor_that_is_activated_again_is_not_thrown_by_what_its_table_did_meanwhile(
-    machine: MachineProfile,
-) -> None:
+def test_a_motor_activated_again_is_not_thrown_by_its_table(machine: MachineProfile) -> None:
     table = TableDefinition(motor=4, sources=(TableSource(2, 1000),), target=4, columns=2).filled([1600, 0])
     card = wire(machine)
     card.tell(*table_lines(table), "I400=0", "I51=1", "#2J/", "#2J=500")
@@ -158,9 +148,7 @@ def test_a_motor_that_is_activated_again_is_not_thrown_by_what_its_table_did_mea
 
 
 @FAMILIES
-def test_settings_of_the_master_wrap_and_are_whole_as_on_the_card(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_settings_of_the_master_wrap_as_on_the_card(machine: MachineProfile, dialect: Dialect) -> None:
     card = wire(machine, dialect)
     card.tell("I107=48.7", "I106=1")
     assert card.ask("I107 I106") == ["49", "1"]

@@ -1,16 +1,38 @@
-"""A motor that follows the spindle, and a program whose time is the spindle's: on the card, in both families."""
+"""Motors and time bases that follow a master."""
 
 from __future__ import annotations
 
+from dataclasses import replace
+from fractions import Fraction
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.master.time_base import TimeBaseEntry, Trigger, nearest_factor
+from drivers.pmac.master.following import (
+    Following,
+    FollowingMode,
+    FollowingSetup,
+    in_counts,
+    parts_of,
+    register_change,
+)
+from drivers.pmac.master.time_base import (
+    UNITS_PER_MS,
+    TimeBaseEntry,
+    Trigger,
+    TriggeredTimeBase,
+    entry_of,
+    increment_units,
+    nearest_factor,
+)
+from drivers.pmac.settings import servo_cycle_ms
 from profiles.machine import MachineProfile
 from tests.drivers.conftest import Recorder
 from tests.drivers.wire_card import Wire, wire
@@ -118,9 +140,7 @@ def led(machine: MachineProfile, dialect: Dialect, share: float) -> tuple[Floats
 
 
 @FAMILIES
-def test_a_program_on_the_external_time_base_is_where_the_angle_says_through_a_ripple(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_on_the_external_time_base_a_program_is_at_its_angle(machine: MachineProfile, dialect: Dialect) -> None:
     path_ms, path = in_real_time(machine, dialect)
     for share in (0.0, 0.05):
         turned_ms, counts = led(machine, dialect, share)
@@ -238,9 +258,7 @@ def test_a_motor_follows_the_spindle_by_the_ratio_of_its_gears(machine: MachineP
 
 
 @FAMILIES
-def test_in_offset_mode_what_is_followed_is_left_out_of_the_position(
-    machine: MachineProfile, dialect: Dialect
-) -> None:
+def test_in_offset_mode_what_is_followed_is_left_out(machine: MachineProfile, dialect: Dialect) -> None:
     card = card_with(machine, dialect)
     follow(card, 48, offset=True)
     card.tell("#2J=8000")
@@ -299,3 +317,160 @@ def test_the_conversion_table_of_the_factory(machine: MachineProfile) -> None:
     card.tell("M198->X:$721,0,24,S", "#2J/", "#2J=1000")
     card.settle()
     assert float(card.ask("M198")[0]) == 32 * card.card.motors[SPINDLE].true_position
+
+
+# Position following: a pair of gears of whole teeth, of which nothing gets lost.
+
+ROLL = 2**24
+
+
+def setup(teeth: int = 96, own_teeth: int = 96, mode: FollowingMode = FollowingMode.NORMAL) -> FollowingSetup:
+    return FollowingSetup(mode=mode, master=0x720, teeth=teeth, own_teeth=own_teeth)
+
+
+@pytest.mark.parametrize(
+    ("dialect", "settings", "mode", "master"),
+    [
+        (PMAC, {105: 0x721, 106: 0}, FollowingMode.OFF, 0x721),
+        (PMAC, {105: 0x721, 106: 1}, FollowingMode.NORMAL, 0x721),
+        (PMAC, {105: 0x10721, 106: 1}, FollowingMode.OFFSET, 0x721),
+        (PMAC, {105: 0x10721, 106: 0}, FollowingMode.OFF, 0x721),
+        (TURBO, {105: 0x3502, 106: 0}, FollowingMode.OFF, 0x3502),
+        (TURBO, {105: 0x3502, 106: 1}, FollowingMode.NORMAL, 0x3502),
+        (TURBO, {105: 0x3502, 106: 2}, FollowingMode.OFF, 0x3502),
+        (TURBO, {105: 0x3502, 106: 3}, FollowingMode.OFFSET, 0x3502),
+        (TURBO, {}, FollowingMode.OFF, 0),
+    ],
+)
+def test_where_each_family_keeps_the_mode(
+    dialect: Dialect, settings: dict[int, float], mode: FollowingMode, master: int
+) -> None:
+    read = FollowingSetup.of_motor(1, {**settings, 107: -30, 108: 96}, dialect)
+    kept_out = settings.get(105, 0) >= 0x10000 or settings.get(106, 0) >= 2
+    assert read == FollowingSetup(mode=mode, master=master, teeth=-30, own_teeth=96, offset=kept_out)
+
+
+@given(st.integers(-(2**23), 2**23 - 1), st.integers(1, 1000), st.lists(st.integers(-4000, 4000), max_size=40))
+def test_the_motor_goes_by_the_exact_ratio(teeth: int, own_teeth: int, changes: list[int]) -> None:
+    gears, register = setup(teeth, own_teeth), 0
+    following = Following(master_parts=0)
+    travelled = 0
+    for change in changes:
+        register = (register + change) % ROLL
+        following, increment = following.step(gears, register)
+        travelled += increment
+    assert travelled == following.followed
+    master_counts = Fraction(sum(changes), 32)
+    assert Fraction(following.followed, own_teeth * 32) == master_counts * Fraction(teeth, own_teeth)
+
+
+def test_a_ratio_leaves_nothing_and_may_change_on_the_way() -> None:
+    following, gears = Following(master_parts=0), setup(32, 96)
+    for turn in range(1, 4):
+        following, increment = following.step(gears, parts_of(1000.0 * turn))
+        assert in_counts(increment, gears) == pytest.approx(1000 / 3)
+    assert in_counts(following.followed, gears) == 1000.0
+    following, _ = Following(master_parts=0).step(setup(96), parts_of(100))
+    following, increment = following.step(setup(-192), parts_of(150))
+    assert in_counts(increment, setup()) == -100.0
+    assert in_counts(following.followed, setup()) == 0.0
+    following, increment = Following(master_parts=0).step(setup(mode=FollowingMode.OFF), parts_of(5000))
+    assert (increment, following.followed) == (0, 0)
+    _, increment = following.step(setup(), parts_of(5001))
+    assert in_counts(increment, setup()) == 1.0
+
+
+@given(st.integers(0, ROLL - 1), st.integers(-(2**23), 2**23 - 1))
+def test_the_register_of_the_master_rolls_over(old: int, change: int) -> None:
+    assert register_change((old + change) % ROLL, old) == change
+
+
+def test_only_whole_thirty_seconds_of_a_count_are_seen() -> None:
+    assert [parts_of(counts) for counts in (1.0, 0.5, 0.04, 0.02, -0.01)] == [32, 16, 1, 0, -1]
+
+
+# External time base: trajectory time from the counts of a master, frozen, armed and running.
+
+
+@pytest.mark.parametrize(("counts_per_ms", "factor"), [(128, 1024), (163.84, 800), (256, 512), (204.8, 640)])
+def test_the_scale_factors_of_the_manuals(counts_per_ms: float, factor: int) -> None:
+    assert nearest_factor(counts_per_ms) == factor
+
+
+@pytest.mark.parametrize("counts_per_ms", [128, 163.84, 256])
+def test_at_the_real_time_frequency_the_time_base_is_100_percent(counts_per_ms: float) -> None:
+    factor = nearest_factor(counts_per_ms)
+    # A thousand servo cycles of a master at that speed: the time of the trajectory is the time of the clock.
+    cycle_ms = servo_cycle_ms(3_713_707)
+    parts = [int(cycle * cycle_ms * counts_per_ms * 32) for cycle in range(1001)]
+    units = sum(increment_units(factor, new - old) for old, new in pairwise(parts))
+    assert units / UNITS_PER_MS == pytest.approx(1000 * cycle_ms, abs=1 / (32 * counts_per_ms))
+
+
+@given(st.integers(1, 2**23 - 1), st.lists(st.integers(-(2**10), 2**10), max_size=50))
+def test_no_count_of_the_master_is_lost_below_saturation(factor: int, changes: list[int]) -> None:
+    small = [change for change in changes if abs(2 * factor * change) < 2**23]
+    total = sum(increment_units(factor, change) for change in small)
+    assert Fraction(total, 2**23) == Fraction(factor, 2**17) * Fraction(sum(small), 32)
+
+
+def test_a_thirty_second_of_a_count_is_seen_and_a_cycle_gives_less_than_1_ms() -> None:
+    assert increment_units(1024, parts_of(1.0)) == UNITS_PER_MS / 128
+    assert increment_units(1024, parts_of(1 / 32)) == UNITS_PER_MS / 4096
+    assert increment_units(1024, parts_of(1 / 33)) == 0
+    # RTIF 32 counts/ms at 2.25 kHz is full at 72 counts/ms, 32 counts a cycle.
+    factor = nearest_factor(32)
+    assert increment_units(factor, parts_of(31.0)) == UNITS_PER_MS * 31 / 32
+    assert increment_units(factor, parts_of(32.0)) == increment_units(factor, parts_of(50.0)) == 2**23 - 1
+    assert increment_units(factor, parts_of(-50.0)) == -UNITS_PER_MS
+
+
+def test_a_frozen_time_base_stands_and_one_set_running_by_hand_does_not_jump() -> None:
+    base = TriggeredTimeBase(state=Trigger.RUNNING, factor=800, counts=1000)
+    base, units = replace(base, state=Trigger.FROZEN).step(1072)
+    assert (base.state, units) == (Trigger.FROZEN, 0)
+    base, units = base.step(1144, captured=1100)
+    assert (base.state, units) == (Trigger.FROZEN, 0)
+    base, units = replace(base, state=Trigger.ARMED).step(1216)
+    assert (base.state, units) == (Trigger.ARMED, 0)
+    base, _ = TriggeredTimeBase(state=Trigger.FROZEN, factor=800).step(50_000)
+    _, units = replace(base, state=Trigger.RUNNING).step(50_010)
+    assert units / UNITS_PER_MS == 10 / 163.84
+
+
+def test_time_begins_exactly_at_the_captured_count() -> None:
+    # 4096 lines at 600 rpm, 163.84 counts/ms: 45 deg behind the index are 2048 counts, 12.5 ms.
+    base = TriggeredTimeBase(state=Trigger.ARMED, factor=800, counts=16_300)
+    base, units = base.step(16_390, captured=16_384)
+    assert base.state is Trigger.RUNNING
+    assert units / UNITS_PER_MS == 6 / 163.84
+    elapsed = units
+    for counts in [*range(16_462, 16_384 + 2048, 72), 16_384 + 2048]:
+        base, units = base.step(counts)
+        elapsed += units
+    assert elapsed / UNITS_PER_MS == 12.5
+
+
+def test_the_set_up_lines_of_the_manuals() -> None:
+    untriggered = TimeBaseEntry(line=9, source=0x723, factor=512)
+    assert untriggered.commands(PMAC) == ["WY:$729,$400723,512", "I193=$72A", "I194=8388607"]
+    triggered = TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=Trigger.RUNNING)
+    assert triggered.commands(PMAC)[:2] == ["WY:$72A,$A0C00C,800", "I193=$72B"]
+    turbo = TimeBaseEntry(line=8, source=0x3504, factor=512)
+    assert turbo.commands(TURBO) == ["I8008=$403504", "I8009=512", "I5193=$350A", "I5194=8388607"]
+    assert turbo.commands(TURBO, system=2)[2:] == ["I5293=$350A", "I5294=8388607"]
+    entry = TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=Trigger.FROZEN, pmac2_encoder=True)
+    assert f"{entry.word():06X}" == "9F8018"  # 9, bit 19, and the address below it
+    assert entry_of(0, 0xC000, 0) is None
+
+
+@pytest.mark.parametrize(
+    "entry",
+    [
+        TimeBaseEntry(line=9, source=0x723, factor=512),
+        TimeBaseEntry(line=10, source=0xC00C, factor=800, trigger=Trigger.ARMED),
+        TimeBaseEntry(line=8, source=0x78018, factor=512, trigger=Trigger.FROZEN, pmac2_encoder=True),
+    ],
+)
+def test_an_entry_is_read_back_from_its_words(entry: TimeBaseEntry) -> None:
+    assert entry_of(entry.line, entry.word(), entry.factor) == entry

@@ -107,25 +107,20 @@ def searched(*flags: frozenset[str]) -> list[bool]:
     return [search.is_over(polled(0.1 * k, carriage=state)) for k, state in enumerate(states)]
 
 
-def test_a_home_search_that_rests_three_times_without_a_zero_is_over() -> None:
+def test_a_home_search_is_over_in_position_or_after_three_rests_without_a_zero() -> None:
     """Once or twice in a row it may turn round; a poll of the search between them begins the count anew."""
     searching = frozenset({"activated", "home_search"})
     assert searched(RESTING, RESTING, RESTING) == [False, False, True]
     assert searched(RESTING, RESTING, searching, RESTING, RESTING, RESTING) == [False] * 5 + [True]
     assert searched(*[searching | RESTING] * 5) == [False] * 5
     assert searched(*[IN_CUT - {"home_complete"}] * 5) == [False] * 5
-
-
-def test_a_home_search_with_a_zero_is_over_in_position_and_not_by_its_rests() -> None:
     zero = RESTING | {"home_complete"}
     assert searched(*[zero] * 5) == [False] * 5
     assert searched(zero | {"in_position"}) == [True]
     assert searched(zero | {"in_position", "home_search"}) == [False]
 
 
-def test_every_poll_of_a_stopped_machine_ends_its_watchdog_and_a_failed_one_stops_again(
-    machine: MachineProfile,
-) -> None:
+def test_every_poll_of_a_stopped_machine_ends_its_watchdog_or_stops_again(machine: MachineProfile) -> None:
     """The second poll fails: the stop is sent again, and three polls behind a first one have to report rest."""
     resting = AxisState(position=0.0, following_error=0.0, flags=RESTING | {"in_position"})
     polls = iter([True, False, True, True, True, True])
@@ -181,9 +176,6 @@ def test_a_program_is_asked_for_its_line_once_in_twelve_polls() -> None:
         asked.append(queried.queries)
     assert POLLS_A_REPORT == 12
     assert asked == [0] * 11 + [1] * 12 + [2] * 12 + [3]
-
-
-def test_a_slow_line_is_left_to_the_polls() -> None:
     for round_trip_s, queries in ((SLOW_LINE_S, 0), (0.9 * SLOW_LINE_S, 2)):
         queried = Queried()
         read = reports(queried, round_trip_s).read
@@ -218,9 +210,7 @@ def test_a_missing_reply_is_left_to_the_next_round_and_a_lost_link_is_not(code: 
     ],
 )
 @pytest.mark.parametrize("lost", [1, 2])
-def test_what_only_sets_a_value_of_a_running_cut_is_sent_twice_at_most(
-    machine: MachineProfile, ask: Any, lost: int
-) -> None:
+def test_what_only_sets_a_value_is_sent_twice_at_most(machine: MachineProfile, ask: Any, lost: int) -> None:
     """A key that the line has lost still acts; a line that answers nothing is told and not asked for ever."""
     sim = SimulatedLathe(machine)
     link = MemoryLink(sim.connect(), sim)
@@ -266,9 +256,7 @@ def test_on_a_slower_clock_every_time_of_a_move_is_longer() -> None:
     assert slower.duration_ms == pytest.approx(1.5 * checked.duration_ms)
 
 
-def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_a_gathering_is_given_back_once_where_it_was_set_up(machine: MachineProfile, experiment: JobMaker) -> None:
     """Other work may need the room, and a buffer that is not ours is left alone."""
     sim = SimulatedLathe(machine)
     client = PmacClient(MemoryLink(sim.connect(), sim), sim)
@@ -285,9 +273,7 @@ def test_a_gathering_is_given_back_once_and_only_where_it_was_set_up(
     assert sent == ["ENDGATHER", "DELETE GATHER"]
 
 
-def test_after_a_lost_batch_gathering_is_ended_before_the_next_one_and_three_in_a_row_are_told(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_a_lost_batch_ends_gathering_and_three_are_told(machine: MachineProfile, experiment: JobMaker) -> None:
     """Whether the lost one still fills its buffer is unknown; the next one defines that buffer anew."""
     sim = SimulatedLathe(machine)
     client, sent = PmacClient(MemoryLink(sim.connect(), sim), sim), list[str]()
@@ -322,9 +308,7 @@ def test_after_a_lost_batch_gathering_is_ended_before_the_next_one_and_three_in_
     assert failed.value.problems[0].code == "gather.failed"
 
 
-def test_a_batch_is_where_the_carriage_was_halfway_through_it(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_a_batch_is_where_the_carriage_was_halfway(machine: MachineProfile, experiment: JobMaker) -> None:
     """Polled 0.1 mm before the middle of the cut and 0.5 mm behind it: 0.2 mm behind it."""
     sim = SimulatedLathe(machine)
     client, batches = PmacClient(MemoryLink(sim.connect(), sim), sim), list[Batch]()

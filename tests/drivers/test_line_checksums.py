@@ -29,7 +29,6 @@ from tests.system.lathe_sites import compact
 FAMILIES = ("pmac", "turbo")
 every_family = pytest.mark.parametrize("family", FAMILIES)
 
-PRINTABLE = [chr(code) for code in range(0x20, 0x7F)]
 MOTION = re.compile(rb"#\d(?:J|HM)|B\d+R")
 """What is in each line that moves or energises, and in no other."""
 
@@ -402,11 +401,8 @@ def test_no_checksum_can_be_taken_for_anything_else_that_is_said(line: bytes) ->
     assert checksum(whole) not in (0, 2, 6, 7, 10, 13)
 
 
-def test_a_line_whose_checksum_is_an_acknowledgement_is_sent_with_a_space() -> None:
+def test_a_checksum_is_shown_as_a_number_and_one_like_an_ack_is_avoided() -> None:
     line = b"#3J=900000"
     assert checksum(line) == 6
     assert unmistakable(line) == line + b" "
-
-
-def test_a_checksum_is_shown_as_a_number() -> None:
     assert [shown(each) for each in (b"u", b"117\r", b"7", b"\x06\0")] == ["117", "117", "55", "6 0"]

@@ -1,23 +1,37 @@
-"""From a job to a measured part, through the card, the servo and the workpiece: what the trace must show."""
+"""Parts as they are measured, with an override, and along their length."""
 
 from __future__ import annotations
 
+import cmath
+import math
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from types import SimpleNamespace
+from typing import Any, cast
 
+import numpy as np
 import pytest
 
+from drivers.cutting.bounds import Adjustable, Bounds
+from drivers.cutting.override import FeedOverride, PaceLedger, bounds_of
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.identification.nominal import nominal_response, path_response
+from drivers.lathe.snapshot import Snapshot
+from drivers.pmac.dialect import PMAC
+from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
+from profiles.axis.response import identified_response
 from profiles.axis.servo import sampled_response
+from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.roundness import RoundnessResult, evaluate
-from tests.drivers.close_together import machine as machine
-from tests.drivers.conftest import connected
+from tests.drivers import families
+from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker, connected
+from tests.drivers.cut_floor import CutFloor, short, with_inverter
+from tests.drivers.plc_bench import SURFACE, TOOL, TURN_MS, begin_cut, cut_program, host_of, leased_loop, values
+from tests.drivers.test_path_seen import seen, state
 
-if TYPE_CHECKING:
-    from profiles.job import Job
-    from profiles.machine import MachineProfile
-    from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker
+machine = families.close_machine
+"""Everything close together."""
 
 
 def cut(bench: Bench, job: Job, machine: MachineProfile, strategy: Strategy, ts_ms: int = 10) -> CutPlan:
@@ -89,9 +103,7 @@ def test_the_inverse_leaves_less_than_a_micrometre_whatever_the_chuck(
     assert result.ront_um < 1.0
 
 
-def test_the_paper_program_improves_the_part_by_what_is_left_of_its_stroke(
-    bench: Bench, machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_the_paper_program_improves_the_part(bench: Bench, machine: MachineProfile, experiment: JobMaker) -> None:
     """25 Hz, TA = TM with full S-curves: the fundamental of the path is 0.657 of the lobe, and the sampled loop
     at 25 Hz turns and scales it. What is left of 27.5 um is |1 - 0.657 T(25 Hz)|."""
     job = experiment(1)
@@ -178,3 +190,156 @@ def test_a_tool_that_stands_off_its_nominal_radius_makes_another_size(
         measured_after(bench_with(true), job, machine, Strategy.NONE).mean_deviation_um for true in (nominal, off)
     ]
     assert sizes[1] - sizes[0] == pytest.approx(20.0, abs=0.01)
+
+
+# The override of a cut: its band by what the inverse leaves, and the polls by the time of the program.
+
+
+def bounds(experiment: JobMaker, machine: MachineProfile, strategy: Strategy, tolerance_um: float = 5.0) -> Bounds:
+    job = replace(experiment(1), cut_length_mm=1.0, roundness_tolerance_um=tolerance_um)
+    return bounds_of(plan_cut(job, machine, strategy), job, machine, path_response(strategy, machine))
+
+
+@pytest.mark.parametrize("tolerance_um", [2.0, 5.0, 8.0])
+def test_the_band_ends_where_the_inverse_leaves_half_the_tolerance(
+    machine: MachineProfile, experiment: JobMaker, tolerance_um: float
+) -> None:
+    """55 um |T(k f) / T(f) - 1| at a lobe frequency of 50 Hz."""
+
+    def left_um(percent: float) -> float:
+        there = nominal_response(Strategy.PVT, machine, 0.5 * percent)
+        return 55.0 * abs(there / nominal_response(Strategy.PVT, machine, 50.0) - 1.0)
+
+    band = bounds(experiment, machine, Strategy.PVT, tolerance_um)
+    assert left_um(band.low_percent) <= 0.5 * tolerance_um < left_um(band.low_percent - 1)
+    assert left_um(band.high_percent) <= 0.5 * tolerance_um < left_um(band.high_percent + 1)
+    assert (band.low_by, band.high_by) == ("inverse", "inverse")
+
+
+def test_an_identified_response_ends_the_band_at_its_own(machine: MachineProfile, experiment: JobMaker) -> None:
+    points = {hz: nominal_response(Strategy.PVT, machine, hz) for hz in (49.2, 50.0, 51.2)}
+    response = identified_response(
+        frequency_hz=list(points),
+        gain=[abs(point) for point in points.values()],
+        phase_deg=[math.degrees(cmath.phase(point)) for point in points.values()],
+        gain_ci=[0.0] * 3,
+        phase_ci_deg=[0.0] * 3,
+        amplitude_um=25.0,
+        name="there",
+    )
+    job = replace(experiment(1), cut_length_mm=1.0)
+    band = bounds_of(plan_cut(job, machine, Strategy.PVT), job, machine, response)
+    assert (band.low_percent, band.high_percent) == (99, 102)
+    assert (band.low_by, band.high_by) == ("response", "response")
+
+
+def test_the_band_of_an_override_ends_at_limits_of_the_machine(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    slow = replace(machine, spindle=replace(machine.spindle, max_speed_rpm=1035.0))
+    band = bounds(experiment, slow, Strategy.PVT)
+    assert (band.high_percent, band.high_by) == (103, "spindle")
+    assert band.low_percent == bounds(experiment, machine, Strategy.PVT).low_percent
+    # I116, the most that a program may command the tool, 5.5 % above the peak of this program: 105 %.
+    job = replace(experiment(1), cut_length_mm=1.0)
+    peak = plan_cut(job, machine, Strategy.NONE).checked.peak_velocity[1]
+    variables = {**machine.controller.variables, "I116": 1.055 * peak}
+    limited = replace(machine, controller=replace(machine.controller, variables=variables))
+    band = bounds(experiment, limited, Strategy.NONE)
+    assert (band.high_percent, band.high_by) == (105, "program_speed")
+
+
+def test_without_an_inverse_the_band_is_widest_and_without_an_axis_there_is_none(
+    machine: MachineProfile, experiment: JobMaker
+) -> None:
+    band = bounds(experiment, machine, Strategy.NONE)
+    assert (band.low_percent, band.low_by) == (80, "widest")
+    for strategy, lathe in ((Strategy.TIMEBASE, machine), (Strategy.CAM, with_inverter(machine))):
+        assert bounds(experiment, lathe, strategy).refused(Adjustable.OVERRIDE) == "cut.no_override"
+
+
+def polls(*percents: float) -> list[Snapshot]:
+    """One poll a second, with the carriage at the part from the second on."""
+    return [
+        seen(float(number), percent=percent, carriage=state(100.0 * number))
+        for number, percent in enumerate(percents)
+    ]
+
+
+def test_the_time_of_the_program_is_that_of_the_override() -> None:
+    """A second at 100 %, one on the way to 80 %, two at 80 %: 1 + 0.9 + 0.8 + 0.8 s of the program."""
+    ledger = PaceLedger(face_counts=50.0)
+    times = [ledger.see(poll).at_s for poll in polls(100.0, 100.0, 80.0, 80.0, 80.0)]
+    assert times == pytest.approx([0.0, 1.0, 1.9, 2.7, 3.5])
+    assert ledger.mean == pytest.approx(3.5 / 4.0)
+    ledger = PaceLedger(face_counts=50.0)
+    assert all(ledger.see(poll) is poll for poll in polls(100.0, 100.0, 100.0))
+    assert ledger.mean == 1.0
+
+
+def test_the_slowest_cut_ends_within_the_promise_of_the_heartbeat(machine: MachineProfile) -> None:
+    """Its program takes 1.25 times as long for the turn and the way out; the timers of the controller do not."""
+    host = host_of(machine, PMAC)
+    begin_cut(host, cut_program(leased_loop(PMAC)))
+    host.card.tell("&1%80")
+    out_s = host.until(lambda: host.place(TOOL) < SURFACE + 500)
+    assert out_s <= 0.3 + 1.25 * (TURN_MS + 10 + 5 + 200 + 195 - 88) / 1000.0 + 0.005
+    assert host.until(host.still) <= 2.0
+    assert host.place(TOOL) == pytest.approx(SURFACE, abs=20)
+    assert values(host.card, "M26 P1003 P1004") == [1, 0, 2]
+
+
+def test_an_override_that_was_commanded_has_two_seconds_to_arrive() -> None:
+    """On its way it may be anywhere between; what is elsewhere, or not there by then, is not of this console."""
+    free = SimpleNamespace(check=lambda: None, refuse_unless_owner=lambda: None, request=lambda *_: [])
+    override = FeedOverride(cast(Any, free), cast(Any, free), cast(Any, free))
+
+    def expected(at_s: float, percent: float) -> tuple[float, float]:
+        return override.expected(seen(at_s, percent=percent))
+
+    assert expected(0.0, 100.0) == (100.0, 100.0)
+    override.command(80)
+    assert expected(0.1, 97.0) == expected(1.9, 97.0) == (80.0, 100.0)
+    assert expected(2.1, 97.0) == (80.0, 80.0)
+    override.command(110)
+    assert expected(2.2, 97.0) == (97.0, 110.0)
+    assert expected(2.5, 110.0) == expected(2.6, 100.0) == (110.0, 110.0), "it has arrived"
+
+
+# A part that springs back more towards the jaws: round at both ends only where the path grows along it, too.
+
+GROWTH_PERCENT_PER_MM = 10.0
+
+
+def test_a_plant_has_its_own_growth_whatever_the_job(machine: MachineProfile, experiment: JobMaker) -> None:
+    """The blank itself, 55 um p-p in the middle, at 1 mm to either side of it."""
+    job = replace(short(experiment), cut_length_mm=2.5, lobe_growth_percent_per_mm=5.0)
+    for true, percent in ((None, 5.0), (replace(ideal(machine), lobe_growth_per_mm=0.15), 15.0)):
+        sim = SimulatedLathe(machine, true)
+        sim.mount(job)
+        lobes_um = [float(np.ptp(sim.measure(past_mm).deviation_um)) for past_mm in (-1.0, 0.0, 1.0)]
+        assert lobes_um == pytest.approx([55.0 * (1 + side * percent / 100) for side in (-1, 0, 1)], abs=1e-6)
+
+
+@pytest.mark.long
+def test_a_growing_lobe_leaves_the_ends_off(machine: MachineProfile, experiment: JobMaker) -> None:
+    """10 % a mm, 0.4 of the cut from its middle: a path of one size leaves that share of 55 um at either end."""
+    even = replace(short(experiment), cut_length_mm=2.0)
+    grown = replace(even, lobe_growth_percent_per_mm=GROWTH_PERCENT_PER_MM)
+    end_mm = 0.4 * even.cut_length_mm
+    left_um: dict[bool, list[float]] = {}
+    for follows in (False, True):
+        floor = CutFloor(grown if follows else even, machine, Strategy.CAM)
+        sim = floor.card.sim
+        sim.mount(grown)
+        floor.cut()
+        traces = [sim.measure(past_mm) for past_mm in (-end_mm, 0.0, end_mm)]
+        left_um[follows] = [evaluate(each.angle_deg, each.deviation_um, None).ront_um for each in traces]
+        with pytest.raises(ValueError, match="sections are at"):
+            sim.measure(2.0 * end_mm)
+    off_um = 55.0 * GROWTH_PERCENT_PER_MM / 100.0 * end_mm
+    assert left_um[False][0] == pytest.approx(off_um, abs=0.7)
+    assert left_um[False][2] == pytest.approx(off_um, abs=0.7)
+    assert left_um[False][1] < 0.3
+    # The land of the tool, 0.4 mm, is as deep as its deepest end: 2 % of the lobe.
+    assert max(left_um[True]) < 0.02 * 55.0 + 0.3

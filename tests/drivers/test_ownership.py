@@ -78,14 +78,11 @@ def test_a_take_over_needs_rest_and_is_seen_by_who_was_pushed_aside(sim: Simulat
     assert refusal(refused) == "owner.held"
 
 
-def test_nobody_commands_who_has_not_asked_to(sim: SimulatedLathe) -> None:
+def test_nobody_commands_who_has_not_asked_to_and_who_died_is_another_one(sim: SimulatedLathe) -> None:
     alone = console(sim, 1)
     with pytest.raises(RefusedError) as refused:
         alone.refuse_unless_owner()
     assert refusal(refused) == "owner.observer"
-
-
-def test_a_console_that_died_and_came_back_is_another_one(sim: SimulatedLathe) -> None:
     console(sim, 1).claim()
     with pytest.raises(RefusedError):
         console(sim, 3).claim()
@@ -143,9 +140,7 @@ def test_an_observer_sends_no_command_of_a_cut(
 
 
 @ON_ONE
-def test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command(
-    sim: SimulatedLathe, machine: MachineProfile
-) -> None:
+def test_what_a_cut_has_changed_is_put_back_by_its_owner(sim: SimulatedLathe, machine: MachineProfile) -> None:
     """At the end of every cut: where nothing was changed, nothing is sent."""
     lathe, sent = lathe_of(sim, machine, claim=True)
     lathe.program.put_back()
@@ -166,9 +161,7 @@ def test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command(
     assert sent[2:] == ["&1%80", "&1%100"]
 
 
-def test_a_console_that_lost_control_after_its_last_poll_starts_nothing(
-    sim: SimulatedLathe, machine: MachineProfile
-) -> None:
+def test_a_console_that_lost_control_starts_nothing(sim: SimulatedLathe, machine: MachineProfile) -> None:
     """What is read of the heartbeat right before a motion also says who owns the machine by then."""
     lathe, sent = lathe_of(sim, machine, claim=True)
     lathe.enable()

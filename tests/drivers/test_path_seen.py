@@ -1,8 +1,9 @@
-"""A moment in which a cut was another one stands out from its other turns, and an even cut from nothing."""
+"""What polls tell: guards of motions, paths of cuts, and zeros that somebody shifted."""
 
 from __future__ import annotations
 
 import math
+from contextlib import nullcontext
 from dataclasses import replace
 from functools import cache
 from typing import Any
@@ -13,10 +14,25 @@ import pytest
 from console.text.catalogue import load
 from drivers.cutting.path_seen import PathSeen
 from drivers.cutting.planning import CutPlan, Strategy, plan_cut
-from drivers.lathe.snapshot import AxisState, Snapshot
+from drivers.errors import DriverError
+from drivers.lathe.guards import (
+    STALLED_S,
+    AxisRange,
+    JogGuard,
+    OthersStill,
+    ProgramGuard,
+    open_loop_problem,
+    reset_problem,
+    unasked_motion,
+)
+from drivers.lathe.held_positions import HeldPositions
+from drivers.lathe.lengths import Lengths
+from drivers.lathe.snapshot import AxisName, AxisState, Snapshot
+from profiles.machine import MachineProfile
 from profiles.problem import Problem
-from profiles.store import load_job
-from tests.system.lathe_sites import compact
+from profiles.store import load_job, load_machine
+from tests.drivers.test_limits_of_a_cut import polled
+from tests.system.lathe_sites import Site, compact, opened
 
 MACHINE = compact("pmac")
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.5)
@@ -97,30 +113,33 @@ def found(
     return list(seen.problems(held_s))
 
 
-def test_time_that_a_simulated_lathe_has_held_accuses_nobody() -> None:
+def test_what_polls_cannot_tell_accuses_nobody() -> None:
     """Three turns of 60 ms are 0.18 s: held for 0.3 s they mean nothing, for 0.05 s they are told."""
     assert found(turns=3.0, held_s=0.3) == []
     assert [problem.code for problem in found(turns=3.0, held_s=0.05)] == ["cut.off_time"]
-
-
-def test_where_polls_came_late_the_busy_computer_is_named_first() -> None:
     (problem,) = found(turns=3.0, silent_s=(1.2, 1.5))
     assert (problem.code, problem.key) == ("cut.polls_late", "0.3 s")
     said = load("en").problem(problem)
     assert said.index("this computer was busy") < said.index("another host")
     assert "busy" not in load("en").problem(found(turns=3.0)[0])
-
-
-def test_a_poll_that_was_interrupted_accuses_nobody() -> None:
-    """Its axes are read at different moments: a tool of half a lobe later looks like one that was moved."""
+    # Its axes are read at different moments: a tool of half a lobe later looks like one that was moved.
     assert [problem.code for problem in found(30.0, took_s=0.005)] == ["cut.off_path"]
     assert found(30.0, took_s=0.02) == []
 
 
-def test_a_lobe_that_grows_as_planned_is_on_its_path() -> None:
+def test_what_a_lathe_does_by_itself_is_no_reason() -> None:
     """By 27 um over 1.5 mm from the middle: not seen as the planned growth it would be half of the lobe."""
     assert found(growth_per_mm=0.6) == []
     assert found(30.0, growth_per_mm=0.6) != []
+    assert told(share=0.7) == []
+    assert told(-35.0, within_s=(0.0, 3.0 * TURN_S)) == []
+    assert told(-35.0, within_s=(3.5 * TURN_S, 5.0 * TURN_S)) == ["tool"]
+    assert found(entry_um=25.0, lags=True) == []
+    assert [each.code for each in found(20.0, entry_um=25.0, lags=True)] == ["cut.lagged"]
+    # Polled at 0.487 turns its two waves swing with the beat of polls and turns, which is slow.
+    assert found(waves_um=(6.0, 12.0), poll_s=0.487 * TURN_S, lags=True) == []
+    (problem,) = found(18.0, waves_um=(6.0, 12.0), poll_s=0.487 * TURN_S, lags=True)
+    assert problem.code == "cut.lagged"
 
 
 @pytest.mark.parametrize("polls", [0, 1, 2, 15])
@@ -142,46 +161,13 @@ def test_a_cut_that_is_the_same_turn_by_turn_is_left_alone(noise_um: float) -> N
     assert told(noise_um=noise_um) == []
 
 
-def test_a_lobe_that_a_weak_amplifier_makes_smaller_is_no_reason() -> None:
-    assert told(share=0.7) == []
-
-
-def test_a_tool_that_friction_holds_where_the_feed_begins_has_three_turns_in_air_to_follow() -> None:
-    assert told(-35.0, within_s=(0.0, 3.0 * TURN_S)) == []
-    assert told(-35.0, within_s=(3.5 * TURN_S, 5.0 * TURN_S)) == ["tool"]
-
-
-def test_a_tool_that_yields_where_the_part_begins_is_no_reason() -> None:
-    assert found(entry_um=25.0, lags=True) == []
-    assert [each.code for each in found(20.0, entry_um=25.0, lags=True)] == ["cut.lagged"]
-
-
-def test_an_oval_blank_that_is_polled_twice_a_turn_is_no_moment() -> None:
-    """Polled at 0.487 turns its two waves swing with the beat of polls and turns, which is slow."""
-    assert found(waves_um=(6.0, 12.0), poll_s=0.487 * TURN_S, lags=True) == []
-    (problem,) = found(18.0, waves_um=(6.0, 12.0), poll_s=0.487 * TURN_S, lags=True)
-    assert problem.code == "cut.lagged"
-
-
-def test_a_command_that_is_off_in_every_turn_is_told_of_the_whole_cut() -> None:
+def test_a_moment_in_which_an_axis_was_elsewhere_is_told() -> None:
     problem = found(25.0, within_s=(0.0, 9.0))[-1]
     assert (problem.code, problem.value) == ("cut.command_off_plan", "25.0 um")
     assert found(-25.0, within_s=(0.0, 9.0), lags=True) == [], "a tool that gives way: it is judged by its budget"
-
-
-def test_a_moment_in_which_the_tool_was_deeper_is_told() -> None:
     assert told(20.0) == ["tool"]
-
-
-def test_a_moment_in_which_the_carriage_was_ahead_is_told() -> None:
     assert told(feed_mm=0.1) == ["carriage"]
-
-
-def test_a_spindle_that_was_elsewhere_for_a_moment_is_told() -> None:
     assert "spindle" in told(turns=2.5)
-
-
-def test_a_lobe_that_is_followed_out_of_phase_from_the_first_turn_on_is_told() -> None:
     assert set(told(share=-1.0)) == {"tool"}
 
 
@@ -214,3 +200,209 @@ def test_where_the_tool_lagged_is_told_from_the_face_of_the_part() -> None:
     begins_mm = (setup.carriage_start - setup.carriage_face + 1.5 / TURN_S * setup.carriage_per_turn) / PER_MM
     ends_mm = begins_mm + 0.2 / TURN_S * setup.carriage_per_turn / PER_MM
     assert begins_mm - 0.1 <= float(problem.where.removesuffix(" mm")) <= ends_mm + 0.1
+
+
+# What a poll of a machine in motion is judged by: the wrong way, too far, another axis, held, reset, open.
+
+LENGTHS = Lengths(load_machine("lee-2001-lathe").machine)
+"""Its tool makes 5000 counts a mm, its carriage 1000."""
+
+CLOSED = frozenset({"activated", "amplifier_enabled", "home_complete"})
+OFF = frozenset({"activated", "open_loop"})
+
+
+def state(position: float, flags: frozenset[str] = CLOSED, following_error: float = 0.0) -> AxisState:
+    return AxisState(position=position, following_error=following_error, flags=flags)
+
+
+def seen(at_s: float = 0.0, *, running: bool = True, percent: float = 100.0, **axes: AxisState) -> Snapshot:
+    still = {"tool": state(0.0), "spindle": state(0.0), "carriage": state(0.0)} | axes
+    return Snapshot(
+        asked_s=at_s,
+        at_s=at_s,
+        program_running=running,
+        runtime_error=False,
+        override_percent=percent,
+        tool=still["tool"],
+        spindle=still["spindle"],
+        carriage=still["carriage"],
+    )
+
+
+def codes(problems: object) -> list[str]:
+    assert isinstance(problems, tuple)
+    return [problem.code for problem in problems]
+
+
+def jog(begin: float, end: float) -> JogGuard:
+    others = OthersStill({AxisName.TOOL}, seen(), LENGTHS)
+    return JogGuard(axis=AxisName.TOOL, begin=begin, end=end, beyond_counts=100.0, others=others, lengths=LENGTHS)
+
+
+@pytest.mark.parametrize("at", [0.0, 2500.0, 5000.0, 5100.0, -100.0])
+def test_a_jog_between_its_ends_is_left_alone(at: float) -> None:
+    assert jog(0.0, 5000.0)(seen(tool=state(at))) == ()
+
+
+@pytest.mark.parametrize(
+    ("begin", "end", "at"), [(0.0, 5000.0, 5101.0), (0.0, 5000.0, -101.0), (0.0, -50.0, 101.0)]
+)
+def test_a_jog_beyond_its_target_or_the_wrong_way_is_reported(begin: float, end: float, at: float) -> None:
+    (problem,) = jog(begin, end)(seen(tool=state(at)))
+    assert (problem.code, problem.key, problem.value) == ("machine.jog_astray", "tool", f"{at / 5000.0:.4f} mm")
+    assert problem.limit == f"{begin / 5000.0:.4f} to {end / 5000.0:.4f} mm"
+
+
+def test_it_is_the_commanded_position_that_counts_and_another_axis_is_reported() -> None:
+    """An axis that lags is not astray, and one that is commanded beyond its target is, before it gets there."""
+    assert codes(jog(0.0, 5000.0)(seen(tool=state(4000.0, following_error=1500.0)))) == ["machine.jog_astray"]
+    assert jog(0.0, 5000.0)(seen(tool=state(5200.0, following_error=-200.0))) == ()
+    (problem,) = jog(0.0, 5000.0)(seen(tool=state(100.0), carriage=state(60.0)))
+    assert (problem.code, problem.key) == ("machine.unexpected_motion", "carriage")
+
+
+@pytest.mark.parametrize("percent", [0.0, 50.0, 99.0, 101.0])
+def test_any_override_but_real_time_is_no_cut(percent: float) -> None:
+    assert codes(ProgramGuard(LENGTHS)(seen(percent=percent))) == ["cut.override"]
+    assert ProgramGuard(LENGTHS, real_time=False)(seen(percent=percent)) == ()
+    assert ProgramGuard(LENGTHS)(seen(percent=percent, running=False)) == ()
+
+
+def test_an_axis_outside_the_plan_is_reported_unless_its_loop_is_open() -> None:
+    guard = ProgramGuard(LENGTHS, [AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])
+    assert guard(seen(carriage=state(1000.0))) == ()
+    (problem,) = guard(seen(carriage=state(1001.0)))
+    assert (problem.code, problem.key, problem.limit) == ("cut.outside_plan", "carriage", "-0.010 to 1.000 mm")
+    # That its loop is open is what is wrong, and is told by itself.
+    coasting = seen(tool=state(9000.0, OFF), carriage=state(9000.0, OFF))
+    assert jog(0.0, 5000.0)(coasting) == ()
+    assert ProgramGuard(LENGTHS, [AxisRange(axis=AxisName.CARRIAGE, low=-10.0, high=1000.0)])(coasting) == ()
+    opened = open_loop_problem(coasting)
+    assert opened is not None and opened.key == "tool, carriage"
+
+
+def test_only_what_moves_can_be_stalled() -> None:
+    guard, step_s = ProgramGuard(LENGTHS), STALLED_S / 4.0
+    told = [codes(guard(seen(number * step_s))) for number in range(6)]
+    assert told == [[], [], [], [], ["cut.stalled"], ["cut.stalled"]]
+    guard = ProgramGuard(LENGTHS)
+    assert all(guard(seen(number * 0.4, spindle=state(10.0 * number))) == () for number in range(10))
+    guard = ProgramGuard(LENGTHS)
+    assert all(guard(seen(number * 0.4, running=False)) == () for number in range(10))
+
+
+def test_a_lost_home_or_loop_is_named() -> None:
+    off = state(0.0, OFF)
+    problem = reset_problem(frozenset(AxisName), seen(tool=off, spindle=off, carriage=off))
+    assert problem is not None and problem.code == "controller.was_reset"
+    lost = seen(carriage=state(0.0, CLOSED - {"home_complete"}))
+    problem = reset_problem(frozenset(AxisName), lost)
+    assert problem is not None and (problem.code, problem.key) == ("controller.home_lost", "carriage")
+    assert reset_problem(frozenset(), lost) is None
+    opened = seen(spindle=state(0.0, OFF))
+    problem = open_loop_problem(opened)
+    assert problem is not None and (problem.code, problem.key) == ("machine.loop_open", "spindle")
+    assert open_loop_problem(replace(opened, driven=(AxisName.TOOL, AxisName.CARRIAGE))) is None
+
+
+@pytest.mark.parametrize(
+    ("moving", "program", "key"),
+    [(("carriage",), False, "carriage"), (("spindle", "tool"), True, "tool, spindle"), ((), True, "program")],
+)
+def test_a_motion_that_nobody_here_asked_for_is_told(moving: tuple[str, ...], program: bool, key: str) -> None:
+    resting = CLOSED | {"desired_velocity_zero", "in_position"}
+    axes = {
+        name: state(0.0, flags=CLOSED if name in moving else resting) for name in ("tool", "spindle", "carriage")
+    }
+    tool, spindle, carriage = axes.values()
+    problem = unasked_motion(seen(running=program, tool=tool, spindle=spindle, carriage=carriage))
+    assert problem is not None and (problem.code, problem.key) == ("machine.moves_unasked", key)
+    still = state(0.0, flags=resting)
+    assert unasked_motion(seen(running=False, tool=still, spindle=still, carriage=still)) is None
+
+
+# A zero that another host sets (HMZ) is not taken for one that was found, nor for the one that was there.
+
+
+def another_sends_at(site: Site, counts: float, line: bytes) -> None:
+    """At the first look that shows the spindle beyond so many counts."""
+    from drivers.link.memory import MemoryLink
+
+    assert isinstance(site.client.link, MemoryLink)
+    sent: list[bytes] = []
+
+    def see(snapshot: object) -> None:
+        position = site.lathe._poller.last.spindle.position if site.lathe._poller.last else 0.0
+        if position > counts and not sent:
+            sent.append(line)
+            site.clock.connect().receive(line)  # type: ignore[attr-defined]
+
+    site.seen.append(see)
+
+
+def test_a_home_that_is_called_in_mid_search_is_no_home() -> None:
+    with opened("memory", "pmac") as site:
+        site.lathe.connect()
+        site.lathe.claim()
+        site.lathe.enable()
+        another_sends_at(site, 1000.0, b"#2HMZ\r")
+        with pytest.raises(DriverError) as error:
+            site.lathe.home()
+        assert error.value.problems[0].code == "machine.home_ended"
+
+
+def test_a_zero_that_is_set_between_two_jogs_is_found_before_the_next_one_moves() -> None:
+    with opened("memory", "pmac") as site:
+        site.lathe.connect()
+        site.lathe.claim()
+        site.lathe.enable()
+        site.lathe.home()
+        site.lathe.jog_to(AxisName.SPINDLE, 1234.0)
+        site.clock.connect().receive(b"#2HMZ\r")  # type: ignore[attr-defined]
+        site.clock.wait(0.05)
+        with pytest.raises(DriverError) as error:
+            site.lathe.jog_to(AxisName.CARRIAGE, 5000.0)
+        found = error.value.problems[0]
+        assert (found.code, found.key) == ("controller.zero_shifted", "spindle")
+        site.lathe.home()
+        site.lathe.jog_to(AxisName.CARRIAGE, 500.0)
+
+
+@pytest.mark.parametrize(
+    ("places_mm", "shifted"),
+    [
+        ((5.0, 5.0, 0.0), True),
+        ((5.0, 5.0, 5.005, 0.0), True),  # a poll reads that much askew
+        ((5.0, 5.0, 4.0), False),  # moved by hand
+        ((5.0, 3.0, 0.0), False),  # moved by hand to its zero
+        ((0.8, 0.8, 0.0), False),  # so may a hand, from one poll to the next
+        ((0.0, 0.0, 5.0, 5.0), False),
+    ],
+)
+def test_a_zero_that_is_set_on_an_axis_that_nothing_holds_is_found_and_a_hand_is_not_taken_for_it(
+    machine: MachineProfile, places_mm: tuple[float, ...], shifted: bool
+) -> None:
+    held = HeldPositions(machine)
+    for place_mm in (places_mm[0], *places_mm):  # the first one only says that nothing holds it
+        counts = place_mm * machine.carriage.counts_per_mm
+        axis = AxisState(position=counts, following_error=0.0, flags=frozenset({"activated", "home_complete"}))
+        assert not axis.closed
+        held.judged(replace(polled(carriage=axis), program_running=False), ours=True)
+    assert (set(held.shifted) == {AxisName.CARRIAGE}) is shifted
+
+
+@pytest.mark.parametrize(("by", "shifted"), [("us", False), ("the controller", False), ("somebody", True)])
+def test_what_we_or_the_controller_move_is_no_shift(machine: MachineProfile, by: str, shifted: bool) -> None:
+    """A lost cut was taken out of the part by the controller itself."""
+    held = HeldPositions(machine)
+    flags = frozenset({"activated", "amplifier_enabled", "home_complete", "desired_velocity_zero"})
+
+    def see(place_mm: float, lost: int = 0) -> None:
+        axis = AxisState(place_mm * machine.carriage.counts_per_mm, following_error=0.0, flags=flags)
+        held.judged(replace(polled(carriage=axis), program_running=False, lost=lost), ours=True)
+
+    for _ in range(3):
+        see(5.0)
+    with held.commanding() if by == "us" else nullcontext():
+        see(3.0, lost=2 if by == "the controller" else 0)
+    assert (AxisName.CARRIAGE in held.shifted) is shifted

@@ -1,4 +1,4 @@
-"""The three ways in which a spindle is driven: a servo, an inverter, and one that is where it is told to be."""
+"""Spindles on servos and inverters, axes that jam, and encoders that are lost."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import pytest
 
 from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
-from drivers.simulator.plant.drives import build_drives
+from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.inverter import InductionDrive, InverterSpindle
 from drivers.simulator.plant.spindle import Spindle
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
@@ -76,9 +76,7 @@ def margins(machine: MachineProfile, inertia_kg_m2: float) -> tuple[float, float
 
 
 @pytest.mark.parametrize("share", [0.5, 1.0, 2.0])
-def test_the_gains_of_the_bundled_lathe_have_margin_from_half_to_double_the_inertia(
-    machine: MachineProfile, share: float
-) -> None:
+def test_the_bundled_gains_have_margin_to_double_the_inertia(machine: MachineProfile, share: float) -> None:
     hz, phase_deg, gain = margins(machine, share * machine.spindle.inertia_kg_m2)
     assert hz == pytest.approx(30.5 / share, rel=0.1)
     assert phase_deg > 55
@@ -121,10 +119,7 @@ def test_the_torque_limits_how_fast_it_comes_up_to_speed(machine: MachineProfile
     speed = np.diff(track) / CYCLE_S / COUNTS_PER_RAD
     reached_s = np.argmax(speed >= RAD_PER_S) * CYCLE_S
     assert reached_s == pytest.approx(0.1 * RAD_PER_S / 50.0, rel=0.01)
-
-
-def test_a_smaller_ix69_takes_longer(machine: MachineProfile) -> None:
-    """10 % of the full scale is 5 N m."""
+    # 10 % of the full scale is 5 N m.
     true = replace(ideal(machine), ideal_spindle=False, spindle_inertia_kg_m2=0.1)
     track = np.array(spindle_of(machine, true, I269=3276.8).push(1.0, 200))
     acceleration = np.diff(track, 2)[5:].mean() / CYCLE_S**2 / COUNTS_PER_RAD
@@ -171,9 +166,7 @@ def test_new_gains_of_the_card_are_those_of_the_loop(machine: MachineProfile) ->
 
 @pytest.mark.parametrize("kind", ["servo", "ideal", "inverter"])
 @pytest.mark.parametrize(("ripple", "per_turn"), [(0.05, 2), (0.02, 3)])
-def test_a_ripple_swings_the_true_speed_by_its_share(
-    machine: MachineProfile, kind: str, ripple: float, per_turn: int
-) -> None:
+def test_a_ripple_swings_the_true_speed(machine: MachineProfile, kind: str, ripple: float, per_turn: int) -> None:
     """The actual angle, fitted by waves of the mean one: the speed swings by 5 % where it is asked to."""
     if kind == "inverter":
         drive = inverter(slip_rpm=0.0)
@@ -226,9 +219,7 @@ def settled(spindle: Spindle, there: float, seconds: float) -> np.ndarray:
 
 @pytest.mark.parametrize("kind", ["servo", "ideal"])
 @pytest.mark.parametrize("ripple", [0.05, 0.5])
-def test_a_spindle_that_comes_to_rest_with_a_ripple_stands_where_it_is_told_to(
-    machine: MachineProfile, kind: str, ripple: float
-) -> None:
+def test_a_spindle_with_a_ripple_comes_to_rest_as_told(machine: MachineProfile, kind: str, ripple: float) -> None:
     """At a quarter of a swing, where the angle is ahead by ripple / k: 40 counts for 5 % twice a turn.
 
     It goes back there no faster than the swing itself was, at 100 rpm 16 667 counts a second.
@@ -250,12 +241,22 @@ def test_a_spindle_that_comes_to_rest_with_a_ripple_stands_where_it_is_told_to(
     assert np.abs(settled(spindle, on[-1], 0.5) - on[-1]).max() < 1.5
 
 
-def test_below_a_few_rpm_there_is_no_ripple(machine: MachineProfile) -> None:
+def test_where_a_spindle_jams_stands_or_is_slow_there_is_no_ripple(machine: MachineProfile) -> None:
     spindle = spindle_of(machine, ideal(machine))
     spindle.close_loop()
     spindle.speed_ripple = 0.5
     commands = ramp(2.9, 10.0)
     assert spindle.follow(commands) == commands
+    spindle = spindle_of(machine, ideal(machine))
+    commands = ramp(600.0, 2.0)
+    spindle.speed_ripple = 0.05
+    spindle.follow(commands)
+    spindle.jammed = True
+    assert np.ptp(spindle.follow(commands)) == 0.0
+    spindle = spindle_of(machine, ideal(machine))
+    here = spindle.close_loop()
+    spindle.speed_ripple = 0.05
+    assert spindle.follow([here] * 1000) == [here] * 1000
 
 
 def test_another_number_of_swings_a_turn_comes_without_a_jump(machine: MachineProfile) -> None:
@@ -272,23 +273,7 @@ def test_another_number_of_swings_a_turn_comes_without_a_jump(machine: MachinePr
     assert (swing[-2000:].min(), swing[-2000:].max()) == pytest.approx((0.95, 1.05), abs=0.002)
 
 
-def test_a_jammed_spindle_stands_whatever_its_ripple(machine: MachineProfile) -> None:
-    spindle = spindle_of(machine, ideal(machine))
-    commands = ramp(600.0, 2.0)
-    spindle.speed_ripple = 0.05
-    spindle.follow(commands)
-    spindle.jammed = True
-    assert np.ptp(spindle.follow(commands)) == 0.0
-
-
-def test_a_spindle_that_stands_does_not_turn_for_a_ripple(machine: MachineProfile) -> None:
-    spindle = spindle_of(machine, ideal(machine))
-    here = spindle.close_loop()
-    spindle.speed_ripple = 0.05
-    assert spindle.follow([here] * 1000) == [here] * 1000
-
-
-def test_an_inverter_ramps_at_its_rate(machine: MachineProfile) -> None:
+def test_an_inverter_ramps_at_its_rate_and_slips_under_load(machine: MachineProfile) -> None:
     """500 rpm/s to 1000 rpm is 2 s, and so is the way back; half of the speed on the average."""
     spindle = inverter(slip_rpm=0.0)
     spindle.set_rpm(1000.0)
@@ -298,10 +283,7 @@ def test_an_inverter_ramps_at_its_rate(machine: MachineProfile) -> None:
     spindle.set_rpm(-500.0)
     spindle.coast(round(3.0 / CYCLE_S))
     assert spindle.speed_rpm == pytest.approx(-500.0, rel=1e-3)
-
-
-def test_an_inverter_spindle_slips_under_load(machine: MachineProfile) -> None:
-    """60 rpm at 50 N m: 12 rpm for 10 N m more. Its own drag, 0.01 x 104.1 N m, takes 1.2 rpm."""
+    # 60 rpm at 50 N m: 12 rpm for 10 N m more. Its own drag, 0.01 x 104.1 N m, takes 1.2 rpm.
     spindle = inverter()
     spindle.set_rpm(1000.0)
     spindle.coast(round(3.0 / CYCLE_S))
@@ -312,7 +294,7 @@ def test_an_inverter_spindle_slips_under_load(machine: MachineProfile) -> None:
     assert free - spindle.speed_rpm == pytest.approx(12.0, abs=0.1)
 
 
-def test_an_inverter_spindle_runs_out_when_it_is_off_and_is_caught_at_its_speed() -> None:
+def test_an_inverter_spindle_runs_out_by_its_friction_and_is_caught_at_its_speed() -> None:
     """J / B is 2 s."""
     spindle = inverter(slip_rpm=0.0)
     spindle.set_rpm(1000.0)
@@ -323,9 +305,6 @@ def test_an_inverter_spindle_runs_out_when_it_is_off_and_is_caught_at_its_speed(
     spindle.set_rpm(1000.0)
     spindle.coast(1)
     assert spindle.speed_rpm == pytest.approx(1000.0 * math.exp(-1), rel=2e-3)
-
-
-def test_an_inverter_spindle_comes_to_rest_by_its_friction() -> None:
     spindle = inverter(friction_n_m=0.5)
     spindle.set_rpm(1000.0)
     spindle.coast(round(2.5 / CYCLE_S))
@@ -400,3 +379,110 @@ def test_an_encoder_behind_a_belt_counts_its_own_turns(machine: MachineProfile) 
     port.receive(b"#2J=100000\r")
     lathe.wait(12.0)
     assert lathe.look().jaw_1_past_mark_deg == pytest.approx(-360.0 * 2000 / 10_200, abs=0.01)
+
+
+# An axis whose encoder has stopped counting, and one that is jammed.
+
+AXES = ("tool", "spindle", "carriage")
+
+
+def drives(machine: MachineProfile) -> Drives:
+    true = replace(ideal(machine), ideal_spindle=False)
+    return build_drives(machine, true, settings_with(machine.controller.variables))
+
+
+@pytest.mark.parametrize("name", ["spindle", "carriage"])
+def test_an_ideal_axis_closes_its_loop_on_the_last_reading_and_stands(machine: MachineProfile, name: str) -> None:
+    """As a servo does: the iron has run out by so much that nobody has seen, and stays where it is."""
+    axis = getattr(build_drives(machine, ideal(machine), settings_with(machine.controller.variables)), name)
+    axis.close_loop()
+    axis.follow([50.0] * 100)
+    axis.encoder_lost = True
+    there = axis.push(0.05, 200)[-1]
+    assert there > 60.0
+    assert axis.close_loop() == 50.0
+    assert axis.follow([50.0, 60.0]) == pytest.approx([there, there + 10.0])
+    axis.encoder_lost = False
+    axis.rebase(there - 50.0)
+    assert axis.follow([60.0]) == [60.0]
+    assert axis.close_loop() == 60.0
+
+
+def test_a_spindle_on_an_inverter_is_held_where_it_was_last_read() -> None:
+    spindle = inverter()
+    spindle.set_rpm(600.0)
+    spindle.coast(2000)
+    seen = spindle.close_loop()
+    spindle.encoder_lost = True
+    spindle.coast(2000)
+    assert spindle.close_loop() == seen
+    spindle.encoder_lost = False
+    assert spindle.close_loop() > seen + 1000
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_a_new_axis_has_nothing_the_matter(machine: MachineProfile, name: str) -> None:
+    axis = getattr(drives(machine), name)
+    assert (axis.encoder_lost, axis.jammed) == (False, False)
+
+
+@pytest.mark.parametrize("name", AXES)
+def test_what_is_jammed_stands_whatever_it_is_told(machine: MachineProfile, name: str) -> None:
+    axis = getattr(drives(machine), name)
+    here = axis.close_loop()
+    there = axis.follow([here + 2.0 * n for n in range(200)])[-1]
+    axis.jammed = True
+    held = axis.follow([there + 2.0 * n for n in range(200)]) + axis.push(1.0, 50) + axis.coast(50)
+    # A position is that at the beginning of the cycle, so the first may be one cycle on.
+    assert np.ptp(held[1:]) == 0.0
+    assert held[1] == pytest.approx(there, abs=3.0)
+
+
+def test_a_jammed_tool_pushes_with_all_that_it_has_and_goes_on_when_it_is_free(machine: MachineProfile) -> None:
+    tool = drives(machine).tool
+    tool.close_loop()
+    tool.jammed = True
+    tool.follow([200_000.0] * 5)
+    assert tool.output_bits / tool.limit_bits == 1.0
+    tool.jammed = False
+    assert tool.follow([200_000.0] * 50)[-1] > 100.0
+
+
+def test_a_loop_that_sees_only_its_last_reading_runs_away(machine: MachineProfile) -> None:
+    """The error of 20 counts stays: the force of 20 x 9.28 bits/5 counts accelerates the slide until it drags."""
+    tool = drives(machine).tool
+    tool.close_loop()
+    tool.follow([0.0] * 10)
+    tool.encoder_lost = True
+    track = np.array(tool.follow([20.0] * round(0.5 / 0.000442)))
+    force_n = 147.6 * 20 / 5e6 * 11.45 * 54.5
+    # The end of v = F / B (1 - exp(-t B / M)), whose time constant is 23.5 ms; the integrator adds a little.
+    speed = (track[-1] - track[-2]) / 0.00044270837 / 5e6
+    assert speed == pytest.approx(force_n / 201.6, rel=0.15)
+    assert track[-1] > 50 * 20
+
+
+def test_a_reading_that_has_stopped_is_what_a_closed_loop_begins_with(machine: MachineProfile) -> None:
+    tool = drives(machine).tool
+    tool.close_loop()
+    tool.follow([50.0] * 4000)
+    tool.encoder_lost = True
+    tool.push(0.05, 200)
+    assert tool.close_loop() == pytest.approx(50.0, abs=1.0)
+
+
+def test_an_encoder_that_counts_again_goes_on_from_where_it_stopped(machine: MachineProfile) -> None:
+    """The zero has moved by what was lost; what is read has not, so nothing jumps."""
+    tool = drives(machine).tool
+    tool.close_loop()
+    tool.follow([0.0] * 10)
+    tool.encoder_lost = True
+    drifted = tool.follow([20.0] * 200)[-1]
+    tool.encoder_lost = False
+    origin = tool.origin
+    tool.rebase(drifted)
+    assert tool.origin == origin + drifted
+    track = np.array(tool.follow([20.0] * 6000))
+    # It was on its way at some speed, and comes back to the error of 20 counts that it can see.
+    assert np.abs(np.diff(track)).max() < 20.0
+    assert track[-1] == pytest.approx(20.0, abs=1.5)

@@ -62,9 +62,7 @@ def tampered(bench: Bench, *, enabled: bool = True) -> tuple[Tampered, Lathe, St
 
 
 @pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.program.start(3, 0.0)])
-def test_a_stop_that_overtakes_a_line_that_moves_is_sent_again_behind_it(
-    bench: Bench, start: Callable[[Lathe], None]
-) -> None:
+def test_a_stop_that_overtakes_a_move_is_sent_again(bench: Bench, start: Callable[[Lathe], None]) -> None:
     """The signal comes between the last check and the send: the motion must not outlive the next few ms."""
     link, lathe, stop = tampered(bench)
     lathe.program.load(read_program(SPIN))
@@ -82,9 +80,7 @@ def test_a_stop_that_overtakes_a_line_that_moves_is_sent_again_behind_it(
 
 
 @pytest.mark.parametrize("start", [lambda lathe: lathe.home(), lambda lathe: lathe.program.start(3, 0.0)])
-def test_nothing_that_moves_leaves_behind_a_stop_on_the_way_back_in_step(
-    bench: Bench, start: Callable[[Lathe], None]
-) -> None:
+def test_nothing_that_moves_leaves_behind_a_stop(bench: Bench, start: Callable[[Lathe], None]) -> None:
     """Something came unasked, and while the line is emptied and proven anew somebody stops."""
     link, lathe, stop = tampered(bench)
     lathe.program.load(read_program(SPIN))

@@ -1,27 +1,31 @@
-"""What the iron is beside its profile: each deviation shows by the amount that its closed form says."""
+"""What a lathe is and not its profile: parameters, scatter, and the parts before."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 from random import Random
 from typing import Any
 
 import numpy as np
 import pytest
 
-from drivers.cutting.planning import Strategy
+from drivers.cutting.planning import Strategy, plan_cut
 from drivers.pmac.settings import settings_with
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.drives import build_drives
-from drivers.simulator.plant.tip_load import cutting_force_n
-from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from drivers.simulator.plant.presets import BUNDLED, plant_named
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal, ring_overtone
 from profiles.axis.servo import sampled_response
 from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.compact import compact_machine
 from tests.drivers.conftest import JobMaker, TrueBenchMaker
 from tests.drivers.cut_floor import CutFloor
+from tests.drivers.test_workpiece import Cutting
 
 
 def harmonic(trace: Trace, per_turn: int) -> complex:
@@ -37,16 +41,25 @@ def released(machine: MachineProfile, true: TrueParameters, job_of: JobMaker, **
     return lathe.measure()
 
 
-def test_an_ideal_lathe_has_none_of_it(machine: MachineProfile) -> None:
+def test_an_ideal_lathe_has_none_of_it_and_a_commutation_half_a_turn_off_runs_away(
+    machine: MachineProfile,
+) -> None:
     true = ideal(machine)
     assert true.viscous_n_s_per_m == machine.tool.damping_n_s_per_m
     assert true.thrust_n_per_v == machine.tool.loop_gain_n_per_v
     assert true.scale_wrong_mm(12.345) == 0.0
     assert true.force_factor(Random(1)) == 1.0
     assert true.belt_ratio == 1.0
+    lathe = SimulatedLathe(machine, replace(ideal(machine), commutation_error_deg=180.0))
+    port = lathe.connect()
+    port.receive(b"#1J/\r")
+    lathe.wait(0.1)
+    port.receive(b"#1J:20\r")
+    lathe.wait(1.0)
+    assert lathe.controller.motors[1].fatal_error
 
 
-def test_dry_friction_takes_its_part_of_the_damping(machine: MachineProfile) -> None:
+def test_dry_friction_takes_its_part_of_the_damping_and_no_more(machine: MachineProfile) -> None:
     """A sine of up to 0.1 m/s loses the same energy, F |v| + B v^2 on the average.
 
     3 N make 38.2 of 201.6 N s/m.
@@ -56,35 +69,20 @@ def test_dry_friction_takes_its_part_of_the_damping(machine: MachineProfile) -> 
     lost = 3.0 * np.abs(v).mean() + true.viscous_n_s_per_m * (v**2).mean()
     assert lost == pytest.approx(201.6 * (v**2).mean(), rel=1e-6)
     assert 201.6 - true.viscous_n_s_per_m == pytest.approx(38.2, abs=0.05)
-
-
-def test_a_friction_of_more_than_all_damping_is_refused(machine: MachineProfile) -> None:
-    """201.6 N s/m times pi / 4 at 0.1 m/s is 15.8 N."""
+    # 201.6 N s/m times pi / 4 at 0.1 m/s is 15.8 N.
     assert replace(ideal(machine), coulomb_friction_n=15.8).viscous_n_s_per_m > 0.0
     with pytest.raises(ValueError, match=r"coulomb_friction_n = 15.9 N; all damping is 15.83 N"):
         replace(ideal(machine), coulomb_friction_n=15.9)
 
 
 @pytest.mark.parametrize(("error_deg", "share"), [(0.0, 1.0), (60.0, 0.5), (90.0, 0.0), (180.0, -1.0)])
-def test_a_wrong_commutation_leaves_the_cosine_of_the_thrust(
-    machine: MachineProfile, error_deg: float, share: float
-) -> None:
+def test_a_wrong_commutation_leaves_its_cosine(machine: MachineProfile, error_deg: float, share: float) -> None:
     true = replace(ideal(machine), commutation_error_deg=error_deg)
     tool = build_drives(machine, true, settings_with(machine.controller.variables)).tool
     track = np.array(tool.push(0.1, 4))
     force_n = 0.1 * 10_531 / 3276.8 * 11.45 * 54.5
     acceleration = np.diff(track, 2)[1] / 0.00044270837**2 / 5e6
     assert acceleration == pytest.approx(share * force_n / 4.74, rel=0.03, abs=1e-6)
-
-
-def test_a_commutation_half_a_turn_off_runs_away(machine: MachineProfile) -> None:
-    lathe = SimulatedLathe(machine, replace(ideal(machine), commutation_error_deg=180.0))
-    port = lathe.connect()
-    port.receive(b"#1J/\r")
-    lathe.wait(0.1)
-    port.receive(b"#1J:20\r")
-    lathe.wait(1.0)
-    assert lathe.controller.motors[1].fatal_error
 
 
 def test_the_scale_is_wrong_by_half_a_micrometre_in_a_short_period(machine: MachineProfile) -> None:
@@ -97,9 +95,7 @@ def test_the_scale_is_wrong_by_half_a_micrometre_in_a_short_period(machine: Mach
     assert np.delete(spectrum, 1).max() < 1e-9
 
 
-def test_the_tip_is_where_the_scale_is_wrong(
-    machine: MachineProfile, experiment: JobMaker, bench_with: TrueBenchMaker
-) -> None:
+def test_the_tip_errs_with_it(machine: MachineProfile, experiment: JobMaker, bench_with: TrueBenchMaker) -> None:
     """At 43 mm of its scale, 400 um sin(2 pi 43 / 4) = -400 um: the tip is seen that much further out."""
     true = replace(ideal(machine), scale_error_um=400.0, scale_period_um=4000.0)
     bench = bench_with(true)
@@ -113,9 +109,7 @@ def test_the_tip_is_where_the_scale_is_wrong(
     assert gap_mm == pytest.approx(76.0 - 43.0 - 26.0 + 0.4, abs=0.003)
 
 
-def test_a_jaw_that_presses_harder_makes_the_part_oval_and_eccentric(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_a_harder_jaw_makes_the_part_oval_and_eccentric(machine: MachineProfile, experiment: JobMaker) -> None:
     """Jaw 1 by 3 % over the mean, so the others by 1.5 % below: 1.03, 0.985 and 0.985 of 438 N.
 
     The waves of a ring under loads W_i at a_i are sum W_i exp(-j n a_i) / (n^2 - 1)^2; the lobe of three equal
@@ -135,12 +129,9 @@ def test_a_jaw_that_presses_harder_makes_the_part_oval_and_eccentric(
     assert harmonic(trace, 1) == pytest.approx(438 * 0.045 / 75 * np.exp(-1j * np.radians(40.0)), rel=1e-6)
 
 
-def test_equal_jaws_make_the_lobe_alone(machine: MachineProfile, experiment: JobMaker) -> None:
+def test_two_jaws_and_equal_jaws_make_their_lobe_alone(machine: MachineProfile, experiment: JobMaker) -> None:
     trace = released(machine, ideal(machine), experiment)
     assert [abs(harmonic(trace, n)) for n in (1, 2, 4)] == pytest.approx([0, 0, 0], abs=1e-9)
-
-
-def test_two_jaws_have_no_oval_beside_their_lobe(machine: MachineProfile, experiment: JobMaker) -> None:
     true = replace(ideal(machine), jaw_1_harder=0.03)
     trace = released(machine, true, experiment, jaws=2)
     assert abs(harmonic(trace, 2)) == pytest.approx(27.5, abs=0.01)
@@ -218,8 +209,200 @@ def test_dry_friction_costs_some_of_the_lobe(
     assert abs(left[1] - left[0]) > 0.1
 
 
+# No two lathes alike: what a seed draws, and what chuck, blank, warm-up and gauge then do to parts.
+
+LATHES = 300
+
+
+def spread_harmonic(trace: Trace, order: int) -> complex:
+    """Amplitude (um) and phase of a harmonic of a trace over one turn."""
+    return complex(np.fft.rfft(trace.deviation_um)[order] / (0.5 * trace.deviation_um.size))
+
+
+def drawn(machine: MachineProfile, plant: str, count: int = LATHES) -> list[TrueParameters]:
+    return [plant_named(plant, machine, seed) for seed in range(count)]
+
+
+@pytest.mark.parametrize(("plant", "lobe_sd", "turned_sd_deg"), [("realistic", 0.07, 3.0), ("hard", 0.14, 6.0)])
+@pytest.mark.first(1)
+def test_lathes_scatter_as_said(machine: MachineProfile, plant: str, lobe_sd: float, turned_sd_deg: float) -> None:
+    lathes = drawn(machine, plant)
+    factors = np.array([lathe.lobe_factor for lathe in lathes])
+    turned_deg = np.array([lathe.lobe_turned_deg for lathe in lathes])
+    # Three standard errors of a mean and of a standard deviation of so many.
+    within = 3.0 / math.sqrt(LATHES)
+    assert factors.mean() == pytest.approx(1.0, abs=within * lobe_sd)
+    assert factors.std() == pytest.approx(lobe_sd, rel=within)
+    assert turned_deg.std() == pytest.approx(turned_sd_deg, rel=within)
+    assert abs(factors - 1.0).max() <= 3.0 * lobe_sd and abs(turned_deg).max() <= 3.0 * turned_sd_deg
+    assert abs(np.corrcoef(factors, turned_deg)[0, 1]) < within
+    assert min(lathe.blank_oval_um_pp for lathe in lathes) >= 0.0
+    assert lathes == drawn(machine, plant)
+
+
+def test_every_bundled_lathe_can_be_drawn_a_hundred_times(machine: MachineProfile) -> None:
+    for plant in BUNDLED:
+        drawn(machine, plant, 100)
+
+
+def test_another_scatter_in_the_file_leaves_what_was_drawn_before(machine: MachineProfile, tmp_path: Path) -> None:
+    one, two = tmp_path / "one.toml", tmp_path / "two.toml"
+    one.write_text("[spread]\nlobe_factor = 0.1\n", encoding="utf-8")
+    two.write_text("[spread]\nthrust_factor = 0.05\nlobe_factor = 0.1\n", encoding="utf-8")
+    first, second = plant_named(str(one), machine, 4), plant_named(str(two), machine, 4)
+    assert first.lobe_factor == second.lobe_factor != 1.0
+    assert first.force_n_per_v == ideal(machine).force_n_per_v != second.force_n_per_v
+
+
+def test_an_own_lathe_may_begin_from_a_bundled_one(machine: MachineProfile, tmp_path: Path) -> None:
+    path = tmp_path / "own.toml"
+    path.write_text('like = "steady"\nmass_kg = 6.0\ncurrent_lag_ms = 0.0\n', encoding="utf-8")
+    own, steady = plant_named(str(path), machine, 1), plant_named("steady", machine, 1)
+    assert (own.moving_mass_kg, own.current_lag_s) == (6.0, 0.0)
+    assert own == replace(steady, moving_mass_kg=6.0, current_lag_s=0.0)
+
+
 @pytest.mark.parametrize(
-    ("depth_mm", "feed_mm", "force_n"), [(0.10, 0.05, 7.40), (0.06, 0.10, 7.47), (0.1275, 0.10, 15.87)]
+    ("content", "code", "key"),
+    [
+        ("[spread]\nlobe_factr = 0.1", "key.unknown", "spread.lobe_factr"),
+        ("[spread]\nlobe_factor = -0.1", "value.out_of_range", "spread.lobe_factor"),
+        ("[spread]\nlobe_factor = '7 %'", "value.not_number", "spread.lobe_factor"),
+        ("[spread]\nmass_kg = 0.1", "plant.spread_of_nothing", "spread.mass_kg"),
+        ("[spread]\nstart_mark = 0.1", "key.unknown", "spread.start_mark"),
+        ("spread = 0.1", "key.unknown", "spread.spread"),
+        ("like = 'mine'", "value.not_choice", "like"),
+        ("like = 'hard'\n[spread]\nlobe_facto = 0.1", "key.unknown", "spread.lobe_facto"),
+    ],
 )
-def test_the_cutting_force_is_that_of_the_tables(depth_mm: float, feed_mm: float, force_n: float) -> None:
-    assert cutting_force_n(depth_mm, feed_mm) == pytest.approx(force_n, abs=0.005)
+def test_a_scatter_that_cannot_be_is_refused(
+    machine: MachineProfile, tmp_path: Path, content: str, code: str, key: str
+) -> None:
+    path = tmp_path / "plant.toml"
+    path.write_text(content, encoding="utf-8")
+    with pytest.raises(ProfileError) as refused:
+        plant_named(str(path), machine, 1)
+    assert (refused.value.problems[0].code, refused.value.problems[0].key) == (code, key)
+
+
+def test_the_plant_says_how_clampings_scatter_unless_the_command_does(machine: MachineProfile) -> None:
+    assert plant_named("hard", machine, 1).clamping_force_spread == pytest.approx(0.05)
+    assert plant_named("hard", machine, 1, 0.0).clamping_force_spread == 0.0
+
+
+@pytest.mark.parametrize("jaws", [2, 3, 4, 6])
+def test_the_second_harmonic_of_the_lobe_is_that_of_a_ring(jaws: int) -> None:
+    """Timoshenko, N equal radial forces: inwards under one, outwards between two, in P R^3 / (E I)."""
+    half = math.pi / jaws
+    sine, cosine = math.sin(half), math.cos(half)
+    inwards = 0.5 * ((0.5 * half + 0.5 * sine * cosine) / sine**2 - 1.0 / half)
+    outwards = 0.25 * (2.0 / half - 1.0 / sine - half * cosine / sine**2)
+    # Under a force all harmonics add up, between two the even multiples of N have the other sign.
+    even_over_odd = (inwards - outwards) / (inwards + outwards)
+    assert even_over_odd == pytest.approx(ring_overtone(jaws), rel=0.12)
+
+
+def test_a_lobe_that_is_turned_and_is_no_sine(machine: MachineProfile, experiment: JobMaker) -> None:
+    job = experiment(1)
+    lathe = SimulatedLathe(machine, replace(ideal(machine), overtone_factor=1.0, lobe_turned_deg=4.0))
+    lathe.mount(job)
+    trace = lathe.measure()
+    assert abs(spread_harmonic(trace, 3)) == pytest.approx(27.5, abs=1e-3)
+    assert abs(spread_harmonic(trace, 6)) == pytest.approx(27.5 * (8.0 / 35.0) ** 2, abs=1e-3)
+    for order in (3, 6):
+        high_deg = -math.degrees(np.angle(spread_harmonic(trace, order))) / order
+        assert math.remainder(high_deg - job.jaw_1_deg - 4.0, 360.0 / order) == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_depth_of_cut_swings_with_the_shape_of_the_blank() -> None:
+    oval = Cutting()
+    oval.clamp(lambda turns: 0.01 * np.cos(4.0 * np.pi * turns))
+    at, forces = oval.passes(lambda _: 0.1, turns=3.0)
+    turned = 4.0 * np.pi * at
+    basis = np.column_stack((np.ones_like(at), np.cos(turned), np.sin(turned)))
+    mean, cosine, sine = np.linalg.lstsq(basis, forces, rcond=None)[0]
+    assert (cosine / mean, sine / mean) == pytest.approx((0.1, 0.0), abs=0.003)
+
+
+def test_an_oval_blank_shows_so_until_it_is_cut(machine: MachineProfile, experiment: JobMaker) -> None:
+    lathe = SimulatedLathe(machine, replace(ideal(machine), blank_oval_um_pp=20.0, blank_run_out_um=40.0, seed=5))
+    phases = []
+    for _ in range(3):
+        lathe.mount(experiment(1))
+        trace = lathe.measure_clamped()
+        assert [abs(spread_harmonic(trace, order)) for order in (1, 2)] == pytest.approx([20.0, 10.0], abs=1e-6)
+        phases.append(np.angle(spread_harmonic(trace, 2)))
+    assert len({round(phase, 3) for phase in phases}) == 3
+
+
+def test_parts_become_smaller_while_the_machine_warms_up(
+    machine: MachineProfile, experiment: JobMaker, bench_with: TrueBenchMaker
+) -> None:
+    """12 um of the tip in the end, 63 % of it after two parts: the third is smaller, to two counts of the tool."""
+    job = replace(experiment(1), cut_length_mm=0.5)
+    bench = bench_with(replace(ideal(machine), drift_um=12.0, drift_parts=2.0))
+    bench.homed(job)
+    plan = plan_cut(job, machine, Strategy.NONE)
+    bench.cut(plan)
+    first_um = bench.sim.measure().deviation_um.mean()
+    bench.sim.mount(job)
+    bench.sim.mount(job)
+    bench.cut(plan)
+    assert first_um - bench.sim.measure().deviation_um.mean() == pytest.approx(12.0 * (1 - math.exp(-1)), abs=0.4)
+
+
+def test_a_start_mark_is_set_by_hand_or_not_needed(machine: MachineProfile, experiment: JobMaker) -> None:
+    lathe = SimulatedLathe(machine, replace(ideal(machine), gauge_mark_sd_deg=2.0, seed=3))
+    lathe.mount(experiment(1))
+    at_deg = [math.degrees(np.angle(spread_harmonic(lathe.measure(), 3))) / 3.0 for _ in range(200)]
+    assert np.std(at_deg) == pytest.approx(2.0, rel=0.15)
+    lathe = SimulatedLathe(machine, replace(ideal(machine), gauge_mark_sd_deg=2.0, blank_oval_um_pp=20.0))
+    lathe.mount(experiment(1))
+    clamped = [np.angle(spread_harmonic(lathe.measure_clamped(), 2)) for _ in range(5)]
+    assert np.ptp(clamped) == pytest.approx(0.0, abs=1e-9)
+
+
+# A simulated lathe that is started anew goes on with the blanks, the clampings and the gauge of its seed.
+
+MACHINE = load_machine("lee-2001-lathe").machine
+JOB = load_job("lee-2001-experiment-1").job
+
+
+def traces(count: int, parts_before: int = 0, plant: str = "realistic") -> list[Trace]:
+    """Clamp and measure blanks, one after the other; no tool comes near."""
+    true = plant_named(plant, MACHINE, 6)
+    lathe = SimulatedLathe(MACHINE, replace(true, parts_before=parts_before))
+    found = []
+    for _ in range(count):
+        lathe.mount(JOB)
+        found.append(lathe.measure())
+    return found
+
+
+@pytest.mark.parametrize("plant", ["steady", "realistic", "hard"])
+def test_a_lathe_started_anew_after_three_parts_has_the_fourth_of_a_row(plant: str) -> None:
+    row, (anew,) = traces(4, plant=plant), traces(1, parts_before=3, plant=plant)
+    assert np.array_equal(anew.deviation_um, row[3].deviation_um)
+    for other in row[:3]:
+        assert not np.array_equal(anew.deviation_um, other.deviation_um)
+
+
+def test_clamping_and_dial_are_those_of_the_part_from_the_first_on() -> None:
+    (first,), (same,) = traces(1), traces(1, parts_before=0)
+    assert np.array_equal(first.deviation_um, same.deviation_um)
+    assert first.meta["lathe"] == "realistic, seed 6"
+    true = replace(plant_named("realistic", MACHINE, 6), indicator_noise_um=0.0, indicator_graduation_um=0.0)
+    one, other = SimulatedLathe(MACHINE, true), SimulatedLathe(MACHINE, replace(true, parts_before=1))
+    for lathe in (one, one, other):
+        lathe.mount(JOB)
+    assert one.indicate() == other.indicate()
+
+
+def test_the_scale_has_another_noise_on_each_part() -> None:
+    true = plant_named("steady", MACHINE, 6)
+
+    def noise(parts_before: int) -> list[float]:
+        scale = SimulatedLathe(MACHINE, replace(true, parts_before=parts_before)).tool.scale
+        return [float(scale.read(0.0)) for _ in range(5)]
+
+    assert noise(0) == noise(0) != noise(1) != noise(2)

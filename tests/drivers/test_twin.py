@@ -1,4 +1,4 @@
-"""The iron of a lathe that is not new: stiffness, lag, noise, wander, clampings, by numbers from elsewhere."""
+"""The hardware of a lathe that is not new, and how far forces and friction push its loop."""
 
 from __future__ import annotations
 
@@ -26,6 +26,7 @@ from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.spindle import RadialError
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from drivers.simulator.plant.workshop import SimulatedWorkshop
+from profiles.axis.friction import friction_um_pp, sampled_compliance_um_per_n
 from profiles.axis.servo import sampled_response
 from profiles.job import Job
 from profiles.machine import MachineProfile
@@ -72,14 +73,11 @@ def pushed_um(forces_n: list[float], finer: int = 1, ix33: float = 811.0) -> np.
     return np.array(axis.follow([0.0] * len(forces_n))) / COUNTS_PER_UM
 
 
-def test_a_steady_force_pushes_the_soft_loop_by_ten_micrometres_a_newton() -> None:
+def test_a_steady_force_pushes_the_loop_until_its_integrator_takes_it_back() -> None:
     """1 / (624 N/V x 147.6 V/m) = 10.86 um/N without the integrator: 6 N are 65 um."""
     at = pushed_um([6.0] * 2000, ix33=0.0)
     assert at[-500:].mean() / 6.0 == pytest.approx(10.857, rel=0.003)
-
-
-def test_the_integrator_takes_a_steady_force_back_within_seconds() -> None:
-    """With the time constant Kp / Ki = 4.57 s; the first instants belong to mass and damping."""
+    # With the time constant Kp / Ki = 4.57 s; the first instants belong to mass and damping.
     at = pushed_um([6.0] * round(8.0 / CYCLE_S))
     first, later = (at[round(time_s / CYCLE_S)] for time_s in (2.0, 6.0))
     assert 4.0 / math.log(first / later) == pytest.approx(4.57, rel=0.03)
@@ -205,9 +203,7 @@ def round_job(experiment: JobMaker) -> Job:
     return replace(experiment(1), lobe_error_um_pp=0.0)
 
 
-def test_a_perfect_tool_on_a_wandering_spindle_leaves_the_floor_of_the_machine(
-    machine: MachineProfile, round_job: Job
-) -> None:
+def test_a_wandering_spindle_leaves_the_floor_of_the_machine(machine: MachineProfile, round_job: Job) -> None:
     """1.2 um repeat and 0.1 um do not: 1.1 to 1.5 um are left, and nothing on a spindle that stays."""
     assert roundness_um(turned_round(machine, ideal(machine), round_job)) < 1e-6
     for seed in range(5):
@@ -215,9 +211,7 @@ def test_a_perfect_tool_on_a_wandering_spindle_leaves_the_floor_of_the_machine(
         assert 1.1 < roundness_um(turned_round(machine, true, round_job)) < 1.5
 
 
-def test_in_the_chuck_the_indicator_sees_no_lobe_and_not_what_the_spindle_has_cut(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_in_the_chuck_the_indicator_sees_the_spindle(machine: MachineProfile, experiment: JobMaker) -> None:
     """The wander that made the part out of round takes it past an indicator just so."""
     lathe = SimulatedLathe(machine, replace(ideal(machine), radial_error_um_pp=1.2))
     with pytest.raises(RuntimeError):
@@ -230,9 +224,7 @@ def test_in_the_chuck_the_indicator_sees_no_lobe_and_not_what_the_spindle_has_cu
     assert roundness_um(lathe.measure()) == pytest.approx(55.0, abs=0.01)
 
 
-def test_the_gauge_adds_eccentricity_and_noise_and_may_begin_anywhere(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_the_gauge_adds_eccentricity_noise_and_its_mark(machine: MachineProfile, experiment: JobMaker) -> None:
     true = replace(ideal(machine), gauge_eccentricity_um=5.0, gauge_noise_um=0.05, seed=3)
     lathe = SimulatedLathe(machine, true)
     lathe.mount(experiment(1))
@@ -250,9 +242,7 @@ def test_the_gauge_adds_eccentricity_and_noise_and_may_begin_anywhere(
     assert abs(np.angle(np.fft.rfft(blind.deviation_um)[3] / np.fft.rfft(first.deviation_um)[3])) > 0.1
 
 
-def test_the_same_seed_is_the_same_lathe_and_clampings_are_identical_unless_asked(
-    machine: MachineProfile, experiment: JobMaker
-) -> None:
+def test_the_same_seed_is_the_same_lathe_and_clamping(machine: MachineProfile, experiment: JobMaker) -> None:
     def lobes(sd_percent: float, seed: int) -> list[float]:
         lathe = SimulatedLathe(machine, plant_named("steady", machine, seed, sd_percent))
         found = []
@@ -279,11 +269,17 @@ def test_the_pinned_lathe_is_off_by_what_was_pinned(machine: MachineProfile) -> 
     assert (by_hand.moving_mass_kg, by_hand.ideal_spindle) == (true.moving_mass_kg, False)
 
 
-def test_ideal_is_the_profile_to_the_letter_and_paper_too_where_the_profile_is_of_the_paper(
-    machine: MachineProfile,
-) -> None:
+def test_the_paper_has_its_iron_whatever_the_profile_says(machine: MachineProfile) -> None:
     for name in ("ideal", "paper"):
         assert plant_named(name, machine, 0) == ideal(machine)
+    # T(50 Hz) with 4.74 kg, 201.6 N s/m and 624.025 N/V, on a profile of 5.5 kg and a third more thrust.
+    heavy = replace(machine, tool=replace(machine.tool, moving_mass_kg=5.5, amplifier_gain_a_per_v=15.0))
+    assert swings(heavy, plant_named("paper", heavy, 0)) == pytest.approx(
+        complex(sampled_response(machine, 50.0)), rel=0.005
+    )
+    assert swings(heavy, plant_named("ideal", heavy, 0)) == pytest.approx(
+        complex(sampled_response(heavy, 50.0)), rel=0.005
+    )
 
 
 def swings(machine: MachineProfile, true: TrueParameters) -> complex:
@@ -295,17 +291,6 @@ def swings(machine: MachineProfile, true: TrueParameters) -> complex:
     told = 25.0 * np.minimum(time_s / 0.2, 1.0) * harmonic.imag
     tail = slice(-round(0.4 / CYCLE_S), None)
     return complex(2j * (np.array(tool.follow(told.tolist()))[tail] / harmonic[tail]).mean() / 25.0)
-
-
-def test_the_paper_has_its_iron_whatever_the_profile_says(machine: MachineProfile) -> None:
-    """T(50 Hz) with 4.74 kg, 201.6 N s/m and 624.025 N/V, on a profile of 5.5 kg and a third more thrust."""
-    heavy = replace(machine, tool=replace(machine.tool, moving_mass_kg=5.5, amplifier_gain_a_per_v=15.0))
-    assert swings(heavy, plant_named("paper", heavy, 0)) == pytest.approx(
-        complex(sampled_response(machine, 50.0)), rel=0.005
-    )
-    assert swings(heavy, plant_named("ideal", heavy, 0)) == pytest.approx(
-        complex(sampled_response(heavy, 50.0)), rel=0.005
-    )
 
 
 @pytest.mark.parametrize(("key", "factor"), [("mass_kg", "mass_factor"), ("thrust_n_per_v", "thrust_factor")])
@@ -320,12 +305,16 @@ def test_a_value_and_a_factor_on_it_are_refused_together(
     assert (problem.code, problem.key, problem.value) == ("key.instead_of", key, factor)
 
 
-def test_friction_is_held_against_the_damping_of_the_plant(machine: MachineProfile, tmp_path: Path) -> None:
+def test_a_plant_is_refused_with_those_there_are_and_damping(machine: MachineProfile, tmp_path: Path) -> None:
     """20 N s/m are 1.57 N of friction at 0.1 m/s, whatever the profile says."""
     path = tmp_path / "plant.toml"
     path.write_text("damping_n_s_per_m = 20.0\ncoulomb_friction_n = 3.0\n", encoding="utf-8")
     with pytest.raises(ProfileError, match=r"coulomb_friction_n.*actual 3 N.*<= 1.571 N"):
         plant_named(str(path), machine, 1)
+    with pytest.raises(
+        ProfileError, match=r"plant.unknown.*ideal \| mounted \| paper \| steady \| easy \| realistic \| hard"
+    ):
+        plant_named("new", machine)
 
 
 @pytest.mark.parametrize(
@@ -350,13 +339,6 @@ def test_a_plant_file_that_cannot_be_is_refused(
     assert problem.limit and "plant.toml" in problem.where
 
 
-def test_an_unknown_plant_is_refused_with_those_that_there_are(machine: MachineProfile) -> None:
-    with pytest.raises(
-        ProfileError, match=r"plant.unknown.*ideal \| mounted \| paper \| steady \| easy \| realistic \| hard"
-    ):
-        plant_named("new", machine)
-
-
 def test_gain_and_force_may_be_off_by_a_file(machine: MachineProfile, tmp_path: Path) -> None:
     path = tmp_path / "off.toml"
     path.write_text("[tool]\nthrust_factor = 0.9\n[chuck]\nlobe_factor = 1.05\n", encoding="utf-8")
@@ -365,9 +347,7 @@ def test_gain_and_force_may_be_off_by_a_file(machine: MachineProfile, tmp_path: 
     assert true.lobe_factor == 1.05
 
 
-def test_the_lobe_may_be_what_it_is_whatever_the_job_believes(
-    machine: MachineProfile, experiment: JobMaker, tmp_path: Path
-) -> None:
+def test_a_lobe_is_what_it_is_in_the_file(machine: MachineProfile, experiment: JobMaker, tmp_path: Path) -> None:
     """60 um at 1314 N, 4 deg past the jaws, though the job believes in 55; at half the force, of which the 230.3 N
     that the jaws lose at 1000 rpm are a larger share, 0.394 of it."""
     path = tmp_path / "known.toml"
@@ -424,3 +404,42 @@ def test_learning_on_iron_that_is_off_goes_as_was_calculated(machine: MachinePro
     # With the lag of the current, too, what is left is a tenth of the first pass, and then next to nothing.
     first, second, third = learnt_um(machine, pinned, 3)
     assert second < 0.1 * first and third < 0.3
+
+
+# What dry friction is predicted to leave, against the simulated tool that has it.
+
+
+@pytest.mark.parametrize("frequency_hz", [20.0, 50.0, 150.0])
+def test_a_force_pushes_both_sampled_loops_as_far(machine: MachineProfile, frequency_hz: float) -> None:
+    time_s = np.arange(round(1.0 / CYCLE_S)) * CYCLE_S
+    at = pushed_um((2.0 * np.sin(2 * np.pi * frequency_hz * time_s)).tolist())
+    tail = slice(len(at) // 2, None)
+    found = 2j * (at[tail] * np.exp(-2j * np.pi * frequency_hz * time_s[tail])).mean() / 2.0
+    # The force is held for a cycle, so that it comes half a cycle late.
+    late = np.exp(-1j * np.pi * frequency_hz * CYCLE_S)
+    assert found == pytest.approx(complex(sampled_compliance_um_per_n(machine, frequency_hz)) * late, rel=0.01)
+
+
+@pytest.mark.parametrize(
+    ("frequency_hz", "path_um_pp", "friction_n"),
+    [(50.0, 55.0, 3.0), (50.0, 55.0, 5.0), (50.0, 33.0, 3.0), (30.0, 28.4, 3.0), (20.0, 10.4, 3.0)],
+)
+def test_a_dry_tool_is_off_by_no_more_than_was_predicted_and_not_by_much_less(
+    machine: MachineProfile, frequency_hz: float, path_um_pp: float, friction_n: float
+) -> None:
+    """By the inverse of the nominal loop, in air. At 20 Hz it does not come loose: all of its path is left."""
+    true = replace(ideal(machine), coulomb_friction_n=friction_n)
+    tool = build_drives(machine, true, settings_with(machine.controller.variables)).tool
+    tool.close_loop()
+    time_s = np.arange(round(1.5 / CYCLE_S)) * CYCLE_S
+    harmonic = 0.5 * path_um_pp * np.exp(2j * np.pi * frequency_hz * time_s)
+    told = np.minimum(time_s / 0.2, 1.0) * np.imag(harmonic / complex(sampled_response(machine, frequency_hz)))
+    at_um = np.array(tool.follow((COUNTS_PER_UM * told).tolist())) / COUNTS_PER_UM
+    last = slice(-round(0.5 / CYCLE_S), None)
+    off_um = at_um[last] - np.imag(harmonic[last])
+    most_um = friction_um_pp(machine, frequency_hz, friction_n, path_um_pp)
+    assert 0.8 * most_um < np.ptp(off_um) <= 1.02 * most_um
+
+
+def test_a_tool_that_moves_nowhere_loses_nothing(machine: MachineProfile) -> None:
+    assert friction_um_pp(machine, 50.0, 5.0, 0.0) == 0.0

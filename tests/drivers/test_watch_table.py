@@ -57,10 +57,9 @@ def loaded(family: str, strategy: Strategy) -> Loaded:
     return Loaded(family, strategy)
 
 
+@pytest.mark.first(5)
 @pytest.mark.parametrize(("family", "strategy"), EVERY)
-def test_the_table_has_what_is_compared_at_arming_and_settings_that_the_program_sets(
-    family: str, strategy: Strategy
-) -> None:
+def test_the_table_has_what_is_compared_at_arming_and_set_by_programs(family: str, strategy: Strategy) -> None:
     of = loaded(family, strategy)
     own = assigned(of.program.program)
     compared = {f"I{index}" for index in stated_settings_of(of.machine, of.program.dialect)}
@@ -160,9 +159,7 @@ def test_the_last_turn_begins_anew_after_a_feed_hold() -> None:
         ((300, 5), 1, 1),  # one at least
     ],
 )
-def test_a_line_of_queries_has_at_most_200_characters_and_32_values(
-    lengths: tuple[int, ...], values: int, fit: int
-) -> None:
+def test_a_line_of_queries_has_200_characters_at_most(lengths: tuple[int, ...], values: int, fit: int) -> None:
     """A controller takes 255 characters; polls and renewals of the watchdog have to come in between."""
     items = tuple(WatchItem("I" * length, (f"{place}",) * values) for place, length in enumerate(lengths))
     watch = CutWatch(WatchTable(first=(), later=items), dict.fromkeys(items, ()))

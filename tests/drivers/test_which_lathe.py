@@ -44,11 +44,18 @@ def spindle_error_um(machine: MachineProfile, true: TrueParameters) -> np.ndarra
     return np.array([1000.0 * wander.at_mm(place / 720.0) for place in range(720)])
 
 
-def test_two_lathes_whose_spindles_err_differently_are_not_one(plant: PlantFile, machine: MachineProfile) -> None:
+def test_two_lathes_are_one_by_what_they_draw_alone(plant: PlantFile, machine: MachineProfile) -> None:
     one, two = plant.lathes('like = "steady"\n')
     apart = spindle_error_um(machine, one) - spindle_error_um(machine, two)
     assert np.ptp(apart) > 1.0
     assert str(one.lathe) != str(two.lathe) and str(one.lathe).endswith(", seed 1")
+    one, two = plant.lathes('like = "steady"\n', "mine, seed 3.toml")
+    assert (one.lathe.seed, two.lathe.seed) == (1, 2) and str(one.lathe).startswith("mine, seed 3.toml ")
+    assert SimulatedLathe(machine, one).which == one.lathe
+    (alike, _) = plant.lathes("", "mine, seed 3.toml")
+    assert options_of(str(one.lathe)) == options_of(str(alike.lathe)) == ()
+    assert options_of("realistic, seed 6") == ("--plant", "realistic", "--seed", "6")
+    assert options_of("ideal") == ("--plant", "ideal") and options_of("") == ()
 
 
 @pytest.mark.parametrize(
@@ -70,9 +77,7 @@ def test_lathes_are_one_where_the_seed_draws_nothing_but_of_parts(plant: PlantFi
 
 
 @pytest.mark.parametrize(("name", "called"), [("ideal", "ideal"), ("mounted", "ideal"), ("paper", "paper")])
-def test_bundled_lathes_without_anything_drawn_have_one_name(
-    machine: MachineProfile, name: str, called: str
-) -> None:
+def test_lathes_without_anything_drawn_have_one_name(machine: MachineProfile, name: str, called: str) -> None:
     assert {str(plant_named(name, machine, seed).lathe) for seed in (1, 2)} == {called}
     assert not plant_named(name, machine, 1).parts_differ
     assert plant_named(name, machine, 1, 5.0).parts_differ, "--clamping-sd"
@@ -93,13 +98,3 @@ def test_bundled_lathes_without_anything_drawn_have_one_name(
 )
 def test_parts_differ_where_anything_is_drawn_of_a_part(plant: PlantFile, text: str, differ: bool) -> None:
     assert [each.parts_differ for each in plant.lathes(text)] == [differ, differ]
-
-
-def test_a_file_may_be_called_as_a_lathe_is(plant: PlantFile, machine: MachineProfile) -> None:
-    one, two = plant.lathes('like = "steady"\n', "mine, seed 3.toml")
-    assert (one.lathe.seed, two.lathe.seed) == (1, 2) and str(one.lathe).startswith("mine, seed 3.toml ")
-    assert SimulatedLathe(machine, one).which == one.lathe
-    (alike, _) = plant.lathes("", "mine, seed 3.toml")
-    assert options_of(str(one.lathe)) == options_of(str(alike.lathe)) == ()
-    assert options_of("realistic, seed 6") == ("--plant", "realistic", "--seed", "6")
-    assert options_of("ideal") == ("--plant", "ideal") and options_of("") == ()

@@ -19,8 +19,7 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 
-from tests.fuzz.all_targets import TARGETS
-from tests.fuzz.fuzzing import fuzzed
+from tests.fuzz.all_targets import TARGETS, fuzzed
 from tests.fuzz.guided import is_installed
 from tests.fuzz.mutating import Outcome
 from tests.fuzz.target import CORPUS, Target

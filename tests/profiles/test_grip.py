@@ -1,4 +1,6 @@
-"""What holds the part: VDI 3106, the wrench, and the adviser that says how hard it must and how hard it may be."""
+"""The grip of a chuck, and the rules of a cut."""
+
+from __future__ import annotations
 
 import math
 from dataclasses import replace
@@ -8,23 +10,31 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from profiles.axis.envelope import envelope, speed_limits_rpm
+from profiles.axis.response import Source, identified_response, model_response
+from profiles.axis.servo import sampled_response
 from profiles.chucking.advice import Stands, clamping_advice, force_span
 from profiles.chucking.grip import (
+    centrifugal_loss_n,
     cut_grip_n,
+    grip_margin_n,
     least_force_n,
     lobe_um_per_n,
     loss_n,
     most_loss_speed_rpm,
+    needed_grip_n,
     permitted_speed_rpm,
 )
 from profiles.chucking.holding import Wrench, torque_n_m
 from profiles.cutting import cutting_force
 from profiles.findings import Severity, refusals
 from profiles.job import Job
+from profiles.machine import MachineProfile
 from profiles.materials import material_named
 from profiles.problem import ProfileError
-from profiles.rules import check
+from profiles.rules import LEAST_CHIP_MM, check
 from profiles.store import load_job, load_machine
+from profiles.words.sentences import LANGUAGES, Sentences, words_of
 
 JOB = load_job("lee-2001-experiment-1").job
 LATHE = load_machine("lee-2001-lathe").machine
@@ -49,16 +59,13 @@ def test_centrifugal_force(mass_radius: float, speed_rpm: float, lost_n: float) 
     assert loss_n(mass_radius, speed_rpm) == pytest.approx(lost_n, abs=1)
 
 
-def test_least_force_and_permitted_speed() -> None:
+def test_least_force_and_permitted_speed_follow_from_the_loss() -> None:
     assert least_force_n(200, loss_n(HEAVY_KG_M, 1000), 1.5) == pytest.approx(2818.7, abs=0.1)
     assert permitted_speed_rpm(3077, 200, HEAVY_KG_M, 1.0) == pytest.approx(1326, abs=0.5)
     assert permitted_speed_rpm(3077, 200, HEAVY_KG_M, 1.5) == pytest.approx(1053, abs=0.5)
     assert most_loss_speed_rpm(3077, HEAVY_KG_M) == pytest.approx(1143, abs=0.5)
     assert permitted_speed_rpm(100, 200, HEAVY_KG_M, 1.5) == 0
-
-
-def test_a_force_is_a_torque_above_what_there_is_without_any() -> None:
-    """24 N m x 60 N/(N m) - 120 N = 1320 N."""
+    # 24 N m x 60 N/(N m) - 120 N = 1320 N.
     fitted = Wrench(force_per_torque_n_per_n_m=60.0, offset_n=-120.0)
     assert torque_n_m(fitted, 1320.0) == pytest.approx(24.0)
     for wrench, force in ((fitted, 0.0), (replace(fitted, offset_n=500.0), 500.0)):
@@ -66,16 +73,13 @@ def test_a_force_is_a_torque_above_what_there_is_without_any() -> None:
             torque_n_m(wrench, force)
 
 
-def test_the_advised_least_force_is_where_the_rule_begins_to_hold() -> None:
+def test_the_advised_span_is_where_its_rules_hold() -> None:
     least_n = clamping_advice(JOB, LATHE).span.least_n
     assert least_n > loss_n(3 * 0.2 * 0.035, 1000) * 1.5
     held, slips = (replace(JOB, chucking_force_n=share * least_n) for share in (1.001, 0.999))
     assert "rule.grip_need" not in warned(held)
     assert "rule.grip_need" in warned(slips)
     assert refusals(check(slips, LATHE)) == ()
-
-
-def test_the_advised_most_force_is_where_its_rules_begin_to_fail() -> None:
     advice = clamping_advice(JOB, LATHE)
     assert advice.span.most_n == advice.span.limits_n["scatter"]
     for name, code, beyond in (
@@ -156,14 +160,11 @@ def test_a_soft_ring_and_heavy_jaws_leave_no_force_that_will_do() -> None:
     assert advice.at_speed_n == pytest.approx(3000 - 1579.1, abs=0.1)
 
 
-def test_a_plain_cut_is_within_the_tolerance_at_the_force_of_its_limit() -> None:
+def test_a_plain_cut_and_a_newton_are_judged_at_their_own_speed() -> None:
     """The lobe goes with what is left of the force: 55 um at 1314 - 230.3 N, so 5 um at 98.5 N; 230.3 are lost."""
     assert JOB.roundness_tolerance_um == 5.0
     assert clamping_advice(JOB, LATHE).uncompensated_n == pytest.approx(328.8, abs=0.05)
-
-
-def test_the_lobe_for_a_newton_is_of_the_speed_at_which_it_was_found() -> None:
-    """55 um held by 1314 N less the 57.6 N that 500 rpm take; the job itself turns at 1000."""
+    # 55 um held by 1314 N less the 57.6 N that 500 rpm take; the job itself turns at 1000.
     found = replace(JOB, lobe_spindle_speed_rpm=500.0)
     assert lobe_um_per_n(found, LATHE) == pytest.approx(55.0 / (1314.0 - 230.29 / 4), rel=1e-5)
 
@@ -213,3 +214,159 @@ def test_a_material_without_numbers_is_told_and_asks_nothing_of_the_grip() -> No
     assert found["rule.material_unknown"].severity is Severity.WARNING
     assert found["rule.grip_need"].problem.limit == ">= 0 N"
     assert clamping_advice(job, LATHE).span.least_n == pytest.approx(1.5 * 230.29, abs=0.01)
+
+
+# The rules between a job and a machine, with the bounds on the allowed side.
+
+ONE = load_job("lee-2001-experiment-1").job
+TWO = load_job("lee-2001-experiment-2").job
+HEAVY_JAWS = replace(LATHE, chuck=replace(LATHE.chuck, jaw_mass_kg=0.8, jaw_radius_mm=60.0))
+
+
+def refused(job: Job, machine: MachineProfile = LATHE) -> list[str]:
+    return [finding.problem.code for finding in refusals(check(job, machine))]
+
+
+@pytest.mark.parametrize("job", [ONE, TWO])
+def test_the_papers_cuts_are_allowed(job: Job) -> None:
+    findings = check(job, LATHE)
+    assert all(finding.severity is Severity.OK for finding in findings)
+    assert len({finding.problem.code for finding in findings}) == len(findings) == 22
+
+
+@pytest.mark.parametrize(
+    ("speed_rpm", "loss_n"), [(500, 395), (1000, 1579), (2000, 6317), (3000, 14212)]
+)  # VDI 3106 with three jaws of 0.8 kg at 60 mm
+def test_centrifugal_loss(speed_rpm: float, loss_n: float) -> None:
+    job = replace(ONE, spindle_speed_rpm=float(speed_rpm))
+    assert centrifugal_loss_n(job, HEAVY_JAWS) == pytest.approx(loss_n, abs=0.5)
+
+
+def test_chucks_lose_force_with_the_speed_down_to_two_thirds() -> None:
+    assert centrifugal_loss_n(ONE, LATHE) == pytest.approx(230, abs=0.5)
+    assert grip_margin_n(ONE, LATHE) == pytest.approx(1314 / 1.5 - 230.3, abs=0.1)
+    # 3077 N at rest and three jaws of 0.8 kg at 60 mm: 67 % are lost at 1143 rpm.
+    held = replace(ONE, chucking_force_n=3077.0, spindle_speed_rpm=1142.0)
+    gone = replace(held, spindle_speed_rpm=1144.0)
+    assert "rule.grip_loss" not in refused(held, HEAVY_JAWS)
+    assert {"rule.grip_loss", "rule.grip_margin"} == set(refused(gone, HEAVY_JAWS))
+
+
+@pytest.mark.parametrize(
+    ("changes", "code"),
+    [
+        ({"wall_thickness_mm": 26.1}, "rule.wall_over_radius"),
+        ({"wall_thickness_mm": 0.327}, "rule.depth_over_wall"),
+        ({"wall_thickness_mm": 0.328}, None),
+        ({"depth_of_cut_mm": 0.0324}, "rule.depth_under_lobe"),
+        ({"depth_of_cut_mm": 0.0325}, None),
+        ({"chucking_force_n": 6594.0}, "rule.force_over_chuck"),
+        ({"feed_mm_per_rev": 0.41}, "rule.feed_over_land"),
+        ({"diameter_mm": 152.1}, "rule.tool_travel"),
+        ({"diameter_mm": 2.1, "wall_thickness_mm": 1.0}, "rule.tool_travel"),
+        ({"overhang_mm": 206.0, "cut_length_mm": 100.0}, "rule.carriage_travel"),
+        ({"overhang_mm": 176.0}, None),
+        ({"cut_length_mm": 20.0}, None),
+        ({"wall_thickness_mm": 26.0}, None),
+        ({"cut_length_mm": 28.0, "overhang_mm": 40.0}, None),
+        ({"diameter_mm": 152.0}, None),
+        ({"feed_mm_per_rev": 0.4}, None),
+        ({"chucking_force_n": 6593.0}, None),
+    ],
+)
+def test_one_rule_at_a_time(changes: dict[str, float], code: str | None) -> None:
+    tough = replace(ONE, material="SCM440-H")
+    soft_jaws = replace(LATHE, chuck=replace(LATHE.chuck, jaw_length_mm=1000.0))
+    machine = soft_jaws if "wall_thickness_mm" in changes else LATHE
+    assert refused(replace(tough, **changes), machine) == ([code] if code else [])  # type: ignore[arg-type]
+
+
+def told(job: Job, code: str) -> tuple[Severity, str, str]:
+    (found,) = [finding for finding in check(job, LATHE) if finding.problem.code == code]
+    return found.severity, found.problem.value, found.problem.limit
+
+
+def test_a_depth_that_does_not_hold_the_lobe_at_the_end_where_it_is_largest_is_refused() -> None:
+    """27.5 um that grow by 10 % a mm over the 4 mm to either end of the cut, 38.5 um, and 5 um for the edge."""
+    grown = replace(ONE, lobe_growth_percent_per_mm=-10.0)
+    for depth_mm, severity in ((0.0434, Severity.REFUSAL), (0.0435, Severity.OK)):
+        met = told(replace(grown, depth_of_cut_mm=depth_mm), "rule.depth_under_lobe")
+        assert met == (severity, f"{depth_mm:g} mm", ">= 0.0435 mm")
+    assert told(grown, "rule.depth_over_wall")[1] == "2.3615 mm"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_refusal_of_a_shallow_cut_has_the_least_depth_and_what_the_edge_needs(language: str) -> None:
+    """0.02 mm with a lobe of 55 um previews as round and leaves 7.5 um: 27.5 um and 5 um for the edge."""
+    (finding,) = refusals(check(replace(ONE, depth_of_cut_mm=0.02), LATHE))
+    said = Sentences(words_of(language)).problem(replace(finding.problem, where="/some/job.toml"))
+    assert all(fact in said for fact in ("0.02 mm", "0.0325 mm", f"{1000 * LEAST_CHIP_MM:g} um"))
+
+
+def test_a_wall_that_yields_under_the_jaws_or_is_cut_through_is_refused_with_what_would_pass() -> None:
+    """OD 52, wall 0.15: mean radius 25.925, W = 438 N, M = W R (3/pi - cot 60 deg) / 2, over 40 x 0.15^2 / 6.
+
+    The hoop force W cot 60 deg / 2 adds its part over 40 x 0.15.
+    """
+    thin = replace(ONE, wall_thickness_mm=0.15)
+    moment_n_mm = 438 * 25.925 / 2 * (0.954930 - 0.577350)
+    stress_mpa = moment_n_mm / (40 * 0.15**2 / 6) + 438 * 0.577350 / 2 / (40 * 0.15)
+    severity, value, limit = told(thin, "rule.clamp_stress")
+    assert float(value.removesuffix(" MPa")) == pytest.approx(stress_mpa, rel=1e-4)
+    assert (severity, limit) == (Severity.REFUSAL, "<= 120 MPa (11 N)")
+    assert told(thin, "rule.depth_over_wall") == (Severity.REFUSAL, "0.0225 mm", ">= 0.2 mm")
+    assert told(replace(ONE, chucking_force_n=3129.0), "rule.clamp_stress")[0] is Severity.OK
+    assert told(replace(ONE, chucking_force_n=3130.0), "rule.clamp_stress")[0] is Severity.REFUSAL
+
+
+def test_a_cut_stays_clear_of_the_jaws_and_within_the_machine() -> None:
+    far = replace(LATHE, carriage=replace(LATHE.carriage, travel_max_mm=250.0))
+    assert refused(replace(ONE, cut_length_mm=28.0), far) == []
+    assert refused(replace(ONE, cut_length_mm=28.1), far) == ["rule.length_over_overhang"]
+    grip = replace(ONE, chucking_force_n=6500.0, material="SCM440-H")
+    assert refused(replace(grip, spindle_speed_rpm=3000.0)) == []
+    assert refused(replace(grip, spindle_speed_rpm=3001.0)) == ["rule.speed_over_machine"]
+    # A 6/rev lobe of 1 mm at 1000 rpm: 500 um at 100 Hz is 197 m/s2 and 662 N rms.
+    shaken = replace(grip, jaws=6, lobe_error_um_pp=1000.0, depth_of_cut_mm=0.6)
+    assert refused(shaken) == ["rule.tool_force"]
+    assert refused(replace(shaken, spindle_speed_rpm=1200.0)) == ["rule.tool_force", "rule.encoder_acceleration"]
+
+
+def test_several_rules_at_once_carry_numbers_with_units() -> None:
+    job = replace(ONE, jaws=4, wall_thickness_mm=30.0, lobe_wall_thickness_mm=30.0, feed_mm_per_rev=0.9)
+    findings = check(job, LATHE)
+    assert [
+        f.problem.code for f in findings if f.severity is Severity.WARNING
+    ] == "rule.grip_need rule.clamp_span rule.jaws_differ rule.lobe_differs".split()
+    assert refused(job) == ["rule.wall_over_radius", "rule.feed_over_land"]
+    finding = next(f for f in check(ONE, LATHE) if f.problem.code == "rule.grip_loss")
+    assert (finding.problem.value, finding.problem.limit) == ("230.291 N", "<= 880.38 N")
+
+
+# The speed at which each limit is reached: there the rule itself is met, and beyond it broken.
+
+MACHINE = load_machine("lee-2001-lathe").machine
+MODEL = model_response(MACHINE, lambda frequency_hz: complex(sampled_response(MACHINE, frequency_hz)))
+AXIS = envelope(JOB, MACHINE).at_job
+
+
+def at(rpm: float) -> Job:
+    return replace(JOB, spindle_speed_rpm=rpm)
+
+
+def test_the_speed_ends_where_the_chuck_or_the_response_does() -> None:
+    limits = speed_limits_rpm(JOB, MACHINE, MODEL, AXIS)
+    assert grip_margin_n(at(limits["grip"]), MACHINE) == pytest.approx(needed_grip_n(JOB, MACHINE))
+    # DIN EN 1550: at most 67 % of the force at rest
+    assert centrifugal_loss_n(at(limits["grip_loss"]), MACHINE) == pytest.approx(0.67 * JOB.chucking_force_n)
+    assert limits["spindle"] == MACHINE.spindle.max_speed_rpm
+    limits = speed_limits_rpm(JOB, MACHINE, MODEL, AXIS)
+    assert limits["response"] == pytest.approx(limits["loop"]) == pytest.approx(8233, abs=1)
+    frequency_hz = 3 * limits["response"] / 60
+    assert abs(complex(sampled_response(MACHINE, frequency_hz))) == pytest.approx(1 / 8)
+    columns = {"frequency_hz": [10, 50], "gain": [1, 0.9], "phase_deg": [-10, -50], "gain_ci": [0, 0]}
+    response = identified_response(**columns, phase_ci_deg=[0, 0], amplitude_um=25.0, name="there")  # type: ignore[arg-type]
+    assert response.source is Source.IDENTIFIED
+    assert speed_limits_rpm(JOB, MACHINE, response, AXIS)["response"] == pytest.approx(1000.0)
+    loose = replace(JOB, chucking_force_n=100.0)
+    assert speed_limits_rpm(loose, MACHINE, MODEL, AXIS)["grip"] == 0.0

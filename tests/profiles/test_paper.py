@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import cmath
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pytest
@@ -11,17 +12,11 @@ import pytest
 from profiles.axis.servo import sampled_response, step_error
 from profiles.compensations.path import chord_scale
 from profiles.paper import chuck, servo_figures
-from profiles.paper.causes_left import (
-    Ramps,
-    explaining,
-    fundamental_fraction,
-    left_um_pp,
-    models,
-    stroke_fraction,
-    zigzag,
-)
-from profiles.paper.record import Basis, Record, lee_2001
+from profiles.paper.causes_left import explaining, models
+from profiles.paper.experiments import lee_2001
+from profiles.paper.record import Basis, Record, Section
 from profiles.paper.reproduction import sections
+from profiles.paper.residual import Ramps, fundamental_fraction, left_um_pp, stroke_fraction, zigzag
 from profiles.paper.table_5 import (
     Reading,
     feedforward_response,
@@ -47,9 +42,7 @@ PAPER = lee_2001()
         (Ramps.S_CURVE, 0.1, 0.80890, None),
     ],
 )
-def test_the_waves_of_a_blended_zigzag(
-    ramps: Ramps, share: float, fundamental: float, third: float | None
-) -> None:
+def test_the_waves_of_blended_zigzags(ramps: Ramps, share: float, fundamental: float, third: float | None) -> None:
     harmonics = zigzag(ramps, share)
     assert fundamental_fraction(harmonics) == pytest.approx(fundamental, abs=1e-5)
     if third is not None:
@@ -116,17 +109,14 @@ def test_the_fit_of_feedforward_and_delay() -> None:
     assert np.angle(met) == pytest.approx([-0.110, -0.150, -0.207, -0.274], abs=1e-3)
 
 
-def test_a_controller_can_be_given_the_loop_of_table_5_at_one_frequency() -> None:
+def test_a_step_of_eq_9_and_the_loop_of_table_5_at_one_frequency() -> None:
     met = complex(sampled_response(with_measured_servo(PAPER.machine, 50.0), 50.0))
     assert cmath.polar(met) == pytest.approx((0.884, -0.241), abs=5e-4)
-
-
-def test_a_step_of_eq_9() -> None:
-    """Values of the step at 0.1, 1 and 10 s; its integral is what the integrator makes it, 0 by Kp / Ki."""
+    # Values of the step at 0.1, 1 and 10 s; its integral is what the integrator makes it, 0 by Kp / Ki.
     from scipy.integrate import quad
 
-    met = [1 - step_error(PAPER.machine, time_s) for time_s in (0.1, 1.0, 10.0)]
-    assert met == pytest.approx([1.000628, 1.000387, 1.000054], abs=2e-6)
+    steps = [1 - step_error(PAPER.machine, time_s) for time_s in (0.1, 1.0, 10.0)]
+    assert steps == pytest.approx([1.000628, 1.000387, 1.000054], abs=2e-6)
     area, _ = quad(lambda t: step_error(PAPER.machine, t), 0.0, 60.0, points=[0.02, 0.1], limit=200)
     assert area == pytest.approx(0.0, abs=1e-6)
 
@@ -138,9 +128,7 @@ def test_more_jaws_make_more_of_the_depth_of_eq_3() -> None:
 
 
 @pytest.mark.parametrize(("stiffness_n_per_um", "exponent"), [(5.0, 0.1), (50.0, 0.5), (500.0, 0.85)])
-def test_what_is_true_by_construction_is_true_whatever_is_assumed(
-    stiffness_n_per_um: float, exponent: float
-) -> None:
+def test_what_is_true_by_construction_stays_true(stiffness_n_per_um: float, exponent: float) -> None:
     held = replace(PAPER.machine.chuck, jaw_stiffness_n_per_um=stiffness_n_per_um, jaw_contact_exponent=exponent)
     records = chuck.section(replace(PAPER.machine, chuck=held)).records
     marked = [record for record in records if record.basis is Basis.CONSTRUCTION]
@@ -187,8 +175,13 @@ def test_the_fit_to_table_5_is_judged_by_chance_and_not_by_itself() -> None:
     assert [each.holds for each in fitted].count(False) == 1, "the phase at 10 Hz: a tolerance that can be missed"
 
 
+@cache
+def of_the_paper() -> tuple[Section, ...]:
+    return tuple(sections(PAPER))
+
+
 def rows_of(name: str) -> list[Record]:
-    return [record for section in sections(PAPER) for record in section.records if record.name == name]
+    return [record for section in of_the_paper() for record in section.records if record.name == name]
 
 
 @pytest.mark.long
@@ -224,16 +217,13 @@ def test_the_rows_of_the_symbols_the_conditions_and_the_motor() -> None:
     assert rows_of("eq5.a0")[0].ours == pytest.approx(1e6 * 30 / (2 * 394784.18) * 0.1, rel=1e-6)
 
 
-def test_what_was_fitted_is_called_circular_and_only_its_chi_square_is_judged() -> None:
+def test_what_was_fitted_is_circular_and_a_number_that_had_to_come_out_no_success() -> None:
     fitted = [record for record in rows_of("table5.fitted.amplitude") + rows_of("table5.fitted.phase")]
     assert {(record.basis, record.why) for record in fitted} == {(Basis.FITTED, "circular")}
     (chi2,) = rows_of("table5.chi2")
     assert (chi2.basis, chi2.holds) == (Basis.COMPUTED, False)
-
-
-def test_a_number_that_could_not_have_come_out_otherwise_is_no_success() -> None:
-    """A tick is for what has other inputs than itself: of the whole paper the overshoot and the peak current."""
-    ticked = [r.name for s in sections(PAPER) if s.name != "acceptance" for r in s.records if is_ticked(r)]
+    # A tick is for what has other inputs than itself: of the whole paper the overshoot and the peak current.
+    ticked = [r.name for s in of_the_paper() if s.name != "acceptance" for r in s.records if is_ticked(r)]
     assert ticked == ["eq9.overshoot", "motor.current"]
     bandwidths = {record.at: record.basis for record in rows_of("fig11.bandwidth")}
     assert bandwidths == {"eq9": Basis.COMPUTED, "coil": Basis.RIVAL, "sampled": Basis.RIVAL}
@@ -251,7 +241,7 @@ def is_ticked(record: Record) -> bool:
     return record.holds is True and record.basis is Basis.COMPUTED
 
 
-def test_table_3_contradicts_tables_2_4_and_5() -> None:
+def test_tables_3_5_and_6_are_shown_and_compared() -> None:
     """By hand: 8 m/s over 0.2 um; 2000 N over 4.74 kg; 39.3216 MHz is the fastest encoder clock of a PMAC2."""
     (counts,), (thrown,), (accuracy,) = (
         rows_of(f"encoder.{each}") for each in ("counts", "acceleration", "accuracy")
@@ -261,16 +251,10 @@ def test_table_3_contradicts_tables_2_4_and_5() -> None:
     assert (thrown.expected, thrown.holds) == (250.0, False) and thrown.ours == pytest.approx(421.94, abs=0.01)
     assert thrown.facts["force_n"] == pytest.approx(1185.0)
     assert (accuracy.ours, accuracy.expected, accuracy.holds) == (3.0, 2.7, False)
-
-
-def test_the_counts_of_prog_1_are_those_of_tables_3_and_6() -> None:
     assert [record.ours for record in rows_of("prog1.depth")] == pytest.approx([500.0, 300.0])
     assert [record.ours for record in rows_of("prog1.counts")] == pytest.approx([275.0, 165.0])
     assert [record.ours for record in rows_of("prog1.sixth")] == pytest.approx([2500 * 4 / 6])
-
-
-def test_table_5_is_shown_by_each_of_its_readings() -> None:
-    """|1 - g exp(-0.241 j)| of 55 um at 50 Hz, with g = 1 - 5.8 / 25 and 1 - 5.8 / 50."""
+    # |1 - g exp(-0.241 j)| of 55 um at 50 Hz, with g = 1 - 5.8 / 25 and 1 - 5.8 / 50.
     gains = {"loss_of_amplitude": 1 - 5.8 / 25, "loss_peak_to_peak": 1 - 5.8 / 50}
     left = {record.at: record.ours for record in rows_of("table5.left")}
     assert left == pytest.approx({at: 55.0 * abs(1 - g * np.exp(-0.241j)) for at, g in gains.items()}, rel=1e-6)

@@ -63,34 +63,29 @@ def test_the_papers_errors_follow_from_the_papers_chucking_forces(job: Job) -> N
     assert matched.model.um_pp == pytest.approx(job.lobe_error_um_pp)
 
 
-def test_rotation_takes_force_and_lobe_alike() -> None:
+def test_chucking_force_and_speed_take_the_lobe_with_them() -> None:
     slow, fast = predict(still(MODEL), LATHE), predict(MODEL, LATHE)
     share = fast.cut.spring_back_um_pp / slow.cut.spring_back_um_pp
     assert share == pytest.approx((1314 - 230.29) / 1314, abs=1e-4)
-
-
-def test_six_jaws_at_the_same_force_leave_a_nineteenth() -> None:
     job = still(replace(MODEL, overhang_mm=1e-6, cut_length_mm=1e-7))
     three, six = (predict(replace(job, jaws=jaws), LATHE).cut.spring_back_um_pp for jaws in (3, 6))
     assert three / six == pytest.approx(19.1, abs=0.1)
-
-
-def test_the_force_spreads_into_the_error() -> None:
     found = predict(still(ONE), LATHE)
     assert found.cut.sd_um_pp == pytest.approx(0.05 * found.cut.spring_back_um_pp, rel=1e-3)
+    # One standard deviation of the wrench, as the difference of two predictions: 65.7 of 1083.7 N, 6.1 %.
+    usual, harder = predict(ONE, LATHE).cut, predict(replace(ONE, chucking_force_n=1.05 * 1314), LATHE).cut
+    assert usual.sd_um_pp == pytest.approx(harder.spring_back_um_pp - usual.spring_back_um_pp)
 
 
-def test_five_percent_more_force_at_rest_are_more_of_what_is_left_at_speed() -> None:
-    """One standard deviation of the wrench, as the difference of two predictions: 65.7 of 1083.7 N, 6.1 %."""
-    found, harder = predict(ONE, LATHE).cut, predict(replace(ONE, chucking_force_n=1.05 * 1314), LATHE).cut
-    assert found.sd_um_pp == pytest.approx(harder.spring_back_um_pp - found.spring_back_um_pp)
-
-
-def test_the_lobe_of_the_model_stands_at_jaw_1() -> None:
+def test_the_lobe_stands_where_it_was_found_or_at_jaw_1() -> None:
     job = replace(MODEL, lobe_phase_deg=105.0, lobe_past_jaw_deg=15.0)
     found = predict(job, LATHE)
     assert found.angle_deg[found.error_um[0].argmax()] % 120 == 90
     assert found.cut.phase_deg == pytest.approx(90.0)
+    # Low at the jaws, as a wall that gives way leaves it; the model alone has it high there.
+    found = predict(replace(ONE, lobe_phase_deg=150.0, lobe_past_jaw_deg=60.0), LATHE)
+    assert found.angle_deg[found.error_um[0].argmax()] % 120 == 30
+    assert (found.cut.phase_deg, found.model.phase_deg) == pytest.approx((150.0, 90.0))
 
 
 @pytest.mark.parametrize("source", ["measured", "fitted"])
@@ -109,9 +104,7 @@ def test_a_lobe_that_was_found_on_a_part_is_compared_with_the_model(source: str)
 @pytest.mark.parametrize(
     ("job", "pass_um", "force_n", "moved_um"), [(ONE, 8.17, 0.81, 1.22), (TWO, 5.91, 0.49, 0.73)]
 )
-def test_what_was_found_on_a_part_is_spoken_of_and_not_what_the_model_thinks(
-    job: Job, pass_um: float, force_n: float, moved_um: float
-) -> None:
+def test_what_was_found_on_a_part_is_spoken_of(job: Job, pass_um: float, force_n: float, moved_um: float) -> None:
     """55 and 33 um by the paper, 12.4 and 2.66 um by the model: its shape and growth, the height of the part."""
     found, by_model = predict(job, LATHE), predict(replace(job, lobe_error_source="model"), LATHE)
     assert found.scaled_to is not None and by_model.scaled_to is None
@@ -130,34 +123,21 @@ def test_what_was_found_on_a_part_is_spoken_of_and_not_what_the_model_thinks(
     assert (process.lobed_force_n, process.lobed_motion_um) == pytest.approx((force_n, moved_um), abs=0.01)
 
 
-def test_the_scale_is_that_of_the_cut_that_was_measured() -> None:
+def test_what_is_scaled_halved_or_without_a_lobe() -> None:
     """With half of the speed more force is left, and the lobe that was found grows as that of the model does."""
     slower = replace(ONE, spindle_speed_rpm=500.0)
     share = (1314 - 230.29 / 4) / (1314 - 230.29)
     assert predict(slower, LATHE).cut.spring_back_um_pp == pytest.approx(
         share * predict(ONE, LATHE).cut.spring_back_um_pp, rel=1e-4
     )
-
-
-def test_the_lobe_stands_where_it_was_found() -> None:
-    """Low at the jaws, as a wall that gives way leaves it; the model alone has it high there."""
-    found = predict(replace(ONE, lobe_phase_deg=150.0, lobe_past_jaw_deg=60.0), LATHE)
-    assert found.angle_deg[found.error_um[0].argmax()] % 120 == 30
-    assert (found.cut.phase_deg, found.model.phase_deg) == pytest.approx((150.0, 90.0))
-
-
-def test_where_the_model_has_no_lobe_nothing_is_scaled() -> None:
-    """Far from the jaws it changes its sign: any height there would be another one everywhere else."""
+    # Far from the jaws it changes its sign: any height there would be another one everywhere else.
     far = replace(ONE, overhang_mm=54.0, lobe_overhang_mm=54.0)
     found = predict(far, LATHE)
     assert found.scaled_to is None and found.model.measured_um_pp == 55.0
     assert found.cut == found.model and found.cut.um_pp < 1.0
     assert "rule.second_pass" not in {f.problem.code for f in found.findings}
     assert found.process.lobed_force_n == pytest.approx(0.81, abs=0.01), "the blank is as lobed as it was found"
-
-
-def test_half_a_lobe_has_all_of_it() -> None:
-    """What is judged at each key is what the whole turn shows."""
+    # What is judged at each key is what the whole turn shows.
     for job in (MODEL, replace(MODEL, jaws=2), replace(MODEL, jaws=6), BAR):
         found = predict(job, LATHE)
         assert held_part(job, LATHE).error_um_pp(found.cut.z_mm) == pytest.approx(found.cut.um_pp, rel=1e-9)
@@ -165,17 +145,14 @@ def test_half_a_lobe_has_all_of_it() -> None:
         assert found.cut.um_pp == pytest.approx(turn, rel=1e-3)
 
 
-def test_error_over_the_stock_and_the_second_pass() -> None:
+def test_a_second_pass_has_less_stock_and_a_warning() -> None:
     job = still(replace(MODEL, overhang_mm=1e-6, cut_length_mm=1e-7, lobe_error_um_pp=0.0))
     found = predict(job, LATHE)
     assert found.stock_mm[[0, -1]] == pytest.approx([0.0, 0.1])
     assert found.stock_um_pp[-1] / found.stock_um_pp[0] == pytest.approx(1.124, abs=2e-3)
     assert "rule.second_pass" in warned(found)
     assert "rule.second_pass" not in warned(predict(replace(job, roundness_tolerance_um=8.0), LATHE))
-
-
-def test_a_second_pass_that_leaves_less_is_warned_of_too() -> None:
-    """Far from the jaws the lobe dies away and changes its sign; there a thinner wall is lobed less, by 4.3 um."""
+    # Far from the jaws the lobe dies away and changes its sign; there a thinner wall is lobed less, by 4.3 um.
     far = replace(MODEL, wall_thickness_mm=1.0, overhang_mm=100.0, cut_length_mm=5.0, roundness_tolerance_um=4.0)
     found = predict(far, LATHE)
     change_um = found.stock_um_pp[-1] - found.stock_um_pp[0]
@@ -206,11 +183,15 @@ def test_the_bundled_model_errors_are_those_of_the_model(name: str) -> None:
     assert warned(found) == set()
 
 
-def test_two_jaws_make_an_oval() -> None:
+def test_six_and_two_jaws_and_a_lobed_blank_on_a_soft_tool() -> None:
     found = predict(replace(MODEL, jaws=2, chucking_force_n=700.0), LATHE)
     spectrum = np.abs(np.fft.rfft(found.error_um[0]))
     assert spectrum.argmax() == 2
     assert found.cut.um_pp > 10 * predict(replace(MODEL, chucking_force_n=700.0), LATHE).cut.um_pp
+    # dFp/dap = 0.4 x 0.074 N/um over half of the error that was found, times 1.495 um/N at 50 Hz.
+    process = predict(ONE, LATHE).process
+    assert process.lobed_force_n == pytest.approx(0.4 * 0.0740 * 55.0 / 2, rel=1e-3)
+    assert process.lobed_motion_um / process.lobed_force_n == pytest.approx(1.4951, abs=1e-3)
 
 
 def test_warnings_of_the_process() -> None:
@@ -222,13 +203,6 @@ def test_warnings_of_the_process() -> None:
         assert warned(predict(walled, LATHE)) == ({"rule.wall_border"} if near else set())
     ringing = replace(LATHE, chuck=replace(LATHE.chuck, work_mode_hz=151.0))
     assert warned(predict(MODEL, ringing)) == {"rule.mode_near"}
-
-
-def test_a_lobed_blank_pushes_the_soft_tool() -> None:
-    """dFp/dap = 0.4 x 0.074 N/um over half of the error that was found, times 1.495 um/N at 50 Hz."""
-    process = predict(ONE, LATHE).process
-    assert process.lobed_force_n == pytest.approx(0.4 * 0.0740 * 55.0 / 2, rel=1e-3)
-    assert process.lobed_motion_um / process.lobed_force_n == pytest.approx(1.4951, abs=1e-3)
 
 
 def test_tool_and_part_give_way_to_an_earlier_error_together() -> None:

@@ -1,21 +1,122 @@
-"""The four reference circles against published numbers, a plain linear programme, and what must always hold."""
+"""Reference circles, and statistics of a process."""
+
+from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
+from profiles.arrays import Floats
 from profiles.metrology.circles import CIRCLES, Contact, limacon_circle
 from profiles.metrology.geometric import geometric_circle
 from profiles.metrology.points import HANDFUL
+from profiles.metrology.process_statistics import (
+    LEAST_CHART,
+    LEAST_PARTS,
+    LEAST_TREND,
+    capability_below,
+    capability_within,
+    run_chart,
+    trend,
+)
 from profiles.problem import ProfileError
 from profiles.roundness import evaluate
 
-Floats = NDArray[np.float64]
+
+def sample(count: int, mean: float, sd: float) -> Floats:
+    """Values with exactly this mean and standard deviation."""
+    values = np.random.default_rng(count).normal(size=count)
+    values -= values.mean()
+    return np.asarray(mean + sd * values / values.std(ddof=1))
+
+
+def test_the_individuals_chart_is_that_of_the_handbook() -> None:
+    """NIST/SEMATECH e-Handbook, 6.3.2.2: flow rates of ten batches."""
+    flow = [49.6, 47.6, 49.9, 51.3, 47.8, 51.2, 52.6, 52.4, 53.6, 52.1]
+    chart = run_chart(flow)
+    assert chart is not None
+    assert (round(chart.mean, 2), round(chart.moving_range, 4)) == (50.81, 1.8778)
+    assert (round(chart.lower, 4), round(chart.upper, 4)) == (45.8159, 55.8041)
+    assert chart.beyond == ()
+    outside = run_chart([*flow, 60.0])
+    assert outside is not None and outside.beyond == (10,)
+    assert run_chart(flow[: LEAST_CHART - 1]) is None
+
+
+def test_two_limits_give_the_indices_of_the_handbook_and_intervals_by_the_tables() -> None:
+    """6.1.6: limits 8 and 20, mean 16, standard deviation 2; chi-square with 29 degrees: 16.047 and 45.722."""
+    found = capability_within(sample(30, 16.0, 2.0), 8.0, 20.0)
+    assert found is not None and found.cp is not None and found.cp_low is not None and found.cp_high is not None
+    assert (round(found.cp, 4), round(found.cpk, 4), found.parts) == (1.0, 0.6667, 30)
+    assert found.cp_low == pytest.approx(math.sqrt(16.047 / 29), abs=1e-4)
+    assert found.cp_high == pytest.approx(math.sqrt(45.722 / 29), abs=1e-4)
+    half = 1.95996 * math.sqrt(1 / (9 * 30) + 0.66667**2 / (2 * 29))
+    assert (found.cpk - found.cpk_low, found.cpk_high - found.cpk) == pytest.approx((half, half), abs=1e-4)
+
+
+@pytest.mark.parametrize(("count", "factor"), [(30, 3.064), (50, 2.862), (100, 2.684)])
+def test_one_limit_gives_the_tolerance_factors_of_the_tables(count: int, factor: float) -> None:
+    """One-sided normal tolerance limits, 95 % confidence that 99 % lie below (Owen): z = 2.3263 is the bound."""
+    found = capability_below(sample(count, 0.0, 1.0), upper=factor, confidence=0.90)
+    assert found is not None and found.cpk == pytest.approx(factor / 3.0)
+    assert found.cpk_low == pytest.approx(2.3263 / 3.0, abs=3e-4)
+    assert found.cp is None
+
+
+@pytest.mark.parametrize("upper", [-2.0, 0.0, 0.5, 4.0, 40.0])
+def test_the_interval_of_one_limit_is_that_of_the_noncentral_t(upper: float) -> None:
+    from scipy.stats import nct
+
+    found = capability_below(sample(40, 0.0, 1.0), upper)
+    assert found is not None and found.cpk_low < found.cpk < found.cpk_high
+    root = math.sqrt(40)
+    for bound, probability in ((found.cpk_low, 0.975), (found.cpk_high, 0.025)):
+        # Mirrored, which is the same: for negative values the function fails.
+        side, above = (1.0, probability) if upper >= 0.0 else (-1.0, 1.0 - probability)
+        assert nct.cdf(side * upper * root, 39, side * 3.0 * bound * root) == pytest.approx(above, abs=1e-6)
+
+
+def test_an_interval_holds_the_truth_and_of_few_parts_none_is_claimed() -> None:
+    few, same = sample(LEAST_PARTS - 1, 1.0, 0.1), np.ones(LEAST_PARTS)
+    for values in (few, same):
+        assert capability_below(values, 5.0) is None
+        assert capability_within(values, 0.0, 5.0) is None
+    # Of 400 processes with Cpk 1.2, 19 of 20 within, give or take what chance may do (3 sd of a binomial).
+    random = np.random.default_rng(7)
+    inside = 0
+    for _ in range(400):
+        found = capability_below(random.normal(0.0, 1.0, 30), 3.6)
+        assert found is not None
+        inside += found.cpk_low <= 1.2 <= found.cpk_high
+    assert abs(inside / 400 - 0.95) < 3.0 * math.sqrt(0.95 * 0.05 / 400)
+
+
+def test_a_trend_is_that_of_linear_regression() -> None:
+    from scipy.stats import linregress, t
+
+    values = 0.3 * np.arange(12) + np.random.default_rng(3).normal(size=12)
+    found, other = trend(values), linregress(np.arange(12), values)
+    assert found is not None and found.significant
+    assert found.per_part == pytest.approx(other.slope)
+    assert found.half_width == pytest.approx(t.ppf(0.975, 10) * other.stderr)
+    flat = trend([1.0, 3.0, 2.0, 3.0, 1.0])
+    assert flat is not None and flat.per_part == pytest.approx(0.0) and not flat.significant
+    assert trend(values[: LEAST_TREND - 1]) is None
+
+
+@pytest.mark.parametrize("values", [[[1.0, 2.0]], [1.0, math.nan], [1.0, math.inf]])
+def test_what_is_no_row_of_numbers_is_refused(values: list[float]) -> None:
+    with pytest.raises(ValueError, match="finite"):
+        run_chart(values)
+
+
+# The four reference circles against published numbers, a plain linear programme, and what must always hold.
+
 ANGLE = np.arange(3600) / 10
 THETA = np.radians(ANGLE)
 LOBES = 27.5 * np.sin(3 * THETA)
@@ -100,14 +201,11 @@ def test_eight_points(kind: str, ront_um: float, x_um: float, y_um: float) -> No
         assert alternating(circle.contacts)
 
 
-def test_evaluating_a_trace_gives_all_four() -> None:
+def test_four_circles_rest_on_their_points() -> None:
     result = evaluate(np.arange(8) * 45, EIGHT, None)
     assert [circle.kind for circle in result.circles] == list(CIRCLES)
     assert result.circle("LSC").ront_um == pytest.approx(result.ront_um, abs=1e-12)
     assert result.circle("MZC").centre_y_um == pytest.approx(0.085786, abs=1e-6)
-
-
-def test_the_zone_of_3600_rough_points_rests_on_four_that_alternate() -> None:
     rough = LOBES + np.random.default_rng(7).normal(0, 1, 3600) + 30 * np.cos(THETA)
     zone = limacon_circle("MZC", ANGLE, rough)
     assert alternating(zone.contacts)
@@ -127,9 +225,7 @@ PROFILES = st.one_of(
 
 
 @given(PROFILES, st.sampled_from([1, 2, 3]), st.booleans())
-def test_each_circle_is_the_optimum_of_the_plain_programme(
-    values: list[float], turns: int, eccentric: bool
-) -> None:
+def test_each_circle_is_the_optimum_of_a_programme(values: list[float], turns: int, eccentric: bool) -> None:
     """Degenerate profiles too: exact circles, few distinct values, several points at one angle."""
     deviation = np.array(values * turns)
     angle = np.tile(np.arange(len(values)) * 360 / len(values), turns)
@@ -145,9 +241,7 @@ def test_each_circle_is_the_optimum_of_the_plain_programme(
 
 
 @given(st.lists(ROUGH, min_size=16, max_size=64), st.floats(-50, 50), st.floats(0, 360), st.floats(0.01, 100))
-def test_no_circle_minds_centre_or_start_and_all_scale(
-    values: list[float], x: float, start: float, factor: float
-) -> None:
+def test_no_circle_minds_centre_or_start(values: list[float], x: float, start: float, factor: float) -> None:
     deviation = np.array(values)
     angle = np.arange(deviation.size) * 360 / deviation.size
     moved = factor * deviation + 5 + x * np.cos(np.radians(angle)) - x * np.sin(np.radians(angle))
@@ -174,13 +268,17 @@ def test_an_oval_is_55_um_about_its_middle_wherever_it_starts(radius_mm: float |
             assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx(centre, abs=1e-9)
 
 
-def test_a_circle_that_may_slide_without_any_change_stays_at_the_centre_of_least_squares() -> None:
+def test_half_a_turn_and_a_sliding_circle() -> None:
     """Two crests opposite each other on a part that is round otherwise: RONt is the same over a whole stretch."""
     deviation = np.zeros(40)
     deviation[[0, 20]] = 10.0
     circle = limacon_circle("MCC", np.arange(40) * 9.0, deviation)
     assert (circle.deviation_um, circle.ront_um) == pytest.approx((10, 10), abs=1e-12)
     assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx((0, 0), abs=1e-12)
+    for kind in CIRCLES:
+        with pytest.raises(ProfileError) as caught:
+            limacon_circle(kind, np.arange(180), np.zeros(180))
+        assert caught.value.problems[0].code == "trace.narrow_angles"
 
 
 @given(
@@ -209,9 +307,7 @@ def test_the_inscribed_circle_in_the_plane_turns_with_the_part(size: int) -> Non
 
 
 @pytest.mark.parametrize(("radius_um", "lobe_um"), [(26_000.0, 27.5), (26_000.0, 900.0), (1000.0, 40.0)])
-def test_a_gap_is_judged_from_the_axis_and_not_from_where_a_search_begins(
-    radius_um: float, lobe_um: float
-) -> None:
+def test_a_gap_is_judged_from_the_axis_not_from_where_a_search_begins(radius_um: float, lobe_um: float) -> None:
     """Sixty degrees are not measured, which is allowed; the search for a circle sees more from other places."""
     from scipy.optimize import minimize
 
@@ -277,10 +373,3 @@ def test_an_exact_circle_in_the_plane(kind: str) -> None:
     circle = geometric_circle(kind, 7e5 + 26_000 * np.cos(THETA[::10]), -3e5 + 26_000 * np.sin(THETA[::10]))
     assert (circle.centre_x_um, circle.centre_y_um) == pytest.approx((7e5, -3e5), abs=1e-6)
     assert (circle.deviation_um, circle.ront_um) == pytest.approx((26_000, 0), abs=1e-6)
-
-
-def test_half_a_turn_holds_no_circle() -> None:
-    for kind in CIRCLES:
-        with pytest.raises(ProfileError) as caught:
-            limacon_circle(kind, np.arange(180), np.zeros(180))
-        assert caught.value.problems[0].code == "trace.narrow_angles"

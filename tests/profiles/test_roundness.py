@@ -1,4 +1,6 @@
-"""Roundness against known profiles: the least squares circle, the Gaussian filter, harmonics, invariances."""
+"""Roundness, also of uneven traces."""
+
+from __future__ import annotations
 
 import math
 
@@ -8,11 +10,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import ArrayLike, NDArray
 
+from profiles.arrays import Floats
 from profiles.metrology.circles import limacon_circle
+from profiles.metrology.filters import gaussian_filter, gaussian_transmission
 from profiles.metrology.geometric import polar
-from profiles.metrology.points import equally_spaced, gaussian_filter, gaussian_transmission
-from profiles.problem import ProfileError
-from profiles.roundness import centred_profile, evaluate
+from profiles.metrology.points import angle_weights, equally_spaced
+from profiles.problem import Problem, ProfileError
+from profiles.roundness import RoundnessResult, centred_profile, evaluate, profile_of
 
 ANGLE = np.arange(3600) / 10
 THETA = np.radians(ANGLE)
@@ -33,7 +37,7 @@ def refusal(angle_deg: ArrayLike, deviation_um: ArrayLike, filter_upr: float | N
     return caught.value.problems[0].code
 
 
-def test_three_lobes_of_55_um() -> None:
+def test_three_lobes_of_55_um_also_off_centre() -> None:
     result = evaluate(ANGLE, LOBES, None, state="free")
     assert result.ront_um == pytest.approx(55, abs=1e-9)
     assert (result.ronp_um, result.ronv_um) == pytest.approx((27.5, 27.5), abs=1e-9)
@@ -44,9 +48,6 @@ def test_three_lobes_of_55_um() -> None:
     lobe = result.harmonics[1]
     assert (lobe.n, lobe.amplitude_um, lobe.phase_deg) == pytest.approx((3, 27.5, 30), abs=1e-9)
     assert [harmonic.n for harmonic in result.harmonics] == list(range(2, 16))
-
-
-def test_an_eccentric_part_is_as_round() -> None:
     result = evaluate(ANGLE, LOBES + 12 * np.cos(THETA) - 7 * np.sin(THETA), None)
     assert (result.centre_x_um, result.centre_y_um) == pytest.approx((12, -7), abs=1e-9)
     assert result.ront_um == pytest.approx(55, abs=1e-9)
@@ -76,23 +77,17 @@ def test_the_filter(cutoff: int) -> None:
         np.testing.assert_allclose(passed, transmission * np.cos(n * THETA), atol=1e-5)
 
 
-def test_a_15_upr_filter_takes_1_5_um_off_the_lobe() -> None:
+def test_a_filter_takes_its_share_and_moves_no_centre() -> None:
     assert evaluate(ANGLE, LOBES, 15).ront_um == pytest.approx(53.50, abs=0.005)
-
-
-def test_a_filter_does_not_move_the_centre() -> None:
     result = evaluate(ANGLE, LOBES + 12 * np.cos(THETA), 15)
     assert result.centre_x_um == pytest.approx(12, abs=1e-9)
 
 
-def test_the_profile_comes_back_in_the_given_order() -> None:
+def test_angles_may_be_unequal_rounded_or_in_any_order() -> None:
     order = np.random.default_rng(1).permutation(3600)
     expected = centred_profile(ANGLE, LOBES + 3 * np.cos(40 * THETA))
     shuffled = centred_profile(ANGLE[order], (LOBES + 3 * np.cos(40 * THETA))[order])
     np.testing.assert_allclose(shuffled, expected[order], atol=1e-9)
-
-
-def test_unequal_angles_are_fitted_and_filtered() -> None:
     angle = np.sort(np.random.default_rng(2).uniform(0, 360, 400))
     deviation = 5 + waves(angle, (1, 40.0, 77.0), (3, 27.5, 10.0), (2, 4.0, 100.0))
     result = evaluate(angle, deviation, None)
@@ -102,19 +97,22 @@ def test_unequal_angles_are_fitted_and_filtered() -> None:
     filtered = evaluate(angle, deviation, 15)
     assert filtered.amplitude_um(3) == pytest.approx(27.5 * FILTER_TABLE[15][3], abs=2e-3)
     assert filtered.eccentricity_um == pytest.approx(40, abs=1e-3)
-
-
-def test_rounded_angles_are_equally_spaced() -> None:
     assert equally_spaced(np.round(np.arange(1024) * 360 / 1024, 3))
     assert equally_spaced([350, 80, 170, 260])
     assert not equally_spaced([0, 90, 180, 271])
 
 
-def test_few_points_for_a_filter_are_a_warning() -> None:
+def test_few_points_a_gap_of_60_deg_and_a_crowd_are_still_a_part() -> None:
     angle = np.arange(136) * 360 / 136
     assert [w.limit for w in evaluate(angle, 0 * angle, 50).warnings] == [">= 350"]
     assert evaluate(ANGLE, LOBES, 50).warnings == ()
     assert evaluate(angle, 0 * angle, None).warnings == ()
+    measured = np.concatenate(([0.0], np.arange(60, 360)))
+    assert evaluate(measured, 12 * np.cos(np.radians(measured)), None).eccentricity_um == pytest.approx(12)
+    assert refusal(np.concatenate(([0.0], np.arange(60.5, 360))), np.zeros(301)) == "trace.narrow_angles"
+    angle = np.concatenate((np.linspace(0, 1, 20_000), np.arange(60, 360, 60)))
+    result = evaluate(angle, 5 + 12 * np.cos(np.radians(angle)), None)
+    assert (result.centre_x_um, result.mean_deviation_um) == pytest.approx((12, 5), abs=1e-6)
 
 
 def off_centre(eccentricity_um: float, angle_deg: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -191,11 +189,19 @@ def test_the_limit_of_the_limacon_is_an_ovality_of_50_nm(eccentricity_um: float,
     assert result.ront_um == pytest.approx(55, abs=0.05)
 
 
-def test_a_part_off_by_a_tenth_of_its_radius_is_refused() -> None:
+def test_a_part_too_far_off_is_refused_and_problems_say_what_was_met() -> None:
     with pytest.raises(ProfileError) as caught:
         evaluate(ANGLE, off_centre(2700.0, ANGLE), None, radius_mm=26.0)
     (problem,) = caught.value.problems
     assert (problem.code, problem.limit) == ("trace.eccentric", "<= 2600 um")
+    for angle, deviation in (
+        ([0.0, 60, 120, 180, 240, 301], [0.0] * 6),
+        ([0.0, 60, 120, 180], [0.0, math.nan, 0, 0]),
+    ):
+        with pytest.raises(ProfileError) as caught:
+            evaluate(angle, deviation, 50)
+        assert all(problem.key and problem.value for problem in caught.value.problems)
+    assert math.copysign(1, evaluate(ANGLE, np.zeros(3600), None).ronv_um) == 1
 
 
 def test_a_band_passes_what_lies_between() -> None:
@@ -225,14 +231,11 @@ def test_chips_and_scratches_are_left_out(filter_upr: float | None) -> None:
     assert evaluate(angle, lobes + noise, filter_upr, robust=True).left_out == 0
 
 
-def test_lobes_and_waves_between_the_fitted_ones_are_no_dirt() -> None:
+def test_refusals_and_waves_that_are_no_dirt() -> None:
     assert evaluate(ANGLE, LOBES + 5 * np.cos(40 * THETA), None, robust=True).left_out == 0
     with pytest.raises(ProfileError) as caught:
         evaluate(ANGLE, LOBES + np.where(np.arange(3600) % 8 == 0, 20.0, 0.0), None, robust=True)
     assert caught.value.problems[0].code == "trace.outliers"
-
-
-def test_refusals() -> None:
     assert refusal([0, 90, 180], [0, 0, 0]) == "trace.few_points"
     assert refusal([0, 90, 180, 270], [0, 0, 0]) == "trace.columns"
     assert refusal([0, 90, 180, 270], [0, 0, 0, math.nan]) == "trace.not_finite"
@@ -249,32 +252,6 @@ def test_half_a_turn_is_no_part(filter_upr: float | None) -> None:
         evaluate(np.arange(180), LOBES[:1800:10], filter_upr)
     (problem,) = caught.value.problems
     assert (problem.code, problem.value, problem.limit) == ("trace.narrow_angles", "181 deg", "<= 60 deg")
-
-
-def test_a_gap_of_60_deg_is_the_largest() -> None:
-    measured = np.concatenate(([0.0], np.arange(60, 360)))
-    assert evaluate(measured, 12 * np.cos(np.radians(measured)), None).eccentricity_um == pytest.approx(12)
-    assert refusal(np.concatenate(([0.0], np.arange(60.5, 360))), np.zeros(301)) == "trace.narrow_angles"
-
-
-def test_a_crowd_of_points_at_one_place_is_still_a_part() -> None:
-    angle = np.concatenate((np.linspace(0, 1, 20_000), np.arange(60, 360, 60)))
-    result = evaluate(angle, 5 + 12 * np.cos(np.radians(angle)), None)
-    assert (result.centre_x_um, result.mean_deviation_um) == pytest.approx((12, 5), abs=1e-6)
-
-
-def test_problems_of_a_trace_say_what_was_met() -> None:
-    for angle, deviation in (
-        ([0.0, 60, 120, 180, 240, 301], [0.0] * 6),
-        ([0.0, 60, 120, 180], [0.0, math.nan, 0, 0]),
-    ):
-        with pytest.raises(ProfileError) as caught:
-            evaluate(angle, deviation, 50)
-        assert all(problem.key and problem.value for problem in caught.value.problems)
-
-
-def test_a_perfect_circle_has_no_negative_zero() -> None:
-    assert math.copysign(1, evaluate(ANGLE, np.zeros(3600), None).ronv_um) == 1
 
 
 DEVIATIONS = st.lists(st.floats(-100, 100), min_size=16, max_size=64)
@@ -311,3 +288,149 @@ def test_a_harmonic_is_found_with_its_first_crest(n: int, amplitude: float, cres
     assert found.amplitude_um == pytest.approx(amplitude, rel=1e-9)
     np.testing.assert_allclose(math.cos(n * math.radians(found.phase_deg - crest_deg)), 1, atol=1e-9)
     assert all(other.amplitude_um < 1e-9 * amplitude for other in result.harmonics if other.n != n)
+
+
+# Traces with unequal steps, gaps and features, against parts whose roundness is known.
+#
+# The part is 10 cos 3t + 3 cos 2(t - 151.35 deg): its RONt is that of a quadrature with 360 000 points.
+
+FULL = np.arange(3600) / 10
+QUADRANT = np.concatenate((np.arange(0, 90, 0.02), np.arange(90, 360, 0.6)))
+
+
+def part(angle_deg: Floats) -> Floats:
+    theta = np.radians(angle_deg)
+    lobes = 10 * np.cos(3 * theta) + 3 * np.cos(2 * (theta - np.radians(151.35)))
+    return np.asarray(lobes + 4 + 6 * np.cos(theta) - 2 * np.sin(theta))
+
+
+def truth_um() -> float:
+    theta = np.arange(360_000) * (2 * np.pi / 360_000)
+    return float(np.ptp(10 * np.cos(3 * theta) + 3 * np.cos(2 * (theta - np.radians(151.35)))))
+
+
+def warned(result: RoundnessResult, code: str = "trace.interpolated") -> list[Problem]:
+    return [problem for problem in result.warnings if problem.code == code]
+
+
+def refused(angle_deg: Floats, deviation_um: Floats, filter_upr: float | None = 50.0) -> Problem:
+    with pytest.raises(ProfileError) as caught:
+        evaluate(angle_deg, deviation_um, filter_upr)
+    (problem,) = caught.value.problems
+    return problem
+
+
+def test_the_part_is_24_7_um() -> None:
+    assert truth_um() == pytest.approx(24.749, abs=1e-3)
+
+
+ROUNDED = np.unique(np.round(np.arange(1024) * 360 / 1024, 1))
+LOST = np.delete(FULL, [10, 500, 501, 502, 1800])
+DRAWN = np.sort(np.random.default_rng(5).uniform(0, 360, 2000))
+
+
+@pytest.mark.parametrize("filter_upr", [None, 50.0])
+@pytest.mark.parametrize("angle", [QUADRANT, ROUNDED, LOST, DRAWN, FULL[FULL > 45]])
+def test_how_the_angles_are_spaced_does_not_change_the_part(angle: Floats, filter_upr: float | None) -> None:
+    """RONq by Parseval: sqrt((10^2 + 3^2) / 2) = 7.382; at 50 UPR the lobes pass by 0.99751 and 0.99889."""
+    result = evaluate(angle, part(angle), filter_upr)
+    passed = 1.0 if filter_upr is None else 0.9978
+    assert result.ront_um == pytest.approx(truth_um() * passed, abs=0.005)
+    assert result.ronq_um == pytest.approx(7.3824 * passed, abs=0.003)
+    assert (result.centre_x_um, result.centre_y_um) == pytest.approx((6, -2), abs=0.003)
+    assert result.mean_deviation_um == pytest.approx(4, abs=0.003)
+    assert result.points == angle.size
+
+
+@pytest.mark.parametrize("radius_mm", [None, 26.0])
+def test_a_densely_scanned_quadrant_does_not_draw_the_circle_to_it(radius_mm: float | None) -> None:
+    """The other circles too: those of the part in equal steps; in the plane, with its radius, as well."""
+    dense = evaluate(QUADRANT, part(QUADRANT), None, radius_mm=radius_mm)
+    equal = evaluate(FULL, part(FULL), None, radius_mm=radius_mm)
+    for found, expected in zip(dense.circles, equal.circles, strict=True):
+        assert found.ront_um == pytest.approx(expected.ront_um, abs=0.005)
+        assert found.ronq_um == pytest.approx(expected.ronq_um, abs=0.005)
+
+
+def test_a_gap_is_told_and_weights_are_the_angles_that_points_stand_for() -> None:
+    """By hand: 40 points a degree apart, then 32 of 10 deg; 72 points of 5 deg on average."""
+    angle = np.concatenate((np.arange(40.0), np.arange(40.0, 360.0, 10.0)))
+    weights = angle_weights(angle + 350.0)
+    assert weights[[0, 20, 40, 60]] * 5.0 == pytest.approx([5.5, 1.0, 5.5, 10.0])
+    assert weights.sum() == pytest.approx(angle.size)
+    assert (angle_weights(FULL) == 1.0).all() and (angle_weights(angle[::5]) == 1.0).all()
+    angle = FULL[(FULL <= 100) | (FULL >= 145)]
+    result = evaluate(angle, part(angle))
+    (problem,) = warned(result)
+    assert (problem.key, problem.limit) == ("100 - 145 deg", "1.2 um")
+    assert float(problem.value.split()[0]) < 0.05
+    assert not warned(evaluate(FULL, part(FULL))) and not warned(evaluate(LOST, part(LOST)))
+
+
+@pytest.mark.parametrize(
+    ("gap_deg", "fine_um", "known"), [(20.0, 3.0, True), (45.0, 0.0, True), (45.0, 3.0, False)]
+)
+def test_a_gap_is_judged_by_its_effect(gap_deg: float, fine_um: float, known: bool) -> None:
+    """What 7 and 12 undulations do within 45 deg is not known; within 20 deg, or without them, it is."""
+    theta = np.radians(FULL)
+    noise = np.random.default_rng(6).normal(0, 0.1, FULL.size)
+    whole = part(FULL) + fine_um * (0.5 * np.cos(7 * theta) + 0.3 * np.cos(12 * theta)) + noise
+    kept = np.mod(FULL - 77.0, 360.0) >= gap_deg
+    if not known:
+        problem = refused(FULL[kept], whole[kept])
+        assert problem.code == "trace.gap" and problem.limit == "<= 1.3 um"
+        assert float(problem.value.split()[0]) > 2.0
+        return
+    result = evaluate(FULL[kept], whole[kept])
+    (problem,) = warned(result)
+    assert abs(result.ront_um - evaluate(FULL, whole).ront_um) <= float(problem.value.split()[0])
+
+
+def test_the_profile_of_an_uneven_trace_is_at_its_own_angles() -> None:
+    angle = np.delete(FULL, slice(100, 400))
+    expected = centred_profile(FULL, part(FULL))
+    np.testing.assert_allclose(
+        centred_profile(angle, part(angle)), np.delete(expected, slice(100, 400)), atol=2e-3
+    )
+    whole_deg, whole_um = profile_of(angle, part(angle))
+    np.testing.assert_allclose(whole_um, np.interp(whole_deg, FULL, expected, period=360.0), atol=2e-3)
+
+
+def burred(first: int, count: int, height_um: float = 8.5) -> Floats:
+    noise = np.random.default_rng(7).normal(0, 0.1, FULL.size)
+    deviation = np.cos(3 * np.radians(FULL)) + noise
+    deviation[np.arange(first, first + count) % 3600] += height_um
+    return np.asarray(deviation)
+
+
+@pytest.mark.parametrize("filter_upr", [None, 50.0])
+@pytest.mark.parametrize("first", [1000, 3580])
+def test_neighbouring_outliers_are_a_feature_and_stay(first: int, filter_upr: float | None) -> None:
+    """A burr of 4 deg, anywhere and across the start of the turn."""
+    result = evaluate(FULL, burred(first, 40), filter_upr, robust=True)
+    plain = evaluate(FULL, burred(first, 40), filter_upr)
+    clean = evaluate(FULL, burred(first, 0), filter_upr)
+    (feature,) = result.features
+    assert (feature.first_deg, feature.last_deg) == (first / 10, (first + 39) % 3600 / 10)
+    assert (feature.points, result.left_out) == (40, 0)
+    assert feature.height_um == pytest.approx(8.5, abs=0.5)
+    assert result.ront_um == plain.ront_um
+    assert result.without_features is not None
+    assert result.without_features.ront_um == pytest.approx(clean.ront_um, abs=0.1)
+
+
+def test_dirt_is_single_points_and_features_are_neighbours() -> None:
+    """Three neighbours of 0.1 deg are dirt, four a feature; one sound point between them does not part them."""
+    for count, dirt in ((1, True), (3, True), (4, False)):
+        result = evaluate(FULL, burred(1000, count), robust=True)
+        assert (result.left_out == count, not result.features) == (dirt, dirt)
+    fence = burred(1000, 0)
+    fence[1000:1020:2] += 8.5
+    (feature,) = evaluate(FULL, fence, robust=True).features
+    assert (feature.points, feature.last_deg) == (10, 101.8)
+    # Of 144 points two side by side are 2.5 deg of the part.
+    angle = np.arange(144) * 2.5
+    deviation = np.cos(3 * np.radians(angle)) + np.random.default_rng(8).normal(0, 0.05, 144)
+    deviation[[20, 21, 80]] += 9.0
+    result = evaluate(angle, deviation, None, robust=True)
+    assert [(f.first_deg, f.last_deg) for f in result.features] == [(50.0, 52.5)] and result.left_out == 1

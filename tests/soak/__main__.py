@@ -20,10 +20,8 @@ from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
 
-from tests.soak.lone_shift import Done, broken_by, lone_shift
-from tests.soak.script import as_text, from_text
-from tests.soak.shift import Count
-from tests.soak.shrinking import shrunk
+from tests.soak.script import as_text, from_text, shrunk
+from tests.soak.shift import Count, Done, broken_by, lone_shift
 
 FOUND = Path(__file__).parent / "found"
 SHORT_HOURS, SHORT_SEEDS, SHORT_S = 0.1, 8, 20.0

@@ -1,11 +1,9 @@
-"""What happens in a shift, as a list of events that a seed draws: operators, faults, restarts, time.
-
-An event is plain data, so that a script can be shortened, kept and played again.
-"""
+"""What happens in a shift, as a list of events that a seed draws, and the shortest part of it that fails."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from random import Random
 
@@ -90,3 +88,26 @@ def as_text(script: Script) -> str:
 def from_text(text: str) -> Script:
     """Return the script in a text."""
     return tuple(Event(**json.loads(line)) for line in text.splitlines() if line.strip())
+
+
+# Shorten a script that fails to one of which no event can be left out (greedy delta debugging).
+
+
+def shrunk(script: Script, fails: Callable[[Script], bool]) -> Script:
+    """Return a part of the script, in its order, that still fails, and no longer does without any of its events.
+
+    `fails` must hold for the script as it is. Whole pieces are left out first, then ever shorter ones.
+    """
+    size = max(1, len(script) // 2)
+    while True:
+        start, shorter = 0, False
+        while start < len(script):
+            part = script[:start] + script[start + size :]
+            if part != script and fails(part):
+                script, shorter = part, True
+            else:
+                start += size
+        if size > 1:
+            size //= 2
+        elif not shorter:
+            return script

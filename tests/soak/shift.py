@@ -1,19 +1,18 @@
-"""Plays a script at a simulated lathe with the session engine of the screens, and holds it to its invariants.
-
-No terminal, no sleep: the clock of the lathe is advanced. After each event everything must be as an operator may
-expect: nothing moves unasked, every stop is proven, every alarm has its sentence in both languages, no run is
-missing in the record, and files and threads do not grow.
-"""
+"""A shift at a simulated lathe: the console that is opened at it, and which invariant was broken."""
 
 from __future__ import annotations
 
 import os
+import resource
 import threading
+import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from random import Random
+from tempfile import TemporaryDirectory
 
 from console.session.data.run_reader import runs, story
 from console.session.station.commands import (
@@ -35,9 +34,29 @@ from console.session.station.state import IDLE, Activity
 from console.text.catalogue import Catalogue, load
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName, Snapshot
-from tests.console.floor import Floor, experiment_1
-from tests.soak.opening import opened_floor
-from tests.soak.script import Event, Script
+from drivers.simulator.machine import SimulatedLathe
+from drivers.simulator.plant.presets import plant_named
+from tests.compact import compact_machine
+from tests.console.floor import Floor, experiment_1, floor_at
+from tests.soak.script import Event, Script, drawn
+
+
+def opened_floor(records: Path, seed: int, sim: SimulatedLathe | None = None) -> Floor:
+    """Connect a console; without a lathe to a new one, with chuck and tool mounted by the chance of a seed."""
+    machine = compact_machine()
+    sim = sim or SimulatedLathe(
+        machine.machine, plant_named("mounted", machine.machine, seed, mounted_by_hand=True)
+    )
+    floor = floor_at(sim, records, machine, owned=True)
+    floor.station.connect()
+    return floor
+
+
+# Plays a script at a simulated lathe with the session engine of the screens, and holds it to its invariants.
+#
+# No terminal, no sleep: the clock of the lathe is advanced. After each event everything must be as an operator may
+# expect: nothing moves unasked, every stop is proven, every alarm has its sentence in both languages, no run is
+# missing in the record, and files and threads do not grow.
 
 CUT_MM = 0.5
 LOOK_S, STILL_S = 0.3, 0.5
@@ -269,3 +288,64 @@ class Shift:
         if len(kept) < self._started or measured < self._measured:
             lost = f"{self._started} cuts and {self._measured} parts, recorded {len(kept)} and {measured}"
             raise BrokenError(lost)
+
+
+# One shift by itself: what happened in it, and which invariant was broken.
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Done:
+    """A shift that is over: what happened, which invariant was broken ("" for none), and what was counted."""
+
+    seed: int
+    script: Script
+    said: str
+    passed_s: float
+    count: Count
+    grown_mb: float
+
+
+def lone_shift(seed: int, *, seconds: float, until_s: float) -> Done | None:
+    """Run a shift, unless it is too late to begin."""
+    if time.monotonic() > until_s:
+        return None
+    count, before_mb = Count(), _memory_mb()
+    script, said, passed_s = one_shift(seed, seconds, count)
+    grown_mb = _memory_mb() - before_mb
+    return Done(seed=seed, script=script, said=said, passed_s=passed_s, count=count, grown_mb=grown_mb)
+
+
+def one_shift(seed: int, seconds: float, count: Count) -> tuple[Script, str, float]:
+    """Run a shift; return what happened, which invariant was broken, and the simulated time, s."""
+    random, happened = Random(seed), list[Event]()
+    with TemporaryDirectory() as folder:
+        shift = Shift(Path(folder), seed, count)
+        try:
+            while shift.now_s < seconds:
+                happened.append(drawn(random))
+                shift.happen(happened[-1])
+            shift.close()
+        except Exception as error:
+            return tuple(happened), _sentence(error), shift.now_s
+        return tuple(happened), "", shift.now_s
+
+
+def broken_by(script: Script, seed: int) -> str:
+    """Play a script; return which invariant it breaks, or nothing."""
+    with TemporaryDirectory() as folder:
+        shift = Shift(Path(folder), seed, Count())
+        try:
+            shift.play(script)
+            shift.close()
+        except Exception as error:
+            return _sentence(error)
+    return ""
+
+
+def _sentence(error: Exception) -> str:
+    """Return the invariant that is broken; any other error of a shift breaks one, too."""
+    return str(error) if isinstance(error, BrokenError) else f"{type(error).__name__}: {error}"
+
+
+def _memory_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0

@@ -25,8 +25,7 @@ from console.text.catalogue import load
 from drivers.commissioning.backup import backup_text
 from drivers.commissioning.configuration import Configuration
 from profiles.store import load_machine
-from tests.hostile.hostile_card import HostileCard, hostile_card
-from tests.hostile.ways import WAYS, Kind
+from tests.hostile.hostile_card import WAYS, HostileCard, Kind, hostile_card
 from tests.preloaded import Preloaded
 from tests.signed_profile import signed_copy
 from tests.system.run_over_link import Order, order

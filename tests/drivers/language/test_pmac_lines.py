@@ -1,8 +1,12 @@
-"""Lines of motion programs, the published program among them."""
+"""Lines of programs: how they are read, written and listed."""
 
 from __future__ import annotations
 
+import string
+
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from drivers.pmac.language.lexer import Scanner
@@ -17,6 +21,8 @@ from drivers.pmac.language.syntax import (
     EndIf,
     EndWhile,
     If,
+    Junction,
+    Line,
     Move,
     Negate,
     Number,
@@ -29,7 +35,14 @@ from drivers.pmac.language.syntax import (
     Wait,
     While,
 )
-from drivers.pmac.language.text import format_line
+from drivers.pmac.language.text import (
+    format_condition,
+    format_constant,
+    format_expression,
+    format_line,
+    format_number,
+)
+from tests.drivers.language.trees import lines
 
 PROG_1 = """\
 
@@ -147,10 +160,7 @@ def test_a_line_without_statements_is_empty(text: str) -> None:
         ("else", (Else(),)),
         ("ELSE DWELL 500", (Else(inline=True), Wait("DWELL", Number(500)))),
         ("I5213=10", (Assign(Variable(VariableKind.I, Number(5213)), Number(10)),)),
-        (
-            "A1 B2 C-3",
-            (Move((AxisWord("A", Number(1)), AxisWord("B", Number(2)), AxisWord("C", Number(-3)))),),
-        ),
+        ("A1 B2 C-3", (Move((AxisWord("A", Number(1)), AxisWord("B", Number(2)), AxisWord("C", Number(-3)))),)),
     ],
 )
 def test_statements(text: str, expected: tuple[Statement, ...]) -> None:
@@ -185,16 +195,10 @@ def test_each_statement_has_one_spelling_when_it_is_listed(text: str, canonical:
     assert format_line(parse_line(text)) == canonical
 
 
-def test_behind_a_call_the_words_keep_their_order() -> None:
+def test_behind_a_call_and_a_condition_words_keep_their_order() -> None:
     assert format_line(parse_line("X1 F5 G1 Y2 F100 Z3 X4")) == "F5 X1 G1 Y2 F100 Z3 X4"
-
-
-def test_normal_and_pset_take_the_words_behind_them_as_far_as_they_go() -> None:
     assert axes_of("NORMAL K-1 X10 I5") == ["Normal", "XI"]
     assert axes_of("PSET X10 Y5 F3 Z4") == ["Preset", "Set", "Z"]
-
-
-def test_a_statement_behind_a_condition_makes_it_single_line() -> None:
     condition = Comparison("!<", p(1), Number(5))
     x10 = Move((AxisWord("X", Number(10)),))
     assert parse_line("IF (P1 !< 5) X10") == (If(condition, inline=True), x10)
@@ -210,30 +214,21 @@ def axes_of(text: str) -> list[str]:
     ]
 
 
-def test_the_axis_words_of_a_line_move_together_behind_its_modal_words() -> None:
+def test_the_axis_words_of_a_line_move_together_between_modal_words_and_assignments() -> None:
     assert axes_of("X1 Y2 Z3") == ["XYZ"]
     assert axes_of("X1 TM5 Y2") == ["Set", "XY"]
     assert axes_of("X1 P1=2 INC Y2 LINEAR") == ["Assign", "Positioning", "SelectMode", "XY"]
-
-
-def test_a_modal_word_behind_the_axis_words_still_holds_for_them() -> None:
     assert axes_of("X1 F100") == ["Set", "X"]
     assert axes_of("X1 X2 TM5") == ["Set", "X", "X"]
     assert axes_of("X1 P1=5 F(P1)") == ["Assign", "Set", "X"]
-
-
-def test_an_assignment_behind_the_axis_words_comes_after_the_move() -> None:
     assert axes_of("X(P1) P1=P1+1") == ["X", "Assign"]
     assert axes_of("X(P1) P1=P1+1 Y(P1)") == ["Assign", "XY"]
     assert axes_of("X(P1) P1=P1+1 X(P1)") == ["X", "Assign", "X"]
 
 
-def test_a_repeated_axis_begins_another_move() -> None:
+def test_a_repeated_axis_or_a_wait_begins_another_move() -> None:
     assert axes_of("X1 X2") == ["X", "X"]
     assert axes_of("X1 Y1 X2 Z2") == ["XY", "XZ"]
-
-
-def test_a_wait_or_a_flow_word_ends_a_move() -> None:
     assert axes_of("X1 DWELL5 Y2") == ["X", "Wait", "Y"]
     assert axes_of("X1 IF(P1=1) Y2") == ["X", "If", "Y"]
 
@@ -298,21 +293,7 @@ def test_anything_else_is_a_data_error(text: str) -> None:
 
 
 ON_LINE = ["J+", "F", "A", "B", "P1", "P(P1)", "I130..135", "M1->", "OPEN", "?", "", "Q", "R", "S", "O", "HM", "K"]
-ON_LINE += [
-    "HOME",
-    "I100,3,2",
-    "M1..8",
-    "M1,3,2",
-    "M1->*",
-    "G",
-    "N",
-    "CMD",
-    "SEND",
-    "ENABLE",
-    "DATE",
-    "TYPE",
-    "#1",
-]
+ON_LINE += "HOME I100,3,2 M1..8 M1,3,2 M1->* G N CMD SEND ENABLE DATE TYPE #1".split()
 
 
 @pytest.mark.parametrize("text", ON_LINE)
@@ -328,3 +309,132 @@ def test_statements_can_be_taken_one_by_one() -> None:
     assert parse_statement(scanner) == Set("F", Number(100))
     assert parse_statement(scanner) is None
     assert scanner.rest == "#1J+"
+
+
+# Text from trees: what is written is read back as the same tree.
+
+
+@given(lines)
+def test_a_written_line_is_read_back_as_the_same_tree(line: Line) -> None:
+    assert parse_line(format_line(line)) == line
+
+
+@given(lines, st.randoms(use_true_random=False))
+def test_case_and_white_space_between_symbols_change_nothing(line: Line, random: object) -> None:
+    choice = random.choice  # type: ignore[attr-defined]
+    text = format_line(line)
+    loose, quoted_text = "", False
+    for here, following in zip(text, f"{text} "[1:], strict=True):
+        quoted_text ^= here == '"'
+        loose += here if quoted_text else choice([here.upper(), here.lower()])
+        # Inside a number white space would end it, inside quotes it is text.
+        if not quoted_text and not (here in string.digits + "." and following in string.digits + "."):
+            loose += choice(["", "", " ", "\t", "  "])
+    assert parse_line(loose + choice(["", ";", " ; X1 (", ";\xb0\x00"])) == line
+
+
+def parses_or_refuses(text: str) -> None:
+    try:
+        line = parse_line(text)
+    except PmacError as refusal:
+        assert refusal.code in (3, 4)
+    else:
+        assert parse_line(format_line(line)) == line
+
+
+@given(st.binary(max_size=300))
+def test_any_bytes_are_read_or_refused(noise: bytes) -> None:
+    parses_or_refuses(noise.decode("latin-1"))
+
+
+fragments = ["P1", "=", "X", "(", ")", "10", ".5", "$F", "-", "WHILE", "IF", "ELSE", "ENDW", "AND", "OR", "<"]
+fragments += ["G1", "CALL", "READ", "RET", "N", "PSET", "HOME", "CMD", "SEND^", "I5", "K", "PLC", "ENA", "..", "S"]
+fragments += ["TA", "F", "INC", ":", ",", "SIN", "*", "&", " ", "M", "~", "!", "DWELL", '"', "1e5", "9" * 30]
+
+
+@given(st.lists(st.sampled_from(fragments), max_size=60).map("".join))
+def test_any_jumble_of_words_is_read_or_refused(text: str) -> None:
+    parses_or_refuses(text)
+
+
+@given(st.text(alphabet="XP10()-+=", max_size=400))
+def test_any_jumble_of_symbols_is_read_or_refused(text: str) -> None:
+    parses_or_refuses(text)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (-0.0, "0"),
+        (-1e-12, "0"),
+        (100.0, "100"),
+        (1e15, "1000000000000000"),
+        (0.1, "0.1"),
+        (-27.5, "-27.5"),
+        (1 / 3, "0.3333333333"),
+        (1e-7, "0.0000001"),
+        (10000 / 6, "1666.6666666667"),
+    ],
+)
+def test_a_number_has_no_exponent_and_at_most_ten_decimals(value: float, text: str) -> None:
+    assert format_number(value) == text
+
+
+@given(st.floats(allow_nan=False, allow_infinity=False))
+def test_a_constant_is_written_without_loss(value: float) -> None:
+    text = format_constant(value)
+    assert float(text) == value
+    assert set(text) <= set("-.0123456789")
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "P1=P100*P200/60*4 F(P1) TM(P400) Y(P300) X(-P500)",
+        "P1=P2-(P3-P4) Q(P1+1)=-(P1+P2)*3",
+        "P1=3^-3-(P2|P3)&7",
+        "WHILE(M26=0 AND P620<P621)",
+        "IF(P1!~5 OR P2=1 AND P3!<2) DWELL100",
+        "INC(X,Y)",
+        "PVT20 X10:-5 Y(P1):(P2)",
+        "P1=SIN(30)*ATAN2(P5)",
+        "NORMAL K-1",
+        "CIRCLE1 X10 Y(P1) I5 J-2.5",
+        "X10 R-4",
+        "K33.333",
+        "FRAX(X,Y)",
+        "INC(R)",
+        "PSET X0 Y(P1)",
+        "HOMEZ1,2,3",
+        "WHILE(M11=0) WAIT",
+        "N101 X5 RETURN",
+        "GOSUB(P1) GOTO20",
+        "CALL500.1 X10 Y5 F3 Z7",
+        "G4 P2000 M3 S1800",
+        "READ(X,Y,P)",
+        'CMD"&1A;" CMD^A SENDS"Part done" DISPLAY8"P 1"',
+        "DISABLE PLC 1,2,3",
+        "M1==1 M2&=254 M(P1)^=3",
+    ],
+)
+def test_canonical_text_is_written_as_it_was_read(text: str) -> None:
+    assert format_line(parse_line(text)) == text
+
+
+def test_an_expression_is_written_alone_and_without_needless_parentheses() -> None:
+    assert format_line(parse_line("P1=((P100*P200)/60*4)")) == "P1=P100*P200/60*4"
+    assert format_expression(Binary("*", Binary("+", Number(1), Number(2)), Number(3))) == "(1+2)*3"
+
+
+def test_a_condition_or_sign_that_would_be_read_as_something_else_is_not_written() -> None:
+    x, y = Move((AxisWord("X", Number(1)),)), Move((AxisWord("Y", Number(1)),))
+    one = Comparison("=", Number(1), Number(1))
+    for line in ((x, y), (x, Set("TM", Number(1))), (If(one), x), (If(one, inline=True),)):
+        with pytest.raises(ValueError, match=r"line"):
+            format_line(line)
+    either = Junction("OR", one, one)
+    for condition in (Junction("AND", either, one), Junction("AND", one, either), Junction("OR", one, either)):
+        with pytest.raises(ValueError, match="parentheses"):
+            format_condition(condition)
+    assert format_condition(Junction("OR", either, one)) == "1=1 OR 1=1 OR 1=1"

@@ -1,4 +1,4 @@
-"""Strategies for property tests: trees of every statement of the language, and lines as the parser makes them."""
+"""Trees of programs and PLCs, for property tests."""
 
 from __future__ import annotations
 
@@ -9,10 +9,20 @@ from typing import cast
 from hypothesis import strategies as st
 
 from drivers.pmac.language.expressions import COMPARATORS, FUNCTIONS, PRODUCTS, SUMS, negated
-from drivers.pmac.language.parser import ARGUMENTS, CODES, HIGHEST_LABEL, PORTS, READABLE, gather_moves
+from drivers.pmac.language.parser import (
+    ARGUMENTS,
+    CODES,
+    HIGHEST_LABEL,
+    HIGHEST_MOTOR,
+    PORTS,
+    READABLE,
+    gather_moves,
+)
+from drivers.pmac.language.plc_statements import HIGHEST_SYSTEM
 from drivers.pmac.language.syntax import (
     AXES,
     VECTOR,
+    Address,
     Argument,
     Assign,
     AxisWord,
@@ -27,6 +37,7 @@ from drivers.pmac.language.syntax import (
     EndWhile,
     Expression,
     Feedrate,
+    FurtherCondition,
     Gosub,
     Goto,
     Home,
@@ -39,6 +50,7 @@ from drivers.pmac.language.syntax import (
     Normal,
     Number,
     Pause,
+    PlcStatement,
     PlcSwitch,
     Positioning,
     Preset,
@@ -183,3 +195,21 @@ lines = (
     .map(lambda parts: canonical([statement for part in parts for statement in part]))
     .filter(lambda line: not is_absorbed(line))
 )
+
+
+# Strategies for property tests: lines of a PLC, as the parser makes them.
+
+addresses = st.builds(
+    Address, st.none() | st.integers(1, HIGHEST_MOTOR), st.none() | st.integers(1, HIGHEST_SYSTEM)
+).filter(lambda address: address != Address())
+plc_statements: st.SearchStrategy[PlcStatement] = st.one_of(
+    st.builds(If, conditions),
+    st.builds(While, conditions),
+    st.builds(FurtherCondition, st.sampled_from(["AND", "OR"]), conditions),
+    st.sampled_from([Else(), EndIf(), EndWhile()]),
+    st.builds(Assign, variables, expressions),
+    st.builds(PlcSwitch, st.booleans(), numbers),
+    messages,
+    addresses,
+)
+plc_lines = st.lists(plc_statements, max_size=4).map(tuple)

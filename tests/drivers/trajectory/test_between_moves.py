@@ -35,11 +35,7 @@ from tests.drivers.trajectory.motion import (
     splined,
 )
 
-EVENTS = (
-    HomeRequest(line=0, motors=(1,), zero=False),
-    PresetRequest(line=0, positions={"X": 0.0}),
-    Halt(),
-)
+EVENTS = (HomeRequest(line=0, motors=(1,), zero=False), PresetRequest(line=0, positions={"X": 0.0}), Halt())
 BREAKS = (DwellRequest(duration_ms=0.0), BlendBreak(), *EVENTS)
 NAMES = ["DWELL0", "two jumps back", "HOME", "PSET", "STOP"]
 
@@ -104,15 +100,12 @@ def test_i11_passes_after_each_break(between: Request, delays: int) -> None:
 
 
 def test_with_ix92_every_move_stops_and_i11_passes_before_each() -> None:
-    requests = [linear(X=100.0, tm=50), linear(X=200.0, tm=50)]
+    requests: list[Request] = [linear(X=100.0, tm=50), linear(X=200.0, tm=50)]
     made = motion(requests, settings={192: 1, 11: 7.0})
     assert made.duration_ms == pytest.approx(2 * (7 + 50 + 10))
     assert made.at(67.0) == pytest.approx(100.0)
     assert made.velocity(67.0) == pytest.approx(0.0, abs=1e-9)
-
-
-def test_with_ix92_a_circle_move_stops_too() -> None:
-    requests: list[Request] = [circle({"X": 20.0, "Y": 0.0}, {"X": 10.0}), linear(X=30.0, Y=0.0, tm=50)]
+    requests = [circle({"X": 20.0, "Y": 0.0}, {"X": 10.0}), linear(X=30.0, Y=0.0, tm=50)]
     made = motion(requests, ("#1->X", "#2->Y"), {192: 1, 13: 10.0})
     assert made.duration_ms == pytest.approx(110 + 60)
     assert made.at(110.0) == pytest.approx(20.0)

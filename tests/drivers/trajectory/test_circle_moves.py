@@ -90,7 +90,7 @@ def test_a_radius_is_the_short_arc_a_negative_one_the_long(radius: float, middle
     assert middle(other_way) == pytest.approx((10.0, -middle_y), abs=1e-9)
 
 
-def test_the_manual_s_arc_that_is_too_long_by_0_003_is_made_within_ix96() -> None:
+def test_an_arc_may_be_too_long_within_ix96_and_a_change_of_radius_is_taken_up() -> None:
     """INC X7.072 Y7.072 R5: the distance is 10.0013, so with a limit of 0.003 a near-circle is made."""
     request = circle({"X": 7.072, "Y": 7.072}, radius=5.0)
     made = path(request, I196=0.003)
@@ -99,18 +99,12 @@ def test_the_manual_s_arc_that_is_too_long_by_0_003_is_made_within_ix96() -> Non
     x = y = 5.0 / distance * 7.072
     for node in made.starts_ms:
         assert 5.0 - 1e-9 <= from_center(made, node, x, y) <= distance - 5.0 + 1e-9
-
-
-def test_an_arc_that_is_too_long_beyond_ix96_is_a_run_time_error_and_0_allows_all() -> None:
     request = circle({"X": 7.072, "Y": 7.072}, radius=5.0)
     with pytest.raises(PmacError, match="radius 5"):
         path(request, I196=0.001)
     made = path(request, I196=0.0)
     assert made.end(0) == pytest.approx(7072.0)
-
-
-def test_a_change_of_radius_is_taken_up_smoothly() -> None:
-    """From radius 10 to radius 12 over a quarter."""
+    # From radius 10 to radius 12 over a quarter.
     made = path(circle({"X": 10.0, "Y": 12.0}, {"X": 10.0}, tm=100.0))
     assert from_center(made, made.duration_ms / 2, 10.0, 0.0) == pytest.approx(11.0, abs=1e-9)
     assert tuple(point(made, made.duration_ms).values()) == pytest.approx((10.0, 12.0), abs=1e-9)
@@ -135,12 +129,9 @@ def test_an_arc_that_does_not_exist_is_a_run_time_error(request_: CircleRequest)
         path(request_)
 
 
-def test_a_vector_out_of_the_plane_is_projected_into_it() -> None:
+def test_vectors_out_of_the_plane_are_projected_and_a_third_axis_makes_a_helix() -> None:
     targets = {"X": 20.0, "Y": 0.0, "Z": 0.0}
     assert middle(circle(targets, {"X": 10.0, "Z": 7.0}), XYZ) == pytest.approx((10.0, 10.0, 0.0), abs=1e-9)
-
-
-def test_a_third_axis_makes_a_helix_and_others_go_straight() -> None:
     definitions = (*XYZ, "#4->100C")
     request = circle({"X": 0.0, "Y": 0.0, "Z": 8.0, "C": 90.0}, {"X": 10.0}, tm=400.0)
     made = path(request, definitions)
@@ -158,26 +149,20 @@ def test_a_feedrate_counts_along_the_path(z: float, length: float) -> None:
     assert path(request, XYZ).duration_ms == pytest.approx(length / 0.1 + 10.0)
 
 
-def test_without_segmentation_a_circle_move_is_linear() -> None:
+def test_without_segments_or_a_centre_a_circle_move_is_linear() -> None:
     request = circle({"X": 20.0, "Y": 0.0}, {"X": 10.0})
     made = motion([request], XY, {13: 0.0})
     straight = motion([linear(tm=100.0, X=20.0, Y=0.0)], XY)
     assert made.pieces == straight.pieces
     by_speed = motion([circle({"X": 3.0, "Y": 4.0}, {"X": 1.0}, tm=None, speed=0.05)], XY, {13: 0.0})
     assert by_speed.duration_ms == pytest.approx(5.0 / 0.05 + 10.0)
-
-
-def test_a_circle_move_without_a_centre_is_linear() -> None:
     assert middle(circle({"X": 20.0, "Y": 8.0})) == pytest.approx((10.0, 4.0))
 
 
-def test_ix16_and_ix17_do_not_hold_under_segmentation() -> None:
+def test_pieces_are_no_longer_than_the_segmentation_time_and_know_no_ix16_and_ix17() -> None:
     request = circle({"X": 20.0, "Y": 0.0}, {"X": 10.0}, tm=100.0)
     limited = path(request, I116=1.0, I117=0.001)
     assert limited.duration_ms == pytest.approx(110.0)
-
-
-def test_pieces_are_no_longer_than_the_segmentation_time() -> None:
     made = path(circle({"X": 20.0, "Y": 0.0}, {"X": 10.0}, tm=96.0))
     assert max(piece.duration_ms for piece in made.pieces) <= 9.0
     assert len(path(circle({"X": 20.0, "Y": 0.0}, {"X": 10.0}, tm=8e6), I13=0.001).pieces) < 20_000
@@ -270,9 +255,7 @@ def test_arcs_and_straight_moves_are_blended_by_adding_their_ways(ta: float, ts:
         max_size=6,
     )
 )
-def test_any_sequence_of_lines_and_arcs_is_smooth_and_ends_where_it_was_told(
-    moves: list[tuple[str, int, int, int, int, int]],
-) -> None:
+def test_any_lines_and_arcs_are_smooth_to_their_end(moves: list[tuple[str, int, int, int, int, int]]) -> None:
     x = y = 0.0
     requests: list[Request] = []
     for kind, dx, dy, ta, ts, tm in moves:
