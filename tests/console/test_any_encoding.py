@@ -9,10 +9,8 @@ import os
 import subprocess
 import sys
 import unicodedata
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import example, given
@@ -27,8 +25,6 @@ from console.tui.lines import Sheet, plain
 from console.tui.theme import MONO, Token
 from profiles.store import load_job, save_job
 from tests.compact import save_compact
-
-Console = Callable[..., Any]
 
 JOB = "lee-2001-experiment-1"
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202e\x00\x7f\udcff\r"

@@ -11,7 +11,7 @@ import sqlite3
 import subprocess
 import sys
 import tarfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +33,10 @@ from console.session.work import opened, saved_as
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
+from tests.console.commands import Console
 from tests.console.test_identified_store import RESPONSE
 from tests.console.test_own_files import CALIBRATION, LEARNED, MACHINE, STOPS
 
-Console = Callable[..., Any]
 RUN = {
     **dict.fromkeys(("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program"), ""),
     "simulated": 0,

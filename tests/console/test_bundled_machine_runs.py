@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.console.commands import Console, JobFile
 from tests.system.lathe_sites import compact_text
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 
 def takes_the_lobe_away(result: dict[str, Any]) -> None:

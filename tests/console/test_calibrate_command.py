@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -20,8 +18,8 @@ from console.text.catalogue import load
 from drivers.cutting.planning import Strategy
 from profiles.problem import ProfileError
 from profiles.store import BUNDLED_JOBS, load_job, load_machine, save_job
+from tests.console.commands import Console, JobFile
 
-Console = Callable[..., Any]
 JOB = "lee-2001-experiment-1"
 INDEX = ("# state: free", "# direction: spindle", "# start_mark: spindle index")
 
@@ -108,9 +106,7 @@ def test_the_lobe_of_a_trace_becomes_the_error_of_a_copy(
     assert record["subject_sha256"] == kept.sha256
 
 
-def test_an_own_job_keeps_its_file_and_its_remarks(
-    console: Console, tmp_path: Path, job_file: Callable[..., Path]
-) -> None:
+def test_an_own_job_keeps_its_file_and_its_remarks(console: Console, tmp_path: Path, job_file: JobFile) -> None:
     path = job_file()
     assert console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", str(path), "--keep").code == 0
     assert load_job(str(path)).job.lobe_error_source == "fitted"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -33,8 +32,7 @@ from profiles.machine import MachineProfile, real_machine_problems
 from profiles.problem import ProfileError
 from profiles.rules import check, lobe_as_found
 from profiles.store import BUNDLED_MACHINES, load_job, load_machine
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 JOB = load_job("lee-2001-experiment-1").job
 LOADED = load_machine("lee-2001-lathe")

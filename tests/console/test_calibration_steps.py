@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -33,8 +32,8 @@ from profiles.machine import MachineProfile
 from profiles.rules import check
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
+from tests.console.commands import Console
 
-Console = Callable[..., Any]
 LOADED = load_machine("lee-2001-lathe")
 CHUCK = LOADED.machine.chuck
 JOB = load_job("lee-2001-experiment-1").job

@@ -6,7 +6,6 @@ import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,8 +14,7 @@ from console.cli.part.check_program_report import PlainNumber
 from console.text.catalogue import load
 from console.text.columns import broken, cell_width
 from drivers.pmac.analysis.findings import Code, Said
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 ROOT = Path(__file__).parents[2]
 CLEAN = "OPEN PROG 1\nCLEAR\nINC\nTA100 TS20 TM500\nX1000\nDWELL10\nX-1000\nCLOSE\n"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +18,10 @@ from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, O
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_machine
+from tests.console.commands import Console
 from tests.console.test_learning_on_the_screen import Shop, lobe_um_pp
 from tests.console.test_learning_on_the_screen import shop as shop  # a fixture
 
-Console = Callable[..., Any]
 EXPERIMENT = "lee-2001-experiment-1"
 MACHINE = load_machine("lee-2001-lathe").machine
 NEW = "2026-01-03T09:30:00.000Z"

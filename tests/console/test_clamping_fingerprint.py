@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,10 +15,8 @@ from console.session.station.commands import Indicate, TakeFingerprint
 from drivers.cutting.strategy import Strategy
 from profiles.fingerprint.readings import ClampReadings, parse_readings, read_readings, readings_text
 from profiles.job import Job
+from tests.console.commands import Console, JobFile
 from tests.console.floor import experiment_1, set_up_once
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 CAM = ("--strategy", "cam")
 LATHE = ("--sim", "--plant", "realistic", "--seed", "3", "--clamping-sd", "5")

@@ -7,17 +7,15 @@ import pwd
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from console.cli.configured import fill_in
 from console.session.configuration import Configuration, State, read_configuration
 from drivers.simulator.hosts.process import SimulatorProcess
+from tests.console.commands import Console
 
-Console = Callable[..., Any]
 EXPERIMENT = "lee-2001-experiment-1"
 OTHER, DEFAULT = "turbo-ethernet-lathe", "lee-2001-lathe"
 

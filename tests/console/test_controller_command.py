@@ -4,82 +4,21 @@ from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import console as package
-from console.cli.machine.card_access import Card
-from console.session.data.kept_files import data_folder
+from console.text.catalogue import LANGUAGES
 from drivers.commissioning.check import Group
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
 from drivers.commissioning.stops import StoppingDistance
-from profiles.machine import SAFETY_DEVICES, MachineProfile
+from profiles.machine import SAFETY_DEVICES
 from profiles.store import load_machine
-from tests.console.typed_answer import answers
-from tests.drivers.commissioned import Commissioned, commissioned, of_family
-
-Console = Callable[..., Any]
-LANGUAGES = ("en", "ko")
-
-
-on_one = pytest.mark.parametrize("card", ["pmac"], indirect=True)
-"""For what the command decides; that both families are proven, the other tests show."""
-
-
-@pytest.fixture(params=["pmac", "turbo"])
-def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Commissioned:
-    """The controller that the commands meet, on simulated time."""
-    machine = of_family(load_machine("lee-2001-lathe").machine, request.param)
-    made = commissioned(machine)
-
-    @contextmanager
-    def opened(*_: object) -> Iterator[Card]:
-        version, kind = made.client.connect()
-        yield Card(
-            client=made.client,
-            stop=made.stop,
-            clock=made.sim,
-            machine=made.machine,
-            address="memory",
-            simulated=True,
-            version=version,
-            kind=kind,
-            data=data_folder(None),
-        )
-
-    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
-    return made
-
-
-def signed(machine: MachineProfile, signed_for: str) -> MachineProfile:
-    return replace(machine, safety=replace(machine.safety, signed_for=signed_for))
-
-
-def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = "machine") -> None:
-    """Let the commands take the card for one of iron, whose safety devices somebody has signed for."""
-    machine = signed(card.machine, signed_for)
-
-    @contextmanager
-    def opened(*_: object) -> Iterator[Card]:
-        yield Card(
-            client=card.client,
-            stop=card.stop,
-            clock=card.sim,
-            machine=machine,
-            address="tcp:lathe:1",
-            simulated=False,
-            version="1.17",
-            kind="PMAC1, X1",
-            data=data_folder(None),
-        )
-
-    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
+from tests.console.commands import Console, answers, on_one, real
+from tests.drivers.commissioned import Commissioned
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

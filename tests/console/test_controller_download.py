@@ -10,15 +10,11 @@ from typing import Any
 
 import pytest
 
+from console.text.catalogue import LANGUAGES
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.not_free import occupied
-from tests.console.test_controller_command import LANGUAGES, on_one, real
-from tests.console.test_controller_command import card as card
-from tests.console.typed_answer import answers
+from tests.console.commands import Console, answers, occupied, on_one, real
 from tests.drivers.commissioned import Commissioned
-
-Console = Callable[..., Any]
 
 LIMITS = "#define SPEED 20\n#define READY P50\n"
 TWO = """\

@@ -13,17 +13,12 @@ from typing import Any
 import pytest
 
 from console.cli.backups import reading_progress, way_back
-from console.text.catalogue import load
+from console.text.catalogue import LANGUAGES, load
 from drivers.commissioning.reading import read_configuration
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.not_free import occupied
-from tests.console.test_controller_command import LANGUAGES, on_one, real
-from tests.console.test_controller_command import card as card
-from tests.console.typed_answer import answers
+from tests.console.commands import Console, answers, occupied, on_one, real
 from tests.drivers.commissioned import Commissioned
-
-Console = Callable[..., Any]
 
 SPOILED = (
     *("P7=9", "I130=100", "&2Q5=1", "M9=3", "DELETE PROG 5", "OPEN PROG 77 CLEAR", "X1", "CLOSE", "#1DELETE COMP"),

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -15,8 +13,7 @@ from drivers.cutting.planning import Strategy, plan_cut
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 JOB = load_job("lee-2001-experiment-1")
 LATHE = load_machine("lee-2001-lathe")

@@ -6,16 +6,13 @@ import json
 import os
 import subprocess
 import sys
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from profiles.store import load_job, save_job
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 
 @pytest.mark.parametrize(

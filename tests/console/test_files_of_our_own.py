@@ -32,9 +32,9 @@ from profiles.compensations.path import CutPath, PathHarmonic, target_path
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 from profiles.strict_values import DEPTH_CAP, from_json
+from tests.console.commands import Console
 from tests.console.test_identified_store import RESPONSE
 
-Console = Callable[..., Any]
 JOB, MACHINE = load_job("lee-2001-experiment-1"), load_machine("lee-2001-lathe")
 
 

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -28,9 +26,9 @@ from profiles.roundness import evaluate
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.compact import CLOSE_TOGETHER, close_together
+from tests.console.commands import Console, JobFile
 from tests.drivers.cut_floor import with_inverter
 
-Console = Callable[..., Any]
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.6)
 
 
@@ -117,7 +115,7 @@ def test_jaw_1_is_known_from_the_zero_of_the_strategy(
 
 @pytest.mark.long
 def test_the_command_cuts_without_a_part_to_compare_with(
-    console: Console, tmp_path: Path, job_file: Callable[..., Path]
+    console: Console, tmp_path: Path, job_file: JobFile
 ) -> None:
     text = load_machine("lee-2001-lathe").path.read_text(encoding="utf-8")
     drive = 'drive = "inverter"\nramp_rpm_per_s = 500.0\nslip_rpm = 60.0\npeak_torque_n_m = 50.0'

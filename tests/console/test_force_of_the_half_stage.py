@@ -5,7 +5,6 @@ The true angle is the plant's own; the force knows nothing of it but by the surf
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -34,10 +33,9 @@ from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine, load_job, load_machine
 from tests.compact import close_together, compact_machine
+from tests.console.commands import Console, JobFile
 from tests.console.floor import Floor, experiment_1, open_floor
 from tests.system.lathe_sites import compact_text
-
-Console = Callable[..., Any]
 
 
 def cut(
@@ -189,9 +187,7 @@ def test_a_right_sign_warns_of_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_command_says_it_and_warns_the_whole_run(
-    console: Console, tmp_path: Path, job_file: Callable[..., Path]
-) -> None:
+def test_the_command_says_it_and_warns_the_whole_run(console: Console, tmp_path: Path, job_file: JobFile) -> None:
     lathe = tmp_path / "lathe.toml"
     lathe.write_text(compact_text("pmac"), encoding="utf-8")
     job, wrong = str(job_file(cut_length_mm="1.5")), plant_file(tmp_path, 60.0)
@@ -209,9 +205,7 @@ def test_the_command_says_it_and_warns_the_whole_run(
 
 
 @pytest.mark.long
-def test_after_a_restart_arming_the_whole_says_it_from_the_record(
-    tmp_path: Path, job_file: Callable[..., Path]
-) -> None:
+def test_after_a_restart_arming_the_whole_says_it_from_the_record(tmp_path: Path, job_file: JobFile) -> None:
     job = load_job(str(job_file(cut_length_mm="1.5")))
     floor = open_floor(tmp_path / "data", plant=plant_file(tmp_path, 60.0))
     floor.set_up(job.job)

@@ -14,7 +14,6 @@ import zlib
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -39,11 +38,10 @@ from profiles.findings import Severity
 from profiles.problem import ProblemError
 from profiles.store import load_machine
 from tests.branching import in_a_copy
+from tests.console.commands import Console
 from tests.console.consoles import MACHINE, console_of
 from tests.console.test_backup import code_of, entries, entry, packed
 from tests.console.test_run_reader import part, record
-
-Console = Callable[..., Any]
 
 
 def within(seconds: int, act: Callable[[], None]) -> None:

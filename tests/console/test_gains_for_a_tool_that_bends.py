@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,10 +13,9 @@ from console.session.tuning.proposal import gain_facts
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.store import load_machine
+from tests.console.commands import Console
 from tests.console.consoles import MACHINE, station_of
 from tests.console.test_gain_trial import BEFORE, NO_FILTER, order, stands
-
-Console = Callable[..., Any]
 
 BENDS = """\
 schema = 1

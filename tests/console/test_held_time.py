@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from itertools import count
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import pytest
 
@@ -12,11 +12,9 @@ from console.session.station.alarms import Priority
 from console.session.station.commands import Start
 from drivers.lathe import heartbeat
 from drivers.lathe.heartbeat import RATE, RATE_READINGS
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
 from tests.console.floor import Floor, experiment_1, in_turn
-
-if TYPE_CHECKING:
-    from drivers.simulator.plant.workshop_view import WorkshopView
 
 
 def holding(floor: Floor, held_s: list[float]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -21,12 +20,11 @@ from drivers.identification.request import IdentificationRequest
 from drivers.lathe.heartbeat import Heartbeat
 from profiles.machine import SAFETY_DEVICES, MachineProfile
 from profiles.store import load_machine
+from tests.console.commands import Console, answers
 from tests.console.test_identified_store import POINT, RESPONSE
-from tests.console.typed_answer import answers
 from tests.drivers.identification_bench import Stand, stand
 from tests.signed_profile import signed_copy
 
-Console = Callable[..., Any]
 LANGUAGES = ("en", "ko")
 SHORT = ("--frequencies", "30,70", "--periods", "8")
 MACHINE = load_machine("lee-2001-lathe").machine

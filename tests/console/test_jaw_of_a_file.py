@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -21,6 +20,7 @@ from console.tui.inspecting.comparison import compared
 from console.tui.pages.inspect_lines import phase_from_jaw_deg
 from drivers.cutting.strategy import Strategy
 from profiles.store import load_job
+from tests.console.commands import JobFile
 
 PAST_DEG = 13.36
 """How far the high places are past the jaws, as the spindle counts."""
@@ -96,7 +96,7 @@ def test_report_and_records_count_from_jaw_1(direction: str, tmp_path: Path) -> 
 
 @pytest.mark.parametrize("direction", ["cw", "ccw"])
 def test_the_command_counts_from_jaw_1(
-    direction: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], job_file: Callable[..., Path]
+    direction: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], job_file: JobFile
 ) -> None:
     job = str(job_file(lobe_phase_deg="261.65"))
     assert main(("roundness", str(file(tmp_path, direction)), "--job", job, "--json")) == 0

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import profiles.store
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 
 @pytest.fixture

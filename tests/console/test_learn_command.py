@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,11 +21,9 @@ from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.learned import model_again
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.signed_profile import signed_copy
 from tests.system.lathe_sites import compact_text
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 SOFT = ("--plant", "steady", "--seed", "11")
 PLAIN = ("--sim", "--json")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -37,10 +36,10 @@ from drivers.simulator.plant.which_lathe import WhichLathe
 from profiles.compensations.learned import LearnedCompensation, model_again
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, write_trace
+from tests.console.commands import Console, JobFile
 from tests.console.floor import Floor, open_floor
 from tests.system.lathe_sites import compact_text
 
-Console = Callable[..., Any]
 SEED = 11
 
 
@@ -90,7 +89,7 @@ def opened_shop(data: Path, job: LoadedJob, machine: LoadedMachine, turned_deg: 
 
 
 @pytest.fixture
-def shop(tmp_path: Path, job_file: Callable[..., Path], data_folder: Path) -> Shop:
+def shop(tmp_path: Path, job_file: JobFile, data_folder: Path) -> Shop:
     lathe = tmp_path / "lathe.toml"
     lathe.write_text(compact_text("pmac"), encoding="utf-8")
     job = load_job(str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")))

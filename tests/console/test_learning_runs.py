@@ -7,17 +7,12 @@ seeds that keep to it is counted in benchmarks/learning.py.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from benchmarks.learning import OFF, lobe_um_pp
-
-Console = Callable[..., Any]
-
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
 
 pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 from types import SimpleNamespace
-from typing import TYPE_CHECKING, cast
+from typing import cast
 
 import pytest
 
@@ -12,13 +12,11 @@ from console.session.cut.alignment import problems
 from console.session.data.records import LEFT_IN_PART, RunRecord
 from console.session.data.run_reader import ended_early
 from console.session.station.commands import ConfirmClamping, EnableDrives, Home, Retract, TakeControl
+from drivers.cutting.planning import CutPlan
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_job, load_machine
 from tests.console.consoles import MACHINE, WithStation, station_of
-
-if TYPE_CHECKING:
-    from drivers.cutting.planning import CutPlan
 
 RUN = {
     **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
@@ -159,7 +157,7 @@ def test_after_a_restart_of_the_controller_homing_takes_the_tool_out_first_and_f
     before = new.state.snapshot
     assert before is not None and not before.homed
     plan = SimpleNamespace(setup=SimpleNamespace(retracted=before.tool.position + 1.0e5), zero_row_z=None)
-    new.context.plan = cast("CutPlan", plan)  # of the cut that was left, in the zero that is lost
+    new.context.plan = cast(CutPlan, plan)  # of the cut that was left, in the zero that is lost
     new.do(Retract())
     after = new.state.snapshot
     assert new.refusals == [] and after is not None

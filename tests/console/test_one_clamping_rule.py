@@ -5,10 +5,8 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import assume, given
@@ -29,9 +27,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.rules import check
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.tui.page_stage import READY
-
-Console = Callable[..., Any]
 
 JOB = "lee-2001-experiment-1"
 LOADED, LATHE = load_job(JOB), load_machine("lee-2001-lathe")
@@ -97,7 +94,7 @@ def test_a_span_between_two_whole_newtons_is_not_upside_down() -> None:
     ],
 )
 def test_where_no_force_holds_every_command_says_so_with_both_numbers_and_a_way_out(
-    console: Console, job_file: Callable[..., Path], language: str, none: str, room: str
+    console: Console, job_file: JobFile, language: str, none: str, room: str
 ) -> None:
     """A thin ring at a deep cut: what holds it bends its wall for good."""
     job = job_file(wall_thickness_mm="1.5", depth_of_cut_mm="0.5", cut_length_mm="0.5")
@@ -130,7 +127,7 @@ def wrench(folder: Path, off_n: float) -> str:
 
 
 def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
-    console: Console, data_folder: Path, close: tuple[str, str], job_file: Callable[..., Path], tmp_path: Path
+    console: Console, data_folder: Path, close: tuple[str, str], job_file: JobFile, tmp_path: Path
 ) -> None:
     """Its scatter by hand: 400 N sqrt(8 / 11) are 341 N, 6.8 % of the 5000 N in its middle, and no more 5 %.
 
@@ -173,7 +170,7 @@ def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
 
 
 def test_a_contradiction_of_what_a_profile_states_is_told_by_what_judges_a_job(
-    console: Console, job_file: Callable[..., Path], tmp_path: Path
+    console: Console, job_file: JobFile, tmp_path: Path
 ) -> None:
     text = LATHE.path.read_text(encoding="utf-8").replace('  "chuck.force_per_torque_n_per_n_m",\n', "")
     own = tmp_path / "stated.toml"

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 
 def test_jobs_lists_what_is_bundled_with_its_conditions(console: Console) -> None:

@@ -6,10 +6,8 @@ The tool learns the path of the first in air, where no blank is. The second is t
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -23,6 +21,7 @@ from drivers.pmac.programs.cam_trim import MOST_TRIM_UM
 from profiles.compensations.learning import HarmonicFit, coefficient_of
 from profiles.job import Job
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console
 
 MACHINE = load_machine("lee-2001-lathe").machine
 RING = load_job("lee-2001-experiment-1").job
@@ -89,7 +88,7 @@ def test_a_batch_is_as_quick_with_many_jaws_and_shows_each_learned_order(jaws: i
 @pytest.mark.long
 @pytest.mark.timeout(300)
 def test_with_six_jaws_the_second_part_is_rounder_by_far(
-    console: Callable[..., Any], close: tuple[str, str], tmp_path: Path
+    console: Console, close: tuple[str, str], tmp_path: Path
 ) -> None:
     """Jaw 1 makes 13.8 um of oval, more than twice the lobe; 0.90 of a path arrives, so 2.7 um p-p of it stay."""
     path = job_file("six", tmp_path)

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -28,11 +27,9 @@ from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.compensations.learned import MODEL, model_again
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.console.floor import floor_at
 from tests.system.lathe_sites import compact_text
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 SIX = ("--sim", "--plant", "realistic", "--seed", "6")
 

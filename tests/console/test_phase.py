@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -23,6 +22,7 @@ from drivers.lathe.snapshot import Snapshot
 from profiles.compensations.learned import PartRead
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from profiles.store import load_job, load_machine
+from tests.console.commands import JobFile
 from tests.console.floor import Floor, codes, experiment_1, open_floor, order, set_up_once
 from tests.console.test_learning_on_the_screen import Shop, lesson
 from tests.system.lathe_sites import compact_text
@@ -203,7 +203,7 @@ def _settings(floor: Floor) -> dict[int, float]:
 
 @pytest.mark.long
 def test_a_learned_part_is_judged_about_the_lag_that_taught_it(
-    tmp_path: Path, job_file: Callable[..., Path], data_folder: Path
+    tmp_path: Path, job_file: JobFile, data_folder: Path
 ) -> None:
     """This tool gives way to the cut by 4 um across the lobe. Beyond that, 2.5 deg are told: 9 um of 70."""
     lathe = tmp_path / "lathe.toml"

@@ -9,24 +9,22 @@ from typing import Any
 import pytest
 
 from console.session.station.owning import take_lock
-from tests.console import test_controller_command, test_controller_download
+from tests.console.commands import Console, on_one, real
 from tests.console.consoles import logged
 from tests.drivers.commissioned import Commissioned
-
-Console = Callable[..., Any]
-card, on_one, real = test_controller_command.card, test_controller_command.on_one, test_controller_command.real
 
 ADDRESS = "tcp:lathe:1"
 """That of the real controller of these tests."""
 
 DEAD = 4711
 BACKUP = "backup"
+GOOD = "OPEN PROG 101 CLEAR\nX1\nCLOSE\n"
 COMMANDS = (
     ("doctor", "--prove", "--yes"),
     ("tune", "apply", "--factor", "0.9", "--yes"),
     ("controller", "apply", "--yes"),
     ("controller", "restore", BACKUP, "--yes"),
-    ("controller", "download", test_controller_download.GOOD, "--yes"),
+    ("controller", "download", GOOD, "--yes"),
 )
 
 every_command = pytest.mark.parametrize("words", COMMANDS, ids=lambda words: "-".join(words[:2]))
@@ -43,8 +41,8 @@ def command(
     """The command, for a real machine that has something to write: its filter differs from profile and backup."""
     backup, program = tmp_path / "whole.pmac", tmp_path / "own.pmc"
     assert console("controller", "backup", str(backup)).code == 0
-    program.write_text(test_controller_download.GOOD, "utf-8")
-    files = {BACKUP: str(backup), test_controller_download.GOOD: str(program)}
+    program.write_text(GOOD, "utf-8")
+    files = {BACKUP: str(backup), GOOD: str(program)}
     real(card, monkeypatch)
     monkeypatch.setattr(card.client, "connect", lambda: ("1.17", "PMAC1, X1"))
     if words[0] == "controller":

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
 
 
 def test_json_has_the_error_over_angle_and_z(console: Console) -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -18,10 +15,8 @@ from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.drivers.conftest import connected
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 MACHINE: MachineProfile = load_machine("lee-2001-lathe").machine
 

@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
 
 import pytest
 
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
 
 
 def test_strategies_are_marked_like_the_rules(console: Console) -> None:

@@ -5,10 +5,8 @@ from __future__ import annotations
 import cmath
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -24,9 +22,7 @@ from profiles.axis.servo import sampled_response
 from profiles.findings import refusals
 from profiles.rules import check
 from profiles.store import load_job, load_machine
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
 
 EXPERIMENT = "lee-2001-experiment-1"
 JOB = load_job(EXPERIMENT).job

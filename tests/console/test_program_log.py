@@ -7,9 +7,7 @@ import os
 import re
 import stat
 from argparse import Namespace
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,8 +15,8 @@ from console.cli.logged import carried_out
 from console.cli.measured import records
 from console.session import program_log
 from console.session.program_log import FILE, FOLDER, note
+from tests.console.commands import Console
 
-Console = Callable[..., Any]
 LINE = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z (INFO|WARNING|ERROR) +\d+ .*")
 
 

@@ -7,7 +7,6 @@ from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -29,10 +28,10 @@ from console.tui.records.opened_run import opened_run
 from console.tui.records.run_lines import story_lines
 from profiles.problem import Problem
 from tests.architecture.test_catalogues import catalogue
+from tests.console.commands import Console
 from tests.console.test_run_debrief import MADE, recorded, turned
 from tests.tui.stage import lathe
 
-Console = Callable[..., Any]
 NAMES = sorted(each.__name__ for each in Command.__subclasses__())
 AT = datetime(2026, 3, 4, 5, 6, tzinfo=UTC)
 BRIEF = Problem(code="cut.off_path", key="tool", value="12.5 um", limit="2.0 um", where="3.1 mm")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -23,10 +22,8 @@ from console.session.errors import SessionError
 from console.text.columns import cell_width
 from profiles.problem import Problem
 from profiles.traces import parse_trace
+from tests.console.commands import Console, JobFile
 from tests.console.test_run_reader import RUN, USER, part
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 
 @pytest.fixture

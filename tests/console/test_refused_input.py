@@ -4,16 +4,13 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import profiles.store
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
 
 
 def refused(said: Any, *words: str, code: int = 1) -> None:

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from functools import cache
-from typing import Any
 
 import pytest
 
@@ -12,8 +10,7 @@ from console.cli.measured import comparison
 from profiles.paper.experiments import lee_2001
 from profiles.paper.record import Record, Section
 from profiles.paper.reproduction import sections
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 
 @pytest.fixture

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -12,8 +11,7 @@ import numpy as np
 import pytest
 
 from profiles.store import load_job
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 
 def trace(tmp_path: Path, angles_deg: Any, *head: str, eccentric_um: float = 0.0) -> Path:

@@ -33,6 +33,7 @@ from profiles.compensations.causes import CauseKind
 from profiles.job import Job
 from profiles.store import LoadedJob, job_text
 from profiles.traces import Trace
+from tests.console.commands import Console
 from tests.console.floor import open_floor
 from tests.record_clock import set_dates
 from tests.school.test_debrief import JOB as CUT
@@ -40,7 +41,6 @@ from tests.school.test_debrief import Pupil
 from tests.tui.records_stage import ANGLES_DEG, META, described, telemetry
 from tests.tui.stage import experiment, lathe
 
-Console = Callable[..., Any]
 JOB: Job = replace(experiment().job, name="flange-52")
 """Not a bundled job: 55 um p-p with three jaws, the part 5 um round."""
 

@@ -26,9 +26,7 @@ from console.session.data.run_reader import story
 from console.session.data.run_story import TELEMETRY_END
 from console.session.errors import SessionError
 from console.text.catalogue import load
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
 
 RUN = {
     **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),

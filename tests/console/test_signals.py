@@ -23,12 +23,10 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 from profiles.store import load_machine
+from tests.console.commands import Console, real
 from tests.console.consoles import MACHINE, STOPS, OneConsole, console_of
-from tests.console.test_controller_command import card as card
-from tests.console.test_controller_command import real as real
 from tests.drivers.commissioned import Commissioned
 
-Console = Callable[..., Any]
 ANOTHER = 4711
 MOST = 60
 """More than what a claim and a release hand to the link."""

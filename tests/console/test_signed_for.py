@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from profiles.store import load_machine
+from tests.console.commands import Console
 from tests.signed_profile import signed
 
-Console = Callable[..., Any]
 JOB = "lee-2001-experiment-1"
 NOBODY_THERE = "tcp:127.0.0.1:1"
 """No port to listen at for anybody but the system: whoever gets there is refused by the link."""

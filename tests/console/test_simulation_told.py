@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -19,8 +17,7 @@ from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_job, load_machine
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 
 def told(*words: str) -> SimulatedAddress | None:

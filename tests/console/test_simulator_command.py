@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -17,8 +16,8 @@ from drivers.simulator.hosts.control_address import UnixAddress
 from drivers.simulator.hosts.server import Listeners
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import PLANTS
+from tests.console.commands import Console
 
-Console = Callable[..., Any]
 TCP = ("--tcp", "127.0.0.1:1025")
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -36,12 +34,12 @@ from profiles.axis.step_figures import modelled
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
+from tests.console.commands import Console
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
 from tests.console.test_notch_trial import LATHE, PUBLISHED, fill
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
-Console = Callable[..., Any]
 JOB = experiment_1()
 FIRMWARE = "1.17", "PMAC"
 

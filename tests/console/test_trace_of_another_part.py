@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +19,7 @@ from console.session.stages import Stage
 from console.text.catalogue import load
 from profiles.store import load_job
 from profiles.traces import Trace, trace_content
+from tests.console.commands import Console, JobFile
 from tests.record_clock import set_dates
 from tests.tui.records_stage import described
 
@@ -131,7 +130,7 @@ def test_learning_takes_a_file_only_for_a_part_that_was_cut_so(tmp_path: Path) -
 
 
 def test_a_file_that_has_taught_a_version_does_not_teach_as_a_part_of_it(
-    console: Callable[..., Any], job_file: Callable[..., Path], tmp_path: Path
+    console: Console, job_file: JobFile, tmp_path: Path
 ) -> None:
     """Nothing is measured on Inspect here: what was learned is all that is kept of the first part."""
     index = {"start_mark": "spindle index"}

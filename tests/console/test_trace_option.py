@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from drivers.link.memory import MemoryLink
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
+from tests.console.commands import Console, JobFile
 
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 JOB = "lee-2001-experiment-1"
 LINE = re.compile(r"\d+\.\d{3} [><!*] \S.*")
 

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import sqlite3
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +24,7 @@ from profiles.metrology.harmonics import Harmonic
 from profiles.roundness import evaluate
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, read_trace, write_trace
+from tests.console.commands import JobFile
 from tests.console.floor import Floor, open_floor
 from tests.system.lathe_sites import compact_text
 
@@ -111,7 +111,7 @@ def evaluated(trace: Trace) -> tuple[Harmonic, ...]:
 
 
 @pytest.fixture
-def outside(tmp_path: Path, job_file: Callable[..., Path], data_folder: Path) -> Outside:
+def outside(tmp_path: Path, job_file: JobFile, data_folder: Path) -> Outside:
     lathe = tmp_path / "lathe.toml"
     lathe.write_text(compact_text("pmac"), encoding="utf-8")
     job = load_job(str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")))

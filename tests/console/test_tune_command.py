@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
-from tests.console import test_controller_command
+from tests.console.commands import Console, on_one
 from tests.drivers.commissioned import Commissioned
 
-Console = Callable[..., Any]
-card, on_one = test_controller_command.card, test_controller_command.on_one
 NAMES = ("I130", "I131", "I132", "I133")
 
 

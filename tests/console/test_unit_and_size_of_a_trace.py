@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -23,8 +21,8 @@ from drivers.cutting.strategy import Strategy
 from profiles.calibration.lobe import find_lobe
 from profiles.store import load_job, load_machine
 from profiles.traces import read_trace
+from tests.console.commands import Console, JobFile
 
-Console = Callable[..., Any]
 JOB = "lee-2001-experiment-1"
 LOBE_UM = 41.7
 PLACED = ("# state: free", "# direction: spindle", "# start_mark: spindle index")
@@ -84,7 +82,7 @@ def test_a_unit_that_may_be_right_is_taken(console: Console, tmp_path: Path) -> 
     ("radius_mm", "code"), [(66.8, "lobe.diameter_stated"), (40.0, "lobe.other_size"), (34.2, "lobe.other_size")]
 )
 def test_a_size_that_is_not_of_the_job_moves_no_tool(
-    radius_mm: float, code: str, console: Console, tmp_path: Path, job_file: Callable[..., Path]
+    radius_mm: float, code: str, console: Console, tmp_path: Path, job_file: JobFile
 ) -> None:
     """The job leaves a radius of 33.4 mm."""
     target = load_job(JOB).job

@@ -25,6 +25,7 @@ from drivers.simulator.plant.true_parameters import ideal
 from profiles.job import Job
 from profiles.store import load_job
 from tests.compact import compact_machine
+from tests.console.commands import Console, JobFile
 
 JOB = load_job("lee-2001-experiment-1").job
 MACHINE = compact_machine().machine
@@ -245,9 +246,7 @@ def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
     assert code in codes(refused)
 
 
-def test_a_cut_of_endless_moves_is_refused_at_once(
-    job_file: Callable[..., Path], console: Callable[..., Any]
-) -> None:
+def test_a_cut_of_endless_moves_is_refused_at_once(job_file: JobFile, console: Console) -> None:
     said = console("run", str(job_file(feed_mm_per_rev="0.0001")), "--sim")
     assert said.code == 1
     assert "the cut needs" in said.err
@@ -255,9 +254,7 @@ def test_a_cut_of_endless_moves_is_refused_at_once(
 
 
 @pytest.mark.long
-def test_too_fast_a_lobe_is_refused_with_the_speed_that_passes(
-    job_file: Callable[..., Path], console: Callable[..., Any]
-) -> None:
+def test_too_fast_a_lobe_is_refused_with_the_speed_that_passes(job_file: JobFile, console: Console) -> None:
     changes = {"jaws": "12", "chucking_force_n": "6500.0", "lobe_force_n": "6500.0"}
     said = console("run", str(job_file(**changes)), "--sim")
     assert said.code == 1

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +27,7 @@ from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.store import LoadedJob, load_job, load_machine
+from tests.console.commands import JobFile
 from tests.console.floor import Floor, open_floor
 from tests.system.lathe_sites import compact_text
 
@@ -35,7 +35,7 @@ SEED = 11
 
 
 @pytest.fixture
-def job(job_file: Callable[..., Path]) -> LoadedJob:
+def job(job_file: JobFile) -> LoadedJob:
     return load_job(str(job_file(cut_length_mm="2.0", feed_mm_per_rev="0.1")))
 
 

@@ -16,9 +16,8 @@ from console.session.data.measured_part import cuts_of, date_problems, parts_mad
 from console.session.data.records import RunRecord
 from console.text.catalogue import load
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.record_clock import set_dates
-
-Console = Callable[..., Any]
 
 JOB, MACHINE = load_job("lee-2001-experiment-1"), load_machine("lee-2001-lathe")
 NEXT_YEAR, LAST_YEAR, LATE, EARLY = "2099-11-22T10:00:00Z", "2001-11-22T10:00:00Z", "12:00", "10:00"
@@ -128,7 +127,7 @@ def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPa
 
 @pytest.mark.long
 def test_a_version_of_a_day_to_come_is_told_when_it_is_learned_from_listed_and_cut_with(
-    console: Console, data: Path, tmp_path: Path, close: tuple[str, str], job_file: Callable[..., Path]
+    console: Console, data: Path, tmp_path: Path, close: tuple[str, str], job_file: JobFile
 ) -> None:
     job, part = str(job_file(cut_length_mm="1.5", feed_mm_per_rev="0.1")), str(tmp_path / "part.csv")
     plant = tmp_path / "larger-lobe.toml"
