@@ -162,7 +162,7 @@ _STOPPING: tuple[Mutation, ...] = (
         file=INTERLOCKS,
         old="SPEED_BAND = 0.02",
         new="SPEED_BAND = 0.2",
-        test="tests/console/test_followed_spindle.py::test_a_spindle_at_another_speed_is_not_cut_on",
+        test="tests/console/test_synchronisation.py::test_a_spindle_at_another_speed_is_not_cut_on",
     ),
     Mutation(
         rule="A device that the controller sees not well forbids motion.",

@@ -17,7 +17,7 @@ from console.session.reproduction.numbers import NUMBERS
 from profiles.paper import acceptance
 from profiles.paper.experiments import Experiments, lee_2001
 from profiles.paper.record import Record, Relation, Section
-from tests.acceptance.document import TEXT, compare_block, table_lines
+from tests.acceptance.test_paper_document import TEXT, compare_block, table_lines
 
 pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
 

@@ -228,6 +228,11 @@ def codes(state: StationState) -> list[str]:
     return [alarm.problem.code for alarm in state.alarms]
 
 
+def refused_codes(state: StationState) -> list[str]:
+    """Why the last orders were refused."""
+    return [problem.code for problem in state.refusals]
+
+
 def in_turn(floor: Floor, turn: float) -> bool:
     """Whether the tool is in the part, beyond this turn of the cut."""
     cut = floor.state.cut

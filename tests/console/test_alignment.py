@@ -1,8 +1,9 @@
-"""Why an alignment is valid, or not any more."""
+"""Why an alignment is valid, or not any more: stamps hold for what they were found with."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,8 +26,24 @@ from console.session.cut.alignment import (
     tables_told,
     unclamped,
 )
+from console.session.station.commands import (
+    Approach,
+    ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
+    Home,
+    Jog,
+    Retract,
+    TakeJaw,
+)
+from console.session.station.jogging import tool_in_part
+from drivers.lathe.snapshot import AxisName
+from profiles.findings import refusals
 from profiles.problem import Problem
+from profiles.rules import check
+from profiles.same_objects import SameObjects
 from profiles.store import load_job, load_machine
+from tests.console.floor import Floor, experiment_1, open_floor, refused_codes
 
 JOB = load_job("lee-2001-experiment-1").job
 COMPLETE = Alignment(
@@ -222,3 +239,94 @@ def test_the_lobe_of_a_job_is_where_jaw_1_was_found_and_not_where_that_of_anothe
     assert aligned_job(replace(job, lobe_past_jaw_deg=None), aligned).lobe_phase_deg == pytest.approx(350.0)
     for without in (replace(aligned, jaw=None), replace(aligned, jaw=replace(jaw, jaws=4))):
         assert aligned_job(job, without) == job
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Floor:
+    return open_floor(tmp_path)
+
+
+@pytest.fixture
+def aligned(floor: Floor) -> Floor:
+    floor.set_up(experiment_1())
+    return floor
+
+
+def test_before_the_touch_off_the_tip_is_known_to_its_band_only(floor: Floor) -> None:
+    """The tip is 1 mm from the surface by the profile, and a touch-off may find it 1.5 mm elsewhere."""
+    job = experiment_1()
+    floor.do(DisableDrives())
+    floor.do(ConfirmClamping(job=job))
+    floor.do(EnableDrives())
+    floor.do(Home())
+    floor.do(Approach(job=job))
+    machine = floor.context.loaded_machine.machine
+    assert tool_in_part(floor.lathe.snapshot(), machine, floor.state.alignment) is False
+    floor.infeed(1.0)
+    assert tool_in_part(floor.lathe.snapshot(), machine, floor.state.alignment) is None
+
+
+@pytest.mark.parametrize(
+    ("homed", "code"), [(True, "alignment.drives_off"), (False, "machine.tool_unknown")], ids=["homed", "fresh"]
+)
+def test_a_retract_without_drives_says_what_is_known_of_the_tool(floor: Floor, homed: bool, code: str) -> None:
+    floor.do(DisableDrives())
+    floor.do(ConfirmClamping(job=experiment_1()))
+    if homed:
+        floor.do(EnableDrives())
+        floor.do(Home())
+        floor.do(DisableDrives())
+    assert refused_codes(floor.do(Retract())) == [code]
+
+
+def test_another_chuck_and_another_diameter_are_not_armed_on_the_stamps_of_before(aligned: Floor) -> None:
+    """Experiment 1 is aligned; then one with 2 jaws of 50 mm is clamped, and experiment 1 again."""
+    first = experiment_1()
+    other = replace(first, jaws=2, diameter_mm=50.0, lobe_diameter_mm=50.0)
+    aligned.do(Jog(axis=AxisName.CARRIAGE, distance=-10.0))
+    aligned.do(DisableDrives())
+    aligned.do(ConfirmClamping(job=other))
+    aligned.do(EnableDrives())
+    refused = refused_codes(aligned.arm(other))
+    assert refused == ["alignment.jaws_changed", "alignment.no_jaw", "alignment.touched_otherwise"]
+    aligned.do(TakeJaw())
+    jaw = aligned.state.alignment.jaw
+    assert jaw is not None and jaw.jaws == 2
+    assert refused_codes(aligned.arm(other)) == ["alignment.touched_otherwise"]
+    aligned.do(DisableDrives())
+    aligned.do(ConfirmClamping(job=first))
+    aligned.do(EnableDrives())
+    # The touch-off was not taken anew, and is that of this diameter.
+    assert refused_codes(aligned.arm(first)) == ["alignment.jaws_changed", "alignment.no_jaw"]
+
+
+MACHINE = load_machine("lee-2001-lathe").machine
+
+
+def test_keys_of_equal_objects_differ() -> None:
+    alike = replace(JOB)
+    assert alike == JOB and SameObjects(JOB, MACHINE) == SameObjects(JOB, MACHINE)
+    assert SameObjects(alike, MACHINE) != SameObjects(JOB, MACHINE) != (JOB, MACHINE)
+    assert len({SameObjects(JOB, MACHINE), SameObjects(JOB, MACHINE), SameObjects(alike, MACHINE)}) == 2
+
+
+def test_a_job_or_a_machine_that_was_changed_is_judged_anew() -> None:
+    good = check(JOB, MACHINE)
+    assert check(JOB, MACHINE) is good and not refusals(good)
+    fast = replace(JOB, spindle_speed_rpm=100.0 * JOB.spindle_speed_rpm)
+    weak = replace(MACHINE, chuck=replace(MACHINE.chuck, max_force_n=100.0))
+    for _ in range(2):
+        assert refusals(check(fast, MACHINE)) and refusals(check(JOB, weak))
+        assert check(JOB, MACHINE) == good
+    for number in range(20):  # more than are kept
+        assert check(replace(JOB, name=f"ring-{number}"), MACHINE) == good
+    assert check(JOB, MACHINE) == good
+
+
+def test_a_stamp_that_was_made_or_lost_is_seen_at_once() -> None:
+    bare = Alignment()
+    stamped = replace(bare, clamping=clamping_of(JOB, "08:40"))
+    assert step_problems(bare, AlignStep.CLAMP, JOB) and not step_problems(stamped, AlignStep.CLAMP, JOB)
+    thicker = replace(JOB, wall_thickness_mm=JOB.wall_thickness_mm + 1.0)
+    assert step_problems(stamped, AlignStep.CLAMP, thicker)
+    assert step_problems(bare, AlignStep.CLAMP, JOB) and len(problems(stamped, JOB)) < len(problems(bare, JOB))

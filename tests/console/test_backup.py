@@ -34,7 +34,7 @@ from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.console.commands import Console
-from tests.console.test_identified_store import RESPONSE
+from tests.console.test_identify_command import RESPONSE
 from tests.console.test_own_files import CALIBRATION, LEARNED, MACHINE, STOPS
 
 RUN = {

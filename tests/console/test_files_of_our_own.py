@@ -33,7 +33,7 @@ from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 from profiles.strict_values import DEPTH_CAP, from_json
 from tests.console.commands import Console
-from tests.console.test_identified_store import RESPONSE
+from tests.console.test_identify_command import RESPONSE
 
 JOB, MACHINE = load_job("lee-2001-experiment-1"), load_machine("lee-2001-lathe")
 

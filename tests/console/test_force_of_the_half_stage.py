@@ -1,20 +1,20 @@
-"""A half stage on simulated lathes whose lobe is where the job has it, half a lobe off, or turned.
-
-The true angle is the plant's own; the force knows nothing of it but by the surface that the tool meets.
-"""
+"""A half stage on lathes whose lobe is elsewhere: the force says so. What the push of a cut leaves."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from benchmarks.feed_hold import ABOUT_HOLD_MM, Cutting, figures, row_fall_um
 from console.session.cut.engine import CutContext
 from console.session.cut.force_watch import MOST_SAMPLES, ForceWatch
 from console.session.cut.in_process import simulated_context
 from console.session.cut.run import RunResult, plan_run, run_once
+from console.session.force_record import ForceCheck, against_full, force_event, force_of
 from console.session.guide.start_checks import checks
 from console.session.stages import Stage
 from console.session.station.commands import Arm, Start
@@ -28,7 +28,7 @@ from drivers.errors import LinkTimeoutError
 from drivers.pmac.gathering.gather import GatherError
 from drivers.pmac.gathering.gather_client import DataGathering
 from drivers.simulator.plant.presets import plant_named
-from profiles.compensations.force_null import ForceNull, Sign, Why
+from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
 from profiles.machine import MachineProfile
 from profiles.problem import Problem
 from profiles.store import LoadedMachine, load_job, load_machine
@@ -244,3 +244,115 @@ def test_five_turns_of_air_and_six_of_a_full_chip_are_gathered(monkeypatch: pyte
     ForceWatch(context.lathe, plan.job).begin(replace(plan.cut, spindle_speed_rpm=100.0))
     turns = prepared["seconds"] / 0.6
     assert 0.5 * MOST_SAMPLES < prepared["samples"] * turns <= MOST_SAMPLES, "a slow cut gathers less often"
+
+
+TURNED = ForceNull(
+    sign=Sign.TURNED,
+    lobes=3,
+    force_n=-0.7 + 0.2j,
+    force_sd_n=0.03,
+    right_n=-0.6j,
+    wrong_n=1.0j,
+    mean_n=2.6,
+    ratio=0.1 - 0.9j,
+    turned_deg=28.0,
+    turned_sd_deg=2.5,
+    air_turns=6,
+    cut_turns=6,
+)
+
+
+@pytest.mark.parametrize("found", [TURNED, replace(TURNED, sign=Sign.AGREES), unknown(3, Why.ROUND)])
+def test_what_is_written_is_read_again(found: ForceNull) -> None:
+    assert force_of(json.dumps({"strategy": "cam", **force_event(found)})) == found
+
+
+@pytest.mark.parametrize(
+    "data", ["{}", "[]", "{", '{"force_null": 1}', '{"force_null": {"sign": "agrees"}}', '{"force_null": null}']
+)
+def test_what_another_version_wrote_is_nothing(data: str) -> None:
+    assert force_of(data) is None
+    assert force_event(None) == {}
+
+
+@pytest.mark.parametrize(
+    ("moved_deg", "code"),
+    [
+        (0.0, "force.turned"),
+        (28.0, None),
+        (20.0, None),
+        (-28.0, "force.wrong_sign"),  # 56 degrees of spindle are 168 of the lobe
+        (148.0, None),
+        (15.0, "force.turned"),
+    ],
+)
+def test_it_stands_until_jaw_1_is_where_the_force_has_it(moved_deg: float, code: str | None) -> None:
+    """Ten degrees of spindle are 30 of a lobe of three; 120 degrees further on is the same lobe."""
+    said = against_full(TURNED, moved_deg)
+    assert (None if said is None else said.code) == code
+
+
+def test_it_is_said_of_its_job_alone() -> None:
+    job = experiment_1()
+    check = ForceCheck(job=job, found=TURNED)
+    assert check.contradicts(job) is not None
+    assert check.contradicts(replace(job, assumed=())) is not None
+    assert check.contradicts(replace(job, lobe_phase_deg=job.lobe_phase_deg + 28.0)) is None
+    assert check.contradicts(replace(job, depth_of_cut_mm=0.2)) is None
+    assert ForceCheck(job=job, found=replace(TURNED, sign=Sign.AGREES)).contradicts(job) is None
+
+
+DESIGNED = (766.0, 15326.0, 4.39)  # docs/tuning.md: V/m, V/(m s), V s/m
+
+
+def cutting(
+    strategy: Strategy, gains: tuple[float, ...] | None = DESIGNED, parts: int = 0, passive: float = 0.0
+) -> Cutting:
+    return Cutting(
+        job_name="lee-2001-experiment-1",
+        machine_name="lee-2001-lathe",
+        strategy=strategy,
+        plant="steady",
+        parts=parts,
+        gains=gains,
+        passive_fraction=passive,
+    )
+
+
+@pytest.mark.parametrize(
+    "strategy",
+    [
+        Strategy.PVT,
+        pytest.param(Strategy.CAM, marks=pytest.mark.long),
+        pytest.param(Strategy.TIMEBASE, marks=pytest.mark.long),
+    ],
+)
+def test_with_a_stiff_loop_neither_entry_nor_hold_leaves_a_step(strategy: Strategy) -> None:
+    found = figures(cutting(strategy), 7)
+    assert not found.refused
+    assert found.fall_um is not None and abs(found.fall_um) < 1.0
+    # Both of these parts scatter by some tenths of a um: friction and noise differ after the hold.
+    assert found.step_um is not None and found.step_um < 1.0
+    assert min(ABOUT_HOLD_MM) < -0.4 and max(ABOUT_HOLD_MM) > 0.4  # as long as the land reaches
+
+
+@pytest.mark.parametrize(
+    "strategy",
+    [
+        Strategy.CAM,
+        *(pytest.param(each, marks=pytest.mark.long) for each in (Strategy.PVT, Strategy.TIMEBASE)),
+    ],
+)
+def test_a_stated_force_takes_the_push_of_a_soft_loop_out(strategy: Strategy) -> None:
+    found = figures(cutting(strategy, gains=None, passive=0.4), 7)
+    assert not found.refused
+    # Without it both are 17 to 19 um; what is left of the fall is dry friction.
+    assert found.fall_um is not None and abs(found.fall_um) < 4.0
+    assert found.step_um is not None and found.step_um < 1.5
+
+
+@pytest.mark.long
+def test_a_row_of_parts_learns_the_push_of_a_soft_loop() -> None:
+    soft = cutting(Strategy.CAM, gains=None, parts=2)
+    # With nothing learned the second part falls by 12 um, as the first does; the third falls by 0.1 um.
+    assert abs(row_fall_um(soft, 7)) < 8.0

@@ -1,29 +1,171 @@
-"""`console identify`: what it prints and keeps, what it refuses, and whom it asks."""
+"""`console identify`: printed, kept to the last bit, refused; the loop of the tool as the controller has it."""
 
 from __future__ import annotations
 
+import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from console.cli.machine.identify_report import Teller
-from console.session.data.identified import load
+from console.session.data.health import kept_tests
+from console.session.data.identified import load, store
 from console.session.signals import Interruption
+from console.session.station.commands import CheckHealth, EnableDrives, Home, IdentifyTool, ReadLoop
 from console.session.station.owning import Owning
 from console.session.station.reaching import Reached
+from console.session.station.state import Activity
 from console.text.catalogue import load as words
 from drivers.cutting.strategy import Strategy
 from drivers.identification.request import IdentificationRequest
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin, as_table, from_table
 from drivers.lathe.heartbeat import Heartbeat
+from drivers.lathe.snapshot import Snapshot
+from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import SAFETY_DEVICES, MachineProfile
+from profiles.problem import ProfileError
 from profiles.store import load_machine
 from tests.console.commands import Console, answers
-from tests.console.test_identified_store import POINT, RESPONSE
+from tests.console.consoles import MACHINE as MACHINE_NAME
+from tests.console.consoles import station_of
+from tests.console.floor import open_floor
 from tests.drivers.identification_bench import Stand, stand
+from tests.drivers.test_disturbed_measurements import disturb
 from tests.signed_profile import signed_copy
+
+ORIGIN = Origin(
+    machine="lee-2001-lathe",
+    simulated=False,
+    version="1.17",
+    kind="PMAC1, X1",
+    gains={"I130": 528.0, "I131": 4905.0, "I132": 4905.0, "I133": 811.0, "I134": 0.0, "I135": 0.0},
+    servo_period_ms=0.4427083730697632,
+)
+POINT = IdentifiedPoint(
+    frequency_hz=50.0,
+    gain=0.8856,
+    phase_deg=-51.7,
+    gain_ci=0.0002,
+    phase_ci_deg=0.015,
+    coherence=0.99999,
+    amplitude_um=25.0,
+)
+RESPONSE = IdentifiedResponse(
+    origin=ORIGIN,
+    path=Strategy.PVT,
+    how="measured",
+    delay_cycles=0,
+    date="2001-11-30T14:05:00.000Z",
+    points=(POINT,),
+)
+
+
+def test_what_was_kept_is_found_again_to_the_last_bit(tmp_path: Path) -> None:
+    file = store(tmp_path, RESPONSE)
+    assert file == tmp_path / "identified" / "lee-2001-lathe" / "pvt-20011130T140500000Z.json"
+    assert load(file) == RESPONSE
+
+
+@settings(max_examples=25)
+@given(
+    gain=st.floats(0.0, 10.0),
+    phase_deg=st.floats(-180.0, 180.0),
+    name=st.text(min_size=1, max_size=30),
+    path=st.sampled_from([Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE]),
+)
+def test_any_response_survives_the_file(gain: float, phase_deg: float, name: str, path: Strategy) -> None:
+    point = replace(POINT, gain=gain, phase_deg=phase_deg)
+    response = replace(RESPONSE, origin=replace(ORIGIN, machine=name), path=path, points=(point, POINT))
+    assert from_table(json.loads(json.dumps(as_table(response)))) == response
+
+
+def test_nothing_is_overwritten(tmp_path: Path) -> None:
+    file = store(tmp_path, RESPONSE)
+    with pytest.raises(ProfileError) as refused:
+        store(tmp_path, replace(RESPONSE, points=()))
+    assert refused.value.problems[0].code == "file.exists"
+    assert load(file) == RESPONSE
+
+
+@pytest.mark.parametrize("name", ["../../outside", "..", ".", "a/b", "lathe 2", "선반", "\x00"])
+def test_a_machine_of_any_name_keeps_to_its_folder(tmp_path: Path, name: str) -> None:
+    kept = replace(RESPONSE, origin=replace(ORIGIN, machine=name))
+    file = store(tmp_path / "data", kept)
+    assert file.parent.parent == tmp_path / "data" / "identified"
+    assert load(file) == kept
+
+
+@pytest.mark.parametrize(
+    "content",
+    [b"", b"{", b"[]", b"null", b'{"schema": 1}', b"\xff", b"[" * 100_000],
+)
+def test_a_file_that_is_none_of_ours_is_named(tmp_path: Path, content: bytes) -> None:
+    file = store(tmp_path, RESPONSE)
+    file.write_bytes(content)
+    with pytest.raises(ProfileError) as refused:
+        load(file)
+    (problem,) = refused.value.problems
+    assert (problem.code, problem.where) == ("identify.file", str(file))
+
+
+def test_a_point_without_a_number_is_no_point(tmp_path: Path) -> None:
+    table = as_table(RESPONSE)
+    del table["points"][0]["coherence"]
+    with pytest.raises(ProfileError):
+        from_table(table)
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
+    (tmp_path / "identified").write_text("", encoding="ascii")
+    with pytest.raises(ProfileError) as refused:
+        store(tmp_path, RESPONSE)
+    assert refused.value.problems[0].code == "file.not_writable"
+
+
+def changed(table: dict[str, Any], keys: tuple[str | int, ...], value: object) -> dict[str, Any]:
+    inner: Any = table
+    for key in keys[:-1]:
+        inner = inner[key]
+    inner[keys[-1]] = value
+    return table
+
+
+@pytest.mark.parametrize(
+    ("keys", "value"),
+    [
+        (("points", 0, "amplitude_um"), math.inf),
+        (("points", 0, "amplitude_um"), 0.0),
+        (("points", 0, "gain"), "0.9"),
+        (("points", 0, "phase_deg"), math.nan),
+        (("points", 0, "coherence"), True),
+        (("points", 0, "more"), 1.0),
+        (("origin", "simulated"), "false"),
+        (("origin", "simulated"), 0),
+        (("origin", "gains", "I130"), "528"),
+        (("origin", "servo_period_ms"), 0.0),
+        (("origin", "version"), 1.17),
+        (("delay_cycles",), 2.7),
+        (("delay_cycles",), "2"),
+        (("how",), "guessed"),
+        (("date",), 20011130),
+    ],
+)
+def test_a_value_of_another_type_is_refused_and_not_converted(
+    tmp_path: Path, keys: tuple[str | int, ...], value: object
+) -> None:
+    file = store(tmp_path, RESPONSE)
+    table = changed(json.loads(file.read_text(encoding="utf-8")), keys, value)
+    file.write_text(json.dumps(table), encoding="utf-8")
+    with pytest.raises(ProfileError) as refused:
+        load(file)
+    assert [(p.code, p.where) for p in refused.value.problems] == [("identify.file", str(file))]
+
 
 LANGUAGES = ("en", "ko")
 SHORT = ("--frequencies", "30,70", "--periods", "8")
@@ -217,3 +359,80 @@ def test_a_reader_that_is_gone_stops_the_machine(
     assert said.code == 1
     assert made.stop.reason == "output closed"
     assert not made.drives_on
+
+
+def test_the_gains_are_those_of_the_controller_whoever_has_written_them(tmp_path: Path) -> None:
+    machine = load_machine(MACHINE_NAME).machine
+    sim = SimulatedLathe(machine)
+    owner = station_of(sim, tmp_path)
+    owner.client.request("I130=600", lines=0)
+    owner.client.request("I136=-1.5", lines=0)
+    owner.client.request("I168=40", lines=0)
+    loop = owner.do(ReadLoop()).tool_loop
+    assert loop is not None
+    assert (loop.gains["I130"], loop.gains["I131"], loop.unmodelled) == (600.0, 4905.0, ("I168",))
+    assert loop.gains["I136"] == -1.5, "the model has the notch filter"
+    assert loop.servo_period_ms == pytest.approx(0.4427083730697632)
+    assert loop.on(machine).controller.variables["I130"] == 600.0
+    # It may be read by a console that only observes, and writes nothing.
+    observer = station_of(sim, tmp_path / "other", locking=False)
+    assert not observer.state.controls
+    observer.line.heard = b""
+    assert observer.do(ReadLoop()).tool_loop is not None
+    assert b"=" not in observer.line.heard
+
+
+def test_the_tool_is_tested_and_identified_from_the_screen_as_by_the_commands(tmp_path: Path) -> None:
+    owner = station_of(SimulatedLathe(load_machine(MACHINE_NAME).machine), tmp_path)
+    owner.do(CheckHealth(step_um=25.0))
+    assert (owner.refusals, owner.state.tested) == (["machine.not_enabled", "machine.not_homed"], "")
+    owner.do(EnableDrives())
+    owner.do(Home())
+    owner.do(CheckHealth(step_um=60.0))
+    assert owner.refusals == ["identify.amplitude"] and owner.state.activity is Activity.READY
+    state = owner.do(CheckHealth(step_um=25.0))
+    assert (owner.refusals, owner.alarms, state.activity) == ([], [], Activity.READY)
+    (kept,) = kept_tests(tmp_path, MACHINE_NAME, 5)
+    assert kept.result is not None and state.tested == kept.file.name == "health-000001.json"
+    assert kept.result.sine.gain == pytest.approx(kept.result.model.gain, rel=0.002)
+    assert state.snapshot is not None and state.snapshot.loops_closed and state.snapshot.at_rest
+
+
+def test_a_stop_ends_a_test_and_leaves_the_machine_stopped_with_its_drives_off(tmp_path: Path) -> None:
+    owner = station_of(SimulatedLathe(load_machine(MACHINE_NAME).machine), tmp_path)
+    owner.do(EnableDrives())
+    owner.do(Home())
+    begun_s = owner.sim.now_s()
+    seen: list[Activity] = []
+
+    def stopping(snapshot: Snapshot) -> None:
+        seen.append(owner.state.activity)
+        if owner.sim.now_s() > begun_s + 1.6 and owner.stop.reason is None:
+            owner.stop.stop("space")
+
+    owner.looks.append(stopping)
+    owner.do(CheckHealth(step_um=25.0))
+    assert Activity.TESTING in seen
+    owner.looks.remove(stopping)
+    state = owner.look()
+    assert state.stop is not None and state.stop.reason == "space" and state.stop.rest_s is not None
+    assert state.activity is Activity.STOPPED and kept_tests(tmp_path, MACHINE_NAME, 5) == ()
+    assert state.snapshot is not None and state.snapshot.loops_open
+    assert owner.client.request("LIST PROG998") in ((), ("",), ("RET",))
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize("command", [CheckHealth(step_um=25.0), IdentifyTool(path=Strategy.PVT)])
+def test_nothing_is_kept_of_a_tool_whose_gain_changed_meanwhile(
+    tmp_path: Path, command: CheckHealth | IdentifyTool
+) -> None:
+    floor = open_floor(tmp_path, 1, "ideal", load_machine("lee-2001-lathe"), owned=True)
+    floor.do(EnableDrives())
+    floor.do(Home())
+    disturb(floor.sim, (1.0, "I132=2452"))
+    state = floor.do(command)
+    (alarm,) = state.alarms
+    assert (alarm.problem.code, alarm.problem.key) == ("measurement.changed", "I132")
+    assert (alarm.problem.value, alarm.problem.limit) == ("2452", "4905")
+    assert state.tested == "" and not [*tmp_path.glob("health/**/*.json"), *tmp_path.glob("identified/**/*.json")]
+    assert state.snapshot is not None and state.snapshot.loops_open

@@ -31,8 +31,7 @@ from profiles.axis.notch import Notch, Reading
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import gains_from_variables, notch_settings, with_variables
 from profiles.store import load_machine
-from tests.console.cable import cabled, until_back
-from tests.console.consoles import MACHINE, WithStation, station_of
+from tests.console.consoles import MACHINE, WithStation, cabled, station_of, until_back
 from tests.console.test_gain_trial import BEFORE, cut_after, record, stands
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 

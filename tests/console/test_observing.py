@@ -1,9 +1,12 @@
-"""Two consoles with a station each on one card: what an observer may do, and how control changes hands."""
+"""Two consoles with a station each: what an observer may do and is shown, how control changes hands."""
 
 from __future__ import annotations
 
+import os
+import socket
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -45,12 +48,18 @@ from console.session.station.commands import (
     Verify,
 )
 from console.session.station.handlers import HANDLERS
+from console.session.station.link.onlookers import Onlookers
 from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
-from console.session.station.state import Activity, Armed
+from console.session.station.owning import Owning
+from console.session.station.state import Activity, Armed, StationState
+from console.session.terminal_place import UNKNOWN, remote_client, signed_host
+from console.text.catalogue import load
+from console.tui.frame import observing, onlookers
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.signature import BYTES
 from drivers.lathe.snapshot import AxisName, Snapshot
-from drivers.lathe.standing import Standing
+from drivers.lathe.standing import BY_SSH, Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
@@ -368,3 +377,140 @@ def test_a_fault_of_the_console_itself_opens_the_loops_of_ones_own_machine_alone
     link.end("over")
     assert link.join(SOON_S)
     assert bool(set(console.hear()) & set(STOPS)) is (who == "owner")
+
+
+def looks(console: WithStation, times: int = 8) -> None:
+    for _ in range(times):
+        console.sim.wait(0.3)
+        console.look()
+
+
+def test_an_observer_is_shown_name_computer_and_since_when(tmp_path: Path) -> None:
+    """Rule R2: one console controls, with name, computer and time; the others see that."""
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    kim = station_of(sim, tmp_path / "here", name="kim")
+    lee = station_of(sim, tmp_path / "there", name="lee")
+    looks(lee)
+    by = lee.state.held_by
+    assert by is not None and (by.number, by.name) == (kim.number, "kim")
+    assert by.host == socket.gethostname().partition(".")[0][:15]
+    now = datetime.now(UTC)
+    assert abs(60 * by.minute - now.timestamp()) < 120.0
+    shown = observing(load("en"), lee.state, now)
+    assert "kim@" in shown and f"since {datetime.fromtimestamp(60 * by.minute, UTC):%H:%M}" in shown
+    tomorrow = observing(load("en"), lee.state, now + timedelta(days=1))
+    assert f"{now:%Y-%m-}" in tomorrow
+    kim.hear()
+    looks(kim)
+    assert kim.look().held_by is None and b"P1012" not in kim.hear()
+    lee.do(TakeControl())
+    looks(kim)
+    looks(lee)
+    after = kim.state.held_by
+    assert after is not None and after.name == "lee"
+    (alarm,) = kim.state.alarms  # as on the first row, and raised once
+    assert (alarm.problem.code, alarm.count) == ("owner.ousted", 1)
+    assert f"({after.name}@{after.host})" in load("en").problem(alarm.problem)
+    assert f"{after.name}@{after.host}" in observing(load("en"), kim.state, now)
+    assert lee.look().held_by is None
+
+
+def test_a_console_that_does_not_sign_is_shown_by_its_number(tmp_path: Path) -> None:
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    silent = station_of(sim, tmp_path / "here")
+    lee = station_of(sim, tmp_path / "there", name="lee")
+    looks(lee, 30)
+    assert lee.state.held_by is None and str(silent.number) in observing(load("en"), lee.state, datetime.now(UTC))
+    lee.hear()
+    looks(lee)
+    assert b"P1012" not in lee.hear(), "it is not asked for ever"
+
+
+def test_the_console_in_control_counts_who_looks_on(tmp_path: Path) -> None:
+    """Processes, because a lock of a process does not keep out its own."""
+    address, asked, ended = "tcp:lathe:1025", os.pipe(), os.pipe()
+    observer = os.fork()
+    if not observer:
+        there = Onlookers(tmp_path, address)
+        there._looks_on = True
+        there.see()
+        os.write(asked[1], b"x")
+        os.read(ended[0], 1)
+        os._exit(0)
+    here = Onlookers(tmp_path, address)
+    assert os.read(asked[0], 1)
+    here.see()
+    seen = here.count
+    os.write(ended[1], b"x")
+    os.waitpid(observer, 0)
+    here.see()
+    assert (seen, here.count) == (1, 0)
+    here._looks_on = True
+    here.see()
+    assert here.count == 0
+    shown = onlookers(load("en"), StationState(onlookers=1))
+    assert "1 console looks on" in str(shown) and onlookers(load("en"), StationState()) == ()
+
+
+def test_when_the_console_in_control_has_gone_the_alarm_of_it_ends_and_t_is_named(tmp_path: Path) -> None:
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    kim = station_of(sim, tmp_path)
+    lee = station_of(sim, tmp_path)
+    looks(lee)
+    assert "owner.beside" in lee.alarms
+    kim.station.close("quit")
+    looks(lee)
+    assert lee.alarms == ["owner.free"] and "press t" in load("en").problem(lee.state.alarms[0].problem)
+    assert "owner.beside" not in [alarm.problem.code for alarm in lee.state.alarms]
+    lee.do(TakeControl())
+    assert "owner.free" not in lee.alarms
+
+
+@pytest.mark.parametrize(
+    ("environment", "client"),
+    [
+        ({}, ""),
+        ({"SSH_CONNECTION": "192.168.1.7 51234 192.168.1.2 22"}, "192.168.1.7"),
+        ({"SSH_CLIENT": "192.168.1.7 51234 22", "SSH_TTY": "/dev/pts/3"}, "192.168.1.7"),
+        ({"SSH_CONNECTION": "fe80::1%eth0 51234 fe80::2%eth0 22"}, "fe80::1"),
+        ({"SSH_CONNECTION": "::ffff:10.0.0.9 51234 ::ffff:10.0.0.1 22"}, "10.0.0.9"),
+        # From the computer itself: whoever sits there, sits there.
+        ({"SSH_CONNECTION": "127.0.0.1 51234 127.0.0.1 22", "SSH_TTY": "/dev/pts/3"}, ""),
+        ({"SSH_CONNECTION": "::1 51234 ::1 22"}, ""),
+        ({"SSH_CONNECTION": "::ffff:127.0.0.1 51234 ::ffff:127.0.0.1 22"}, ""),
+        ({"SSH_TTY": "/dev/pts/3"}, UNKNOWN),
+        ({"SSH_CONNECTION": "nonsense"}, UNKNOWN),
+    ],
+)
+def test_a_terminal_is_here_or_where_ssh_comes_from(environment: dict[str, str], client: str) -> None:
+    assert remote_client(environment) == client
+
+
+def test_what_is_signed_fits_and_tells_ssh_from_a_computer() -> None:
+    assert signed_host("", "lathe2") == "lathe2"
+    assert signed_host("192.168.100.107", "lathe2") == "192.168.100.107"
+    assert signed_host("2001:db8:85a3::8a2e:370:7334", "lathe2") == signed_host(UNKNOWN, "lathe2") == BY_SSH
+    assert len("192.168.100.107") <= BYTES
+
+
+@pytest.mark.parametrize(
+    ("client", "shown"),
+    [
+        ("192.168.100.107", "kim from 192.168.100.107 by SSH has control"),
+        (UNKNOWN, "kim from ? by SSH has control"),
+    ],
+)
+def test_an_observer_is_shown_where_the_terminal_in_control_comes_from(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, client: str, shown: str
+) -> None:
+    begin = Owning.__init__
+
+    def far(self: Owning, *given: object, **named: object) -> None:
+        begin(self, *given, **(named | ({"client": client} if named.get("name") == "kim" else {})))  # type: ignore[arg-type]
+
+    monkeypatch.setattr(Owning, "__init__", far)
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    station_of(sim, tmp_path / "here", name="kim")
+    lee = station_of(sim, tmp_path / "there", name="lee")
+    looks(lee)
+    assert shown in observing(load("en"), lee.state, datetime.now(UTC))

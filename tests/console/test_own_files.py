@@ -20,7 +20,7 @@ from profiles.compensations.learned import HoldsFor, LearnedCompensation, PartRe
 from profiles.compensations.path import CutPath, LobedPath, PathHarmonic
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import load_machine
-from tests.console.test_identified_store import RESPONSE
+from tests.console.test_identify_command import RESPONSE
 
 MACHINE = load_machine("lee-2001-lathe").machine
 HOLDS = HoldsFor(job="j", job_sha256="a", machine="m", machine_sha256="b", simulated=True, strategy="pvt")

@@ -33,8 +33,7 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from tests.compact import compact_machine
-from tests.console.cable import TRIES, Cable, cabled, until_back
-from tests.console.consoles import STOP_CHARACTERS, WithStation
+from tests.console.consoles import STOP_CHARACTERS, TRIES, Cable, WithStation, cabled, until_back
 from tests.console.floor import experiment_1
 
 READ_ONLY = (b"J", b"HM", b"R\r", b"J=", b"A\r", b"M70=", b"P1000=", b"P1003=", b"ENABLE", b"\x01")

@@ -1,7 +1,8 @@
-"""`console run`: from a saved job to a measured part, with the figures of the paper as oracle."""
+"""`console run`: from a saved job to a measured part, on both controllers, and the dialogue that it traces."""
 
 from __future__ import annotations
 
+import re
 import sqlite3
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +10,11 @@ from typing import Any
 
 import pytest
 
-from profiles.store import load_job, save_job
+from drivers.link.memory import MemoryLink
+from drivers.simulator.machine import SimulatedLathe
+from profiles.store import load_job, load_machine, save_job
 from tests.console.commands import Console, JobFile
+from tests.system.lathe_sites import compact_text
 
 FILTER_AT_3 = 0.99751
 """What the 50 UPR filter lets through of a three-lobe (ISO 16610-21 table)."""
@@ -232,3 +236,135 @@ def test_what_the_tool_ran_into_is_told(
     assert any(word in line for line in console(*words).out.splitlines())
     if language == "en":
         assert console(*words, "--json").json["collisions"] == ["too_deep"]
+
+
+def takes_the_lobe_away(result: dict[str, Any]) -> None:
+    assert (result["machine"], result["simulated"]) == ("turbo-ethernet-lathe", True)
+    assert (result["collisions"], result["warnings"]) == ([], [])
+    assert result["before"]["RONt_um"] == pytest.approx(55.0, abs=0.3)
+    assert result["after"]["RONt_um"] < 1.0
+    assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
+
+
+def lathe_of(family: str, folder: Path) -> str:
+    """Save the bundled machine of a family with short ways."""
+    path = folder / f"{family}.toml"
+    path.write_text(compact_text(family), encoding="utf-8")
+    return str(path)
+
+
+@pytest.mark.parametrize("strategy", ["cam", pytest.param("timebase", marks=pytest.mark.long)])
+@pytest.mark.long
+def test_a_turbo_takes_the_lobe_away_in_each_way_that_keeps_the_angle(
+    console: Console, job_file: JobFile, tmp_path: Path, strategy: str
+) -> None:
+    """By the table on the bundled machine as it is."""
+    path = job_file(cut_length_mm="0.5", roundness_tolerance_um="10.0")
+    machine = "turbo-ethernet-lathe" if strategy == "cam" else lathe_of("turbo", tmp_path)
+    words = ("--sim", "--json", "--machine", machine, "--strategy", strategy)
+    takes_the_lobe_away(console("run", str(path), *words).json)
+
+
+@pytest.mark.long
+def test_both_controllers_leave_the_same_part_by_times_that_are_planned(
+    console: Console, job_file: JobFile, tmp_path: Path
+) -> None:
+    path = str(job_file(cut_length_mm="0.5", roundness_tolerance_um="10.0"))
+    parts = [
+        console("run", path, "--sim", "--json", "--machine", lathe_of(family, tmp_path), "--strategy", "pvt").json
+        for family in ("pmac", "turbo")
+    ]
+    paper, turbo = parts
+    takes_the_lobe_away(turbo)
+    for part in ("before", "after"):
+        assert turbo[part]["RONt_um"] == pytest.approx(paper[part]["RONt_um"], abs=0.1)
+    assert turbo["tool_error_um"] == pytest.approx(paper["tool_error_um"], abs=0.1)
+
+
+JOB = "lee-2001-experiment-1"
+LINE = re.compile(r"\d+\.\d{3} [><!*] \S.*")
+
+
+def test_a_job_is_traced_from_the_first_flush_to_the_end(
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path
+) -> None:
+    path = tmp_path / "trace"
+    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close, "--json", "--trace", str(path))
+    assert (said.code, said.err) == (0, "")
+    first, *lines = path.read_text(encoding="utf-8").splitlines()
+    assert re.fullmatch(rf"# \S+ run {JOB}", first)
+    assert [line for line in lines if not LINE.fullmatch(line)] == []
+    assert lines[0].endswith("> [^X]")
+    asked = [line.split(" > ", 1)[1] for line in lines if " > " in line]
+    # Both parts were connected to, a program was loaded, and run.
+    assert asked.count("[^X]") >= 2
+    assert "VERSION TYPE" in asked or "VERSION" in asked
+    assert any(line.startswith("OPEN PROG") for line in asked)
+    assert "CLOSE" in asked
+    assert any(line.endswith("< [ACK]") for line in lines)
+
+
+def test_without_room_for_it_nothing_begins(console: Console, job_file: JobFile, tmp_path: Path) -> None:
+    job = str(job_file(cut_length_mm="0.5"))
+    said = console("run", job, "--sim", "--trace", str(tmp_path))
+    assert said.code == 1
+    assert said.out == ""
+    assert "Is a directory" in said.err.splitlines()[-1]
+
+
+@pytest.mark.long
+def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
+    console: Console,
+    close: tuple[str, str],
+    job_file: JobFile,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    from drivers.link.tracing import TraceFile
+
+    written = 0
+
+    def write(file: TraceFile, line: str) -> None:
+        nonlocal written
+        written += 1
+        if written > 100:
+            raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(TraceFile, "write", write)
+    job = str(job_file(cut_length_mm="0.5"))
+    said = console("run", job, "--sim", *close, "--json", "--trace", str(tmp_path / "trace"))
+    assert said.code == 0
+    assert [("No space left" in line) for line in said.err.splitlines()].count(True) == 1
+    assert said.json["after"]["RONt_um"] < 1.0
+    assert [warning for warning in said.json["warnings"] if "No space left" in warning] != []
+
+
+@pytest.mark.parametrize(
+    ("command", "asked"),
+    [(("doctor",), "I10"), (("controller", "verify"), "I10"), (("controller", "backup", "{file}"), "LIST PLC1")],
+    ids=["doctor", "verify", "backup"],
+)
+def test_what_looks_at_a_controller_is_traced_as_well(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], asked: str
+) -> None:
+    sim = SimulatedLathe(load_machine("lee-2001-lathe").machine)
+    monkeypatch.setattr("console.cli.machine.card_access.open_link", lambda _: MemoryLink(sim.connect(), sim))
+    path = tmp_path / "trace"
+    words = [word.format(file=tmp_path / "card.pmac") for word in command]
+    said = console(*words, "--link", "tcp:lathe:1", "--trace", str(path))
+    assert (said.out != "", said.err) == (True, "")
+    first, *lines = path.read_text(encoding="utf-8").splitlines()
+    assert re.fullmatch(rf"# \S+ {command[0]} lee-2001-lathe", first)
+    assert [line for line in lines if not LINE.fullmatch(line)] == []
+    assert any(" > " in line and asked in line for line in lines)
+    assert any(line.endswith("< [ACK]") for line in lines)
+
+
+def test_without_room_for_it_no_controller_is_looked_for(
+    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[object] = []
+    monkeypatch.setattr("console.cli.machine.card_access.open_link", opened.append)
+    said = console("doctor", "--link", "tcp:lathe:1", "--trace", str(tmp_path))
+    assert (said.code, said.out, opened) == (1, "", [])
+    assert "Is a directory" in said.err

@@ -1,13 +1,15 @@
-"""What is recorded of a run is read again: page by page, in full, and with what is damaged left out."""
+"""What is recorded of a run is read again: page by page, in full, with what is damaged left out."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import pwd
+import re
 import sqlite3
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
@@ -20,8 +22,9 @@ import pytest
 
 from console.session.cut.run import roundness_of
 from console.session.data import records
+from console.session.data.history import last_results
 from console.session.data.measured_part import RecordedPart
-from console.session.data.record_file import FILE_NAME
+from console.session.data.record_file import FILE_NAME, opened
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_log import RunLog
 from console.session.data.run_reader import How, RunFilters, RunRow, measured_parts, run_of_trace, runs, story
@@ -393,3 +396,78 @@ def test_a_folder_in_the_place_of_the_record_is_no_empty_record(tmp_path: Path) 
     with pytest.raises(SessionError) as caught:
         runs(tmp_path, RunFilters())
     assert [each.code for each in caught.value.problems] == ["record.not_readable"]
+
+
+def test_the_queries_of_the_document_work(tmp_path: Path) -> None:
+    opened(tmp_path, time.monotonic() + 5.0).close()
+    document = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+    queries = re.findall(r"^```sql\n(.*?)^```", document, re.MULTILINE | re.DOTALL)
+    assert len(queries) == 4
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
+        for query in queries:
+            assert database.execute(query).fetchall() == []
+
+
+def run(folder: Path, *measured: dict[str, object], simulated: bool = True) -> None:
+    record = RunRecord(
+        folder,
+        {
+            "software": "test",
+            "job": "",
+            "job_sha256": "",
+            "machine": "",
+            "machine_sha256": "",
+            "simulated": int(simulated),
+            "strategy": "pvt",
+            "program": "",
+        },
+    )
+    record.add("started", {"job": "ring", "ront_um": 99.0})
+    for data in measured:
+        record.add("measured", data)
+    record.close()
+
+
+def test_the_last_measured_part_is_the_one_that_is_told(tmp_path: Path) -> None:
+    run(tmp_path, {"job": "ring", "ront_um": 55.0, "strategy": "none"}, {"job": "bar", "ront_um": 1.5})
+    run(tmp_path, {"job": "ring", "ront_um": 2.6, "strategy": "pvt"})
+    results = last_results(tmp_path, simulated=True)
+    assert sorted(results) == ["bar", "ring"]
+    ring = results["ring"]
+    assert (ring.ront_um, ring.strategy, ring.parts) == (2.6, "pvt", 2)
+    assert ring.measured_at.tzinfo is not None
+
+
+def test_a_simulated_part_is_not_shown_as_a_real_one(tmp_path: Path) -> None:
+    run(tmp_path, {"job": "ring", "ront_um": 2.6})
+    run(tmp_path, {"job": "ring", "ront_um": 7.0}, simulated=False)
+    assert last_results(tmp_path, simulated=False)["ring"].ront_um == 7.0
+    assert last_results(tmp_path, simulated=True)["ring"].ront_um == 2.6
+
+
+def test_without_a_record_nothing_is_known_and_nothing_is_made(tmp_path: Path) -> None:
+    assert last_results(tmp_path / "new", simulated=True) == {}
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("content", [b"", b"no database" * 500])
+def test_a_broken_record_says_nothing(tmp_path: Path, content: bytes) -> None:
+    (tmp_path / FILE_NAME).write_bytes(content)
+    assert last_results(tmp_path, simulated=True) == {}
+
+
+def test_a_locked_record_says_nothing(tmp_path: Path) -> None:
+    run(tmp_path, {"job": "ring", "ront_um": 2.6})
+    writer = sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)
+    writer.execute("PRAGMA journal_mode=DELETE")
+    writer.execute("BEGIN EXCLUSIVE")
+    assert last_results(tmp_path, simulated=True) == {}
+    writer.execute("ROLLBACK")
+    assert "ring" in last_results(tmp_path, simulated=True)
+    writer.close()
+
+
+def test_what_another_version_wrote_is_passed_over(tmp_path: Path) -> None:
+    strange: list[dict[str, object]] = [{"job": "ring", "ront_um": value} for value in ("much", "9.9", True)]
+    run(tmp_path, {"job": "ring", "ront_um": 2.6}, {"job": "ring"}, *strange)
+    assert last_results(tmp_path, simulated=True)["ring"].ront_um == 2.6
