@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.machine.card_access import Card
 from console.session.data.kept_files import data_folder
@@ -28,14 +29,14 @@ on_one = pytest.mark.parametrize("card", ["pmac"], indirect=True)
 
 
 @pytest.fixture(params=["pmac", "turbo"])
-def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Commissioned:
+def card(request: pytest.FixtureRequest, monkeypatch: MonkeyPatch) -> Commissioned:
     """The controller that the commands meet, on simulated time."""
     made = commissioned(of_family(load_machine("lee-2001-lathe").machine, request.param))
     _meet(made, monkeypatch, made.machine, made.client.connect, address="memory", simulated=True)
     return made
 
 
-def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = "machine") -> None:
+def real(card: Commissioned, monkeypatch: MonkeyPatch, signed_for: str = "machine") -> None:
     """Let the commands take the card for one of iron, whose safety devices somebody has signed for."""
     machine = signed(card.machine, signed_for)
     _meet(card, monkeypatch, machine, lambda: ("1.17", "PMAC1, X1"), address="tcp:lathe:1", simulated=False)
@@ -43,7 +44,7 @@ def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = 
 
 def _meet(
     made: Commissioned,
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: MonkeyPatch,
     machine: MachineProfile,
     connect: Callable[[], tuple[str, str]],
     **facts: Any,
@@ -61,7 +62,7 @@ def signed(machine: MachineProfile, signed_for: str) -> MachineProfile:
     return replace(machine, safety=replace(machine.safety, signed_for=signed_for))
 
 
-def answers(monkeypatch: pytest.MonkeyPatch, text: str, *, late: bool = False) -> None:
+def answers(monkeypatch: MonkeyPatch, text: str, *, late: bool = False) -> None:
     """Answer the next question of a command at a terminal; how old an answer is has tests at a real one."""
     terminal = io.StringIO()
     monkeypatch.setattr(terminal, "isatty", lambda: True, raising=False)

@@ -170,9 +170,7 @@ def test_presses_between_two_polls_do_not_pass_the_bound(floor: Floor) -> None:
     ],
 )
 @pytest.mark.long
-def test_what_a_strategy_cannot_do_is_refused_with_the_reason(
-    floor: Floor, strategy: Strategy, command: Command, code: str
-) -> None:
+def test_what_a_strategy_cannot_is_refused(floor: Floor, strategy: Strategy, command: Command, code: str) -> None:
     found: list[str] = []
 
     def ask() -> None:

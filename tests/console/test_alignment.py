@@ -221,9 +221,7 @@ ON, HOLDS = Problem(code="cut.table_on", key="I51"), Problem(code="cut.table_hol
         ((), False, []),
     ],
 )
-def test_a_table_that_adds_something_is_cleared_another_way_without_a_home(
-    tables: tuple[Problem, ...], homed: bool, codes: list[str]
-) -> None:
+def test_a_table_is_cleared_otherwise_unhomed(tables: tuple[Problem, ...], homed: bool, codes: list[str]) -> None:
     """One that is only switched on adds nothing, and is switched off wherever the axes are."""
     assert [problem.code for problem in tables_told(tables, homed=homed)] == codes
 

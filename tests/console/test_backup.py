@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.data import calibrations, identified, learned_store, restore, stop_records
 from console.session.data.backup import back_up
@@ -86,9 +87,7 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 
 
 @pytest.mark.usefixtures("running")
-def test_all_of_it_comes_back_also_from_under_a_running_console(
-    console: Console, data: Path, tmp_path: Path
-) -> None:
+def test_all_comes_back_from_under_a_running_console(console: Console, data: Path, tmp_path: Path) -> None:
     file, again = tmp_path / "lathe.tar.gz", tmp_path / "new" / "lathe"
     (data / ".job.toml.0123abcd.tmp").write_bytes(b"half")
     said = console("backup", str(file), "--data", str(data), "--json")
@@ -234,9 +233,7 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
     assert [code_of(tmp_path / name, place) for name in ("pipe", "nowhere")] == ["file.unreadable"] * 2
 
 
-def test_an_archive_that_is_replaced_after_it_was_checked_is_not_restored(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_replaced_archive_is_not_restored(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     file, other, place = tmp_path / "b.tar.gz", tmp_path / "other.tar.gz", tmp_path / "place"
     place.mkdir()
     back_up(data, file)
@@ -292,9 +289,7 @@ def test_records_of_a_newer_console_are_refused(data: Path, tmp_path: Path) -> N
     assert code_of(tmp_path / "b.tar.gz", place) == "record.other_schema"
 
 
-def test_a_restore_that_is_killed_leaves_no_half_folder_and_the_next_removes_its_rest(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_restore_leaves_no_half_folder(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     file, place = tmp_path / "b.tar.gz", tmp_path / "place"
     place.mkdir()
     back_up(data, file)
@@ -321,9 +316,7 @@ def test_a_restore_that_is_killed_leaves_no_half_folder_and_the_next_removes_its
     assert contents(place / "lathe") == contents(data)
 
 
-def test_a_full_disk_is_said_before_anything_is_written(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_said_before_any_write(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     file, place = tmp_path / "b.tar.gz", tmp_path / "place"
     place.mkdir()
     back_up(data, file)

@@ -11,6 +11,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut import recording
 from console.session.cut import run as run_module
@@ -47,9 +48,7 @@ PLAN = plan_cut(load_job("lee-2001-experiment-1").job, MACHINE, Strategy.NONE)
 
 
 @pytest.mark.parametrize("stopped", [True, False])
-def test_a_stop_after_the_reference_part_begins_no_second_one(
-    monkeypatch: pytest.MonkeyPatch, stopped: bool
-) -> None:
+def test_a_stop_after_the_reference_part_begins_no_second_one(monkeypatch: MonkeyPatch, stopped: bool) -> None:
     """A stop that comes while the first part is measured: nothing of the first cut refuses it."""
     stop = StopPath(cast(Any, SimpleNamespace(send_urgent=lambda _: None)))
     opened: list[None] = []
@@ -129,9 +128,7 @@ def test_a_cut_that_is_ended_before_the_feed_ends_held_and_without_figures() -> 
 
 
 @pytest.mark.parametrize("clamped", [False, True])
-def test_a_part_that_is_clamped_is_not_clamped_anew_and_what_it_ran_into_is_told(
-    monkeypatch: pytest.MonkeyPatch, clamped: bool
-) -> None:
+def test_a_clamped_part_is_not_clamped_anew(monkeypatch: MonkeyPatch, clamped: bool) -> None:
     """Its fingerprint is that of this clamping."""
     job = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
     machine, mounted, mark = compact_machine().machine, list[str](), cast(Any, "the jaws")
@@ -191,8 +188,8 @@ def test_an_error_of_the_console_in_mid_cut_stops_the_machine() -> None:
     ("off_um", "ront_um", "passed"),
     [(59.0, 4.9, True), (-59.0, 4.9, True), (61.0, 4.9, False), (-61.0, 4.9, False), (0.0, 5.1, False)],
 )
-def test_a_part_passes_within_both_of_its_tolerances(
-    monkeypatch: pytest.MonkeyPatch, off_um: float, ront_um: float, passed: bool
+def test_a_part_passes_both_tolerances(
+    monkeypatch: MonkeyPatch, off_um: float, ront_um: float, passed: bool
 ) -> None:
     """The bundled job allows 5 um of roundness, and 60 um of diameter either way."""
     job = load_job("lee-2001-experiment-1").job
@@ -226,9 +223,7 @@ def started(sim: SimulatedLathe) -> bool:
 
 @pytest.mark.parametrize(("line", "code"), REWRITES)
 @pytest.mark.first(1)
-def test_the_screens_refuse_it_before_anything_moves(
-    tmp_path: Path, in_copies: None, line: str, code: str
-) -> None:
+def test_screens_refuse_it_before_anything_moves(tmp_path: Path, in_copies: None, line: str, code: str) -> None:
     floor, job = set_up_once(tmp_path), experiment_1(CUT_MM)
     assert floor.arm(job).armed is not None
     before = floor.lathe.snapshot()
@@ -303,9 +298,7 @@ def moving(simulated: SimulatedLathe) -> bool:
     return any(abs(a - b) > 5 for a, b in zip(before, after, strict=True))
 
 
-def test_a_fault_of_the_console_stops_the_machine_and_is_told(
-    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
-) -> None:
+def test_a_fault_of_the_console_stops_and_is_told(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan) -> None:
     opened, simulated = shop
     with pytest.raises(SessionError) as fault:
         cut_part(opened, JOB, plan, at(Step.RETRACT, lambda: [][1]))
@@ -333,9 +326,7 @@ def test_a_stop_with_the_tool_in_the_part_says_so(shop: tuple[CutContext, Simula
     assert all(motor.enabled for motor in activated), "ramped down under control"
 
 
-def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
-    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
-) -> None:
+def test_a_trip_in_the_part_cannot_be_retracted(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan) -> None:
     opened, simulated = shop
     original = simulated.wait
 
@@ -362,9 +353,7 @@ def test_a_trip_with_the_tool_in_the_part_says_that_it_cannot_be_retracted(
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("friction_n", "trips"), [(6.0, False), (8.0, True)])
-def test_a_tool_that_sticks_says_how_far_it_was_behind_and_what_friction_does_that(
-    friction_n: float, trips: bool
-) -> None:
+def test_a_tool_that_sticks_says_by_what_friction(friction_n: float, trips: bool) -> None:
     """Eight newtons of dry friction trip 150 um where the tool turns round, six do not; what is told is between.
 
     The loop gives way by 10.86 um/N and is pushed by twice the friction there: 150 / 2 / 10.86 = 6.9 N.
@@ -403,9 +392,7 @@ def test_friction_that_was_identified_stands_beside_the_friction_that_trips() ->
         assert "6.9 N" in said and "8.2 ± 0.9 N" in said
 
 
-def test_a_stop_before_the_zeros_are_found_does_not_say_where_the_tool_stands(
-    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
-) -> None:
+def test_a_stop_before_the_zeros_names_no_place(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan) -> None:
     opened, simulated = shop
     original = simulated.wait
 
@@ -425,9 +412,7 @@ def _settings(simulated: SimulatedLathe) -> dict[int, float]:
     return {index: simulated.controller.variables.i(index) for index in range(1024)}
 
 
-def test_settings_that_differ_refuse_the_cut_and_leave_the_machine_alone(
-    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan
-) -> None:
+def test_other_settings_refuse_the_cut(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan) -> None:
     opened, simulated = shop
     simulated.controller.variables.replace_i({**_settings(simulated), 115: 0.25, 500: 1.0})
     with pytest.raises(SessionError) as refused:
@@ -437,9 +422,7 @@ def test_settings_that_differ_refuse_the_cut_and_leave_the_machine_alone(
     assert opened.lathe.stop.reason is None
 
 
-def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
-    shop: tuple[CutContext, SimulatedLathe], plan: CutPlan, tmp_path: Path
-) -> None:
+def test_a_locked_record_stops_it(shop: tuple[CutContext, SimulatedLathe], plan: CutPlan, tmp_path: Path) -> None:
     opened, simulated = shop
     record = RunRecord(tmp_path, RUN, timeout_s=0.3)
     other = sqlite3.connect(tmp_path / "records.sqlite3", isolation_level=None)
@@ -467,9 +450,7 @@ def test_a_record_that_is_locked_stops_the_machine_within_a_moment(
 )
 @pytest.mark.parametrize("strategy", [Strategy.PAPER, Strategy.PVT])
 @pytest.mark.first(3)
-def test_what_would_go_wrong_in_the_cut_is_refused_before_it(
-    changes: dict[str, Any], code: str, strategy: Strategy
-) -> None:
+def test_what_would_go_wrong_is_refused_before_it(changes: dict[str, Any], code: str, strategy: Strategy) -> None:
     rpm = changes.get("spindle_speed_rpm", JOB.spindle_speed_rpm)
     job: Job = replace(JOB, chucking_force_n=3100.0, lobe_force_n=3100.0, lobe_spindle_speed_rpm=rpm, **changes)
     with pytest.raises(SessionError) as refused:

@@ -67,9 +67,7 @@ def test_a_wrench_is_fitted_and_not_kept(console: Console, wrench: Path, data_fo
     assert "remark" in said.err
 
 
-def test_what_is_kept_is_added_and_shown_beside_the_next(
-    console: Console, wrench: Path, data_folder: Path
-) -> None:
+def test_what_is_kept_is_shown_beside_the_next(console: Console, wrench: Path, data_folder: Path) -> None:
     for _ in range(2):
         assert console("calibrate", "chuck", str(wrench), "--keep").code == 0
     kept = files(data_folder)
@@ -90,9 +88,7 @@ def test_what_is_kept_is_added_and_shown_beside_the_next(
         ("chucking_force_n,load_n,angle_deg,diameter_mm,overhang_mm,deflection_um\n", ("youngs_modulus_gpa",)),
     ],
 )
-def test_a_table_that_cannot_be_used_is_one_line(
-    console: Console, tmp_path: Path, text: str, words: tuple[str, ...]
-) -> None:
+def test_a_useless_table_is_one_line(console: Console, tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
     path = tmp_path / "t.csv"
     path.write_text(text)
     said = console("calibrate", "chuck", str(path))
@@ -101,9 +97,7 @@ def test_a_table_that_cannot_be_used_is_one_line(
         assert word in said.err
 
 
-def test_the_lobe_of_a_trace_becomes_the_error_of_a_copy(
-    console: Console, tmp_path: Path, data_folder: Path
-) -> None:
+def test_the_lobe_of_a_trace_is_that_of_a_copy(console: Console, tmp_path: Path, data_folder: Path) -> None:
     said = console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", JOB, "--keep", "--json")
     assert said.code == 0
     kept = load_job(f"{JOB}-2", data_folder / "trilobe" / "jobs")
@@ -123,9 +117,7 @@ def test_an_own_job_keeps_its_file_and_its_remarks(console: Console, tmp_path: P
     assert "# Table 6" in path.read_text()
 
 
-def test_an_unknown_phase_keeps_nothing_and_tells_the_amplitude(
-    console: Console, tmp_path: Path, data_folder: Path
-) -> None:
+def test_an_unknown_phase_keeps_nothing(console: Console, tmp_path: Path, data_folder: Path) -> None:
     path = str(trace(tmp_path))
     said = console("calibrate", "lobe", path, "--job", JOB, "--keep")
     assert (said.code, files(data_folder)) == (1, [])
@@ -137,7 +129,7 @@ def test_an_unknown_phase_keeps_nothing_and_tells_the_amplitude(
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_compensated_part_is_told_and_never_kept(
+def test_a_compensated_part_is_not_kept(
     console: Console, tmp_path: Path, data_folder: Path, language: str
 ) -> None:
     cut = ("# simulated: yes", "# compensation: none", "# strategy: cam", "# stage: full")
@@ -165,7 +157,7 @@ def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: 
     ("language", "high", "low"),
     [("en", "the clamped ring springs back", "deflects between"), ("ko", "물린 링의 탄성 복원", "벽의 처짐")],
 )
-def test_the_sign_at_the_jaws_names_the_mechanism(
+def test_the_sign_names_the_mechanism(
     console: Console, tmp_path: Path, language: str, high: str, low: str
 ) -> None:
     for phase_deg, words in ((2.0, high), (62.0, low)):
@@ -206,9 +198,7 @@ def test_a_run_is_planned_only_at_the_force_of_the_calibration_cut(force_n: floa
 
 
 @pytest.mark.long
-def test_the_cut_of_the_paper_at_another_speed_is_refused_in_the_simulator_too(
-    console: Console, tmp_path: Path
-) -> None:
+def test_the_cut_of_the_paper_at_another_speed_is_refused(console: Console, tmp_path: Path) -> None:
     """The error of experiment 1 was found at 1000 rpm, with more of the chucking force lost than at 800."""
     path = tmp_path / "slow.toml"
     text = (BUNDLED_JOBS / f"{JOB}.toml").read_text(encoding="utf-8")

@@ -83,9 +83,7 @@ def warned(job: Job, machine: MachineProfile) -> set[str]:
     return {f.problem.key for f in lobe_as_found(job, machine) if f.severity is Severity.WARNING}
 
 
-def test_what_a_profile_leaves_open_comes_from_the_newest_calibrations(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_what_is_open_comes_from_the_newest_calibrations(console: Console, tmp_path: Path, data: Path) -> None:
     assert with_calibrations(OPEN, data).machine == OPEN
     for words in ((wrench(tmp_path, 280.0, 0.0, 50.0),), (wrench(tmp_path, 300.0, 400.0, 60.0), "--affine")):
         said = console("calibrate", "chuck", *words, "--keep", "--json")
@@ -154,9 +152,7 @@ def test_half_a_line_of_the_profile_is_not_completed(console: Console, tmp_path:
     assert found.machine.chuck.force_sd_percent is not None
 
 
-def test_a_value_that_nobody_has_measured_gives_way_to_one_that_was(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_an_assumed_value_gives_way_to_a_measured_one(console: Console, tmp_path: Path, data: Path) -> None:
     """The bundled lathe assumes 377 N/(N m) and 5 %; a line is one thing, and takes its offset along."""
     assert "chuck.force_per_torque_n_per_n_m" in LATHE.assumed
     told = console("calibrate", "chuck", wrench(tmp_path, 300.0, 400.0, 60.0), "--affine", "--keep", "--json")
@@ -185,9 +181,7 @@ def test_without_calibrations_a_machine_is_what_its_file_says(data: Path) -> Non
         assert (found.used, found.warnings) == ({}, ())
 
 
-def test_what_is_proven_of_a_machine_does_not_look_at_its_calibrations(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_what_is_proven_does_not_look_at_calibrations(console: Console, tmp_path: Path, data: Path) -> None:
     """Stop record, what is ours on the card, and why a response is another one's: as without."""
     for table in (wrench(tmp_path, 300.0, 0.0, 50.0), jaws(tmp_path, length_mm=30.0, n_per_um=60.0, alpha=0.4)):
         assert console("calibrate", "chuck", table, "--keep").code == 0
@@ -215,9 +209,7 @@ def test_what_is_proven_of_a_machine_does_not_look_at_its_calibrations(
 
 
 @pytest.mark.parametrize("broken", ["not json", "without", "wild", "of another"])
-def test_a_broken_calibration_is_refused_and_the_screen_opens_without(
-    console: Console, tmp_path: Path, data: Path, broken: str
-) -> None:
+def test_a_broken_calibration_is_refused(console: Console, tmp_path: Path, data: Path, broken: str) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 0.0, 50.0), "--keep").code == 0
     (file,) = data.rglob("wrench-*.json")
     record = json.loads(file.read_text())
@@ -278,9 +270,7 @@ def test_a_slope_that_is_hardly_known_is_told(console: Console, tmp_path: Path) 
     assert "force_sd_percent = " in sure.out
 
 
-def test_a_lobe_is_kept_with_the_chuck_and_the_tool_that_it_was_found_with(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_a_lobe_is_kept_with_its_chuck_and_tool(console: Console, tmp_path: Path, data: Path) -> None:
     angle = np.arange(360.0)
     rng = np.random.default_rng(1)
     deviation = 27.5 * np.cos(3 * np.radians(angle - 92.0)) + rng.normal(0.0, 0.3, 360)
@@ -297,9 +287,7 @@ def test_a_lobe_is_kept_with_the_chuck_and_the_tool_that_it_was_found_with(
     assert judged == {"own": set(), "other": {"chuck.name", "tool.name"}}
 
 
-def test_a_calibration_of_another_chuck_is_not_used_and_that_is_told(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_a_calibration_of_another_chuck_is_not_used(console: Console, tmp_path: Path, data: Path) -> None:
     """The newest of the chuck that is on counts; where there is none, what is known of another one is not it."""
     for slope in (300.0, 280.0):
         assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
@@ -331,9 +319,7 @@ def test_a_calibration_of_another_chuck_is_not_used_and_that_is_told(
         {"sd_n": True},
     ],
 )
-def test_a_line_that_does_not_say_how_sure_it_is_is_none_of_ours(
-    console: Console, tmp_path: Path, data: Path, change: dict[str, Any]
-) -> None:
+def test_a_line_of_unknown_certainty(console: Console, tmp_path: Path, data: Path, change: dict[str, Any]) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 0.0, 50.0), "--keep").code == 0
     (file,) = data.rglob("wrench-*.json")
     record = json.loads(file.read_text())
@@ -419,9 +405,7 @@ def test_a_span_between_two_whole_newtons_is_not_upside_down() -> None:
         ("ko", "맞는 힘 없음", "더 길게 물리십시오"),
     ],
 )
-def test_where_no_force_holds_every_command_says_so_with_both_numbers_and_a_way_out(
-    console: Console, job_file: JobFile, language: str, none: str, room: str
-) -> None:
+def test_where_no_force_holds(console: Console, job_file: JobFile, language: str, none: str, room: str) -> None:
     """A thin ring at a deep cut: what holds it bends its wall for good."""
     job = job_file(wall_thickness_mm="1.5", depth_of_cut_mm="0.5", cut_length_mm="0.5")
     loaded = load_job(str(job)).job
@@ -495,9 +479,7 @@ def test_a_measured_wrench_is_used_by_form_arming_preview_prediction_and_run(
     assert json.loads(events["result"])["clamping"]["force_most_n"] == predicted["maximum_n"]
 
 
-def test_a_contradiction_of_what_a_profile_states_is_told_by_what_judges_a_job(
-    console: Console, job_file: JobFile, tmp_path: Path
-) -> None:
+def test_a_contradiction_of_a_profile_is_told(console: Console, job_file: JobFile, tmp_path: Path) -> None:
     text = LOADED.path.read_text(encoding="utf-8").replace('  "chuck.force_per_torque_n_per_n_m",\n', "")
     own = tmp_path / "stated.toml"
     own.write_text(text, encoding="utf-8")

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.alignment import Alignment, Mounted, TouchOff
 from console.session.data.calibrated_chuck import calibrated
@@ -102,9 +103,7 @@ def chuck_used(data: Path) -> tuple[float | None, ...]:
 
 
 @pytest.mark.parametrize("factor", USABLE)
-def test_a_wrench_in_another_unit_is_not_kept_until_it_is_typed_out(
-    console: Console, tmp_path: Path, data: Path, factor: float
-) -> None:
+def test_a_wrench_in_another_unit_is_not_kept(console: Console, tmp_path: Path, data: Path, factor: float) -> None:
     table = wrench(tmp_path, 377.0 * factor)
     said = console("calibrate", "chuck", table, "--keep")
     assert (said.code, kept(data)) == (1, [])
@@ -124,9 +123,7 @@ def test_the_unit_mistake_is_named(console: Console, tmp_path: Path, factor: flo
     assert mistake in console("calibrate", "chuck", wrench(tmp_path, 377.0 * factor), "--keep").err
 
 
-def test_a_wrench_beyond_every_profile_is_not_kept_even_typed_out(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_a_wrench_beyond_every_profile_is_never_kept(console: Console, tmp_path: Path, data: Path) -> None:
     said = console("calibrate", "chuck", wrench(tmp_path, 150e3), "--keep", "--confirm", "150000")
     assert (said.code, kept(data)) == (1, []) and "100000 N/(N m)" in said.err
 
@@ -144,7 +141,7 @@ def test_deflections_in_another_unit_change_nothing_in_silence(
 
 
 @pytest.mark.parametrize("factor", [25.4, 1 / 25.4, 10.0, 0.1])
-def test_lengths_in_another_unit_change_nothing_in_silence(
+def test_lengths_in_another_unit_change_nothing(
     console: Console, tmp_path: Path, data: Path, factor: float
 ) -> None:
     scaled = {"overhang_mm": factor, "diameter_mm": factor}
@@ -153,9 +150,7 @@ def test_lengths_in_another_unit_change_nothing_in_silence(
 
 
 @pytest.mark.parametrize("modulus_gpa", [20.6, 29.9, 700.0])
-def test_a_modulus_that_no_metal_has_is_typed_out(
-    console: Console, tmp_path: Path, data: Path, modulus_gpa: float
-) -> None:
+def test_a_modulus_of_no_metal(console: Console, tmp_path: Path, data: Path, modulus_gpa: float) -> None:
     said = console("calibrate", "chuck", jaws(tmp_path, modulus_gpa=modulus_gpa), "--keep")
     assert (said.code, kept(data)) == (1, []), said.err
 
@@ -195,7 +190,7 @@ def scaled_record(file: Path, factor: float) -> None:
 
 @pytest.mark.parametrize("kind", ["wrench", "deflection"])
 @pytest.mark.parametrize("factor", USABLE)
-def test_an_older_record_in_another_unit_is_not_used_and_that_is_told(
+def test_an_older_record_is_not_used(
     console: Console, tmp_path: Path, data: Path, kind: str, factor: float
 ) -> None:
     table = wrench(tmp_path) if kind == "wrench" else jaws(tmp_path)
@@ -214,9 +209,7 @@ def test_an_older_record_in_another_unit_is_not_used_and_that_is_told(
     assert "NOT used" in said.out + said.err
 
 
-def test_a_record_says_that_it_was_typed_out_only_for_its_own_value(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_what_was_typed_out_holds_for_its_own_value(console: Console, tmp_path: Path, data: Path) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 800.0), "--keep", "--confirm", "800").code == 0
     (file,) = (data / FOLDER).rglob("*.json")
     assert chuck_used(data)[0] == pytest.approx(800.0, rel=1e-3)
@@ -332,7 +325,7 @@ SLOPES = {"soft": 300.0, "stiff": 377.0}
 
 
 @pytest.fixture
-def calibrate(console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], Any]:
+def calibrate(console: Console, tmp_path: Path, monkeypatch: MonkeyPatch) -> Callable[[str, str], Any]:
     """Keep a calibration of the wrench on a day."""
 
     def keep(slope: str, date: str) -> Any:
@@ -351,9 +344,7 @@ def predicted(console: Console) -> Any:
     return console("predict", JOB.name, "--json")
 
 
-def test_the_calibration_that_was_kept_last_counts_whatever_its_date(
-    console: Console, calibrate: Callable[[str, str], Any]
-) -> None:
+def test_the_calibration_kept_last_counts(console: Console, calibrate: Callable[[str, str], Any]) -> None:
     calibrate("stiff", NEXT_YEAR)
     said = calibrate("soft", LAST_YEAR)
     assert NEXT_YEAR in said.err and "wrong" in said.err
@@ -364,18 +355,14 @@ def test_the_calibration_that_was_kept_last_counts_whatever_its_date(
 
 
 @pytest.mark.parametrize("command", ["predict", "preview", "program"])
-def test_a_calibration_of_a_day_to_come_is_told_wherever_it_is_used(
-    console: Console, calibrate: Callable[[str, str], Any], command: str
-) -> None:
+def test_a_date_to_come_is_told(console: Console, calibrate: Callable[[str, str], Any], command: str) -> None:
     calibrate("soft", NEXT_YEAR)
     said = console(command, JOB.name, "--json")
     assert said.err.count(NEXT_YEAR) == 1 and "wrong" in said.err
     assert any(NEXT_YEAR in warning for warning in said.json["warnings"])
 
 
-def test_a_calibration_that_was_named_by_its_date_comes_before_all_with_a_number(
-    console: Console, calibrate: Callable[[str, str], Any], data: Path
-) -> None:
+def test_one_named_by_date_comes_first(console: Console, calibrate: Callable[[str, str], Any], data: Path) -> None:
     first = Path(calibrate("stiff", NEXT_YEAR).json["kept"])
     first.rename(first.with_name("wrench-20991122T100000Z.json"))
     assert predicted(console).json["sources"][KEY] == NEXT_YEAR
@@ -383,7 +370,7 @@ def test_a_calibration_that_was_named_by_its_date_comes_before_all_with_a_number
     assert predicted(console).json["sources"][KEY] == LAST_YEAR
 
 
-def record_cut(data: Path, monkeypatch: pytest.MonkeyPatch, at: str, compensation: int | None) -> None:
+def record_cut(data: Path, monkeypatch: MonkeyPatch, at: str, compensation: int | None) -> None:
     """Add a run of the job to the record, at that time of 30 November 2001."""
     set_dates(monkeypatch, lambda: f"2001-11-30T{at}:00.000+00:00")
     run = RunRecord(
@@ -405,9 +392,7 @@ def record_cut(data: Path, monkeypatch: pytest.MonkeyPatch, at: str, compensatio
     run.close()
 
 
-def test_a_part_is_of_the_cut_that_was_recorded_last_though_the_clock_was_set_back(
-    data: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_part_is_of_the_cut_that_was_recorded_last(data: Path, monkeypatch: MonkeyPatch) -> None:
     record_cut(data, monkeypatch, LATE, None)
     record_cut(data, monkeypatch, EARLY, 3)
     asked = asked_for(load_job("lee-2001-experiment-1"), LOADED, "", simulated=True)
@@ -416,7 +401,7 @@ def test_a_part_is_of_the_cut_that_was_recorded_last_though_the_clock_was_set_ba
     assert date_problems(cuts_of(data, asked), asked.job) == ()
 
 
-def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: MonkeyPatch) -> None:
     record_cut(data, monkeypatch, EARLY, None)
     record_cut(data, monkeypatch, EARLY, 3)
     asked = asked_for(load_job("lee-2001-experiment-1"), LOADED, "", simulated=True)

@@ -67,9 +67,7 @@ def test_the_papers_program_is_explained_in_plain_sentences(console: Console, me
     assert said.err == ""
 
 
-def test_a_program_that_would_crash_leaves_with_1_and_a_clean_one_with_0(
-    console: Console, printed: Path, program: Callable[[str], str]
-) -> None:
+def test_a_crash_is_1_and_clean_is_0(console: Console, printed: Path, program: Callable[[str], str]) -> None:
     assert console("check-program", str(printed)).code == 1
     clean = console("check-program", program(CLEAN))
     assert (clean.code, clean.err) == (0, "")
@@ -157,7 +155,7 @@ def test_rounding_does_not_unfold_what_repeats(console: Console, program: Callab
         ("lee-2001-experiment-1", "none"),
     ],
 )
-def test_what_console_program_prints_has_no_fault(
+def test_what_is_printed_is_sound(
     console: Console, program: Callable[[str], str], job: str, strategy: str
 ) -> None:
     said = console("check-program", program(console("program", job, "--strategy", strategy).out))
@@ -193,9 +191,7 @@ def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[
         ("X=99999999999", 1, "the program cannot start with motor #1 at 99999999999 counts"),
     ],
 )
-def test_a_start_that_is_none_is_refused_in_one_line(
-    console: Console, meant: Path, start: str, code: int, words: str
-) -> None:
+def test_a_start_that_is_none_is_refused(console: Console, meant: Path, start: str, code: int, words: str) -> None:
     said = console("check-program", str(meant), "--from", start)
     assert (said.code, said.out) == (code, "")
     assert words in said.err
@@ -272,9 +268,7 @@ def test_a_lobe_that_drifts_is_told(console: Console, meant: Path) -> None:
         ("OPEN PROG 1\nENDWHILE\nCLOSE\n", "ERR009"),
     ],
 )
-def test_what_is_no_program_is_refused_in_one_line(
-    console: Console, program: Callable[[str], str], text: str, words: str
-) -> None:
+def test_what_is_no_program_is_one(console: Console, program: Callable[[str], str], text: str, words: str) -> None:
     said = console("check-program", program(text))
     assert (said.code, said.out) == (1, "")
     assert words in said.err

@@ -57,9 +57,7 @@ def readings(job: Job, factor: float, places: int = 16) -> ClampReadings:
     )
 
 
-def test_readings_are_kept_with_the_clamping_used_by_the_next_cut_and_lost_with_it(
-    tmp_path: Path, in_copies: None
-) -> None:
+def test_readings_are_kept_with_the_clamping_and_lost_with_it(tmp_path: Path, in_copies: None) -> None:
     floor, job = set_up_once(tmp_path), experiment_1()
     floor.do(TakeFingerprint(job=job, readings=None))
     plain = floor.arm(job, Strategy.CAM).armed
@@ -83,9 +81,7 @@ def test_another_clamping_and_another_console_lose_the_readings() -> None:
     assert handed_over(felt, "09:00").readings is None
 
 
-def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(
-    tmp_path: Path, in_copies: None
-) -> None:
+def test_what_is_no_fingerprint_of_this_lobe_is_refused(tmp_path: Path, in_copies: None) -> None:
     floor, job = set_up_once(tmp_path), experiment_1()
     floor.do(TakeFingerprint(job=job, readings=None))
     six = readings(job, 1.0, 6)
@@ -116,7 +112,7 @@ def short(job_file: JobFile) -> str:
 
 
 @pytest.mark.long
-def test_a_file_of_readings_goes_through_the_cut_and_the_record_into_what_is_learned(
+def test_a_file_of_readings_is_learned(
     console: Console, close: tuple[str, str], short: str, tmp_path: Path
 ) -> None:
     file, part = str(tmp_path / "f.csv"), str(tmp_path / "p.csv")
@@ -164,9 +160,7 @@ def test_a_cut_without_a_path_of_its_own_takes_no_file(
     assert found.code == 1 and said in found.err
 
 
-def test_readings_of_a_simulated_lathe_are_none_of_a_real_one(
-    console: Console, short: str, tmp_path: Path
-) -> None:
+def test_simulated_readings_are_none_of_a_real_lathe(console: Console, short: str, tmp_path: Path) -> None:
     simulated = replace(readings(experiment_1(), 1.0), simulated=True)
     assert parse_readings(readings_text(simulated).encode()).simulated
     file = tmp_path / "f.csv"
@@ -188,9 +182,7 @@ def test_usage(console: Console, short: str, tmp_path: Path) -> None:
     assert there.read_text() == ""
 
 
-def test_readings_far_from_what_job_and_chuck_let_expect_are_said_with_their_numbers(
-    tmp_path: Path, in_copies: None
-) -> None:
+def test_surprising_readings_are_said_with_their_numbers(tmp_path: Path, in_copies: None) -> None:
     """Height of the lobe within 7 %, indicator and force within 5 % each, 0.5 um of 27.5: 10.2 % of it all.
 
     Of 60 % as much, 4 standard deviations, the path follows two thirds, so that it is said; of 85 % nothing is.
@@ -211,9 +203,7 @@ def test_readings_far_from_what_job_and_chuck_let_expect_are_said_with_their_num
     assert float(warning.key) == pytest.approx(4.0, abs=0.2)
 
 
-def test_the_command_says_it_too_and_in_json(
-    console: Console, close: tuple[str, str], short: str, tmp_path: Path
-) -> None:
+def test_the_command_says_it_too(console: Console, close: tuple[str, str], short: str, tmp_path: Path) -> None:
     file = tmp_path / "f.csv"
     file.write_text(readings_text(readings(experiment_1(), 0.6)))
     for language, word in (("en", "standard deviations off"), ("ko", "표준편차")):

@@ -10,6 +10,7 @@ from argparse import Namespace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.configured import fill_in
 from console.session.appearance import CHOICES, appearance_of, fault_in_keys, own_keys, own_keys_text
@@ -31,7 +32,7 @@ def site(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own(tmp_path: Path, monkeypatch: MonkeyPatch) -> Path:
     """The file of this account."""
     path = tmp_path / "own" / "trilobe" / "config.toml"
     path.parent.mkdir(parents=True)
@@ -167,9 +168,7 @@ def test_with_a_machine_in_the_file_plain_console_opens_the_screens(console: Con
     assert said.code == 1 and "the screens need a terminal" in said.err
 
 
-def test_sim_simulates_whatever_link_is_configured(
-    console: Console, own: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sim_simulates_whatever_link_is_configured(console: Console, own: Path, monkeypatch: MonkeyPatch) -> None:
     own.write_text(f'machine = "{OTHER}"\nlink = "tcp:192.0.2.1:1025"\n')  # an address of documentation (RFC 5737)
     started: list[object] = []
 

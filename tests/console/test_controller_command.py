@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 import console as package
 from console.cli.machine.data_folder_checks import data_folder_checks
@@ -25,9 +26,7 @@ from tests.drivers.commissioned import Commissioned
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_doctor_is_green_on_a_fresh_card(
-    console: Console, card: Commissioned, language: str, data_folder: Path
-) -> None:
+def test_doctor_is_green(console: Console, card: Commissioned, language: str, data_folder: Path) -> None:
     said = console("doctor", "--lang", language)
     assert (said.code, said.err) == (0, "")
     assert "\n  ✗" not in said.out
@@ -66,9 +65,7 @@ WHO_CHECKS = {
 
 
 @pytest.mark.parametrize("who", list(WHO_CHECKS))
-def test_doctor_tells_who_checks_that_a_motion_line_arrives_as_it_was_sent(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, who: str
-) -> None:
+def test_doctor_tells_who_checks(console: Console, card: Commissioned, monkeypatch: MonkeyPatch, who: str) -> None:
     """A controller that does not answer control-N is no reason not to work; it has to be known."""
     monkeypatch.setattr(card.link, "checks_bytes", who == "network")
     heard = card.line.receive
@@ -92,7 +89,7 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
 
 @pytest.mark.long
 def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     """On a link that checks no bytes, so that the checksum of each line that moves comes first."""
     monkeypatch.setattr(card.link, "checks_bytes", False)
@@ -103,9 +100,7 @@ def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
     assert proofs == {f"proof_{name}": "holds" for name in names_of(card.machine)}
 
 
-def test_iron_is_not_moved_without_its_name(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_iron_is_not_moved_unnamed(console: Console, card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     real(card, monkeypatch)
     said = console("doctor", "--prove")  # no terminal to ask at
     assert (said.code, "--yes" in said.err) == (1, True)
@@ -124,7 +119,7 @@ def stop_lines(said: Any) -> dict[str, str]:
 
 @on_one
 def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_stops_otherwise(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     real(card, monkeypatch)
     assert stop_lines(console("doctor", "--json")) == {"stops_no_record": "warned"}
@@ -150,9 +145,7 @@ def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_sto
 
 
 @on_one
-def test_a_machine_of_another_console_is_not_proven(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_of_another_is_untouched(console: Console, card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     real(card, monkeypatch)
     card.tell("P1000=77")
     said = console("doctor", "--prove", "--yes")
@@ -271,7 +264,7 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_signature_for_the_simulator_fails_on_iron(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, language: str
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, language: str
 ) -> None:
     real(card, monkeypatch, signed_for="simulator")
     for command in (("doctor",), ("doctor", "--prove", "--yes"), ("controller", "verify")):
@@ -283,9 +276,7 @@ def test_a_signature_for_the_simulator_fails_on_iron(
 
 
 @on_one
-def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_iron(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unsigned_gains_are_not_written(console: Console, card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     card.tell("I130=77")
     real(card, monkeypatch, signed_for="simulator")
     said = console("controller", "apply", "--yes")
@@ -298,7 +289,7 @@ def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_
 
 
 def test_doctor_tells_of_another_package_that_brings_the_command(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, tmp_path: Path
 ) -> None:
     assert "use the command" not in console("doctor").out
     other = tmp_path / "console-0.9.dist-info"
@@ -351,9 +342,7 @@ def test_what_the_group_cannot_use_is_counted_and_the_first_named(tmp_path: Path
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_missing_folder_is_no_fault_and_a_full_disk_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, language: str
-) -> None:
+def test_a_missing_folder_is_none_a_full_disk_is(tmp_path: Path, monkeypatch: MonkeyPatch, language: str) -> None:
     assert [each[:2] for each in said(tmp_path / "new", language)] == [("data_folder_missing", "noted")]
 
     class Full:

@@ -9,6 +9,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.station.owning import take_lock
 from console.text.catalogue import LANGUAGES
@@ -47,7 +48,7 @@ LISTED = {  # whole words, no blanks, the rest as typed, RETURN behind each (Sof
 
 
 @pytest.fixture(autouse=True)
-def profile(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> None:
+def profile(card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     """The profile is that of the card, in both families."""
     loaded = SimpleNamespace(machine=card.machine, path="memory")
     monkeypatch.setattr("console.cli.backups.download_file.profile_of", lambda _: loaded)
@@ -76,9 +77,7 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-def test_a_file_arrives_as_the_card_lists_it(
-    console: Console, card: Commissioned, own: Callable[..., str]
-) -> None:
+def test_a_file_arrives_as_it_is_listed(console: Console, card: Commissioned, own: Callable[..., str]) -> None:
     card.tell("OPEN PROG 101 CLEAR", "X7", "X8", "CLOSE", "OPEN PLC 5 CLEAR", "P9=P9+1", "CLOSE", "I5=2")
     card.tell("ENABLE PLC 5")
     card.line.heard = b""
@@ -172,7 +171,7 @@ REFUSED = {
 
 @on_one
 @pytest.mark.parametrize("why", REFUSED)
-def test_a_file_that_is_refused_sends_no_byte(
+def test_a_refused_file_sends_none(
     console: Console, card: Commissioned, own: Callable[..., str], why: str
 ) -> None:
     text, words = REFUSED[why]
@@ -201,7 +200,7 @@ def test_a_wrong_line_of_an_included_file_is_named_there(
 @on_one
 @pytest.mark.parametrize("why", ["drives", "owner", "gathering", "password", "signature", "name"])
 def test_a_machine_that_is_not_free_keeps_its_programs(
-    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: pytest.MonkeyPatch, why: str
+    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: MonkeyPatch, why: str
 ) -> None:
     words = {
         "drives": "drives are enabled (#1)",
@@ -225,7 +224,7 @@ def test_a_machine_that_is_not_free_keeps_its_programs(
     assert "OPEN" not in sent(card) and "CLEAR" not in sent(card)
 
 
-def when_sent(card: Commissioned, monkeypatch: pytest.MonkeyPatch, line: str, then: Callable[[], str]) -> None:
+def when_sent(card: Commissioned, monkeypatch: MonkeyPatch, line: str, then: Callable[[], str]) -> None:
     """Send something else in the place of a line."""
     send = card.client.send
 
@@ -241,7 +240,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
     console: Console,
     card: Commissioned,
     own: Callable[..., str],
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: MonkeyPatch,
     data_folder: Path,
     language: str,
 ) -> None:
@@ -260,7 +259,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
 
 @on_one
 def test_a_link_that_is_lost_in_the_middle_leaves_word_of_what_is_there(
-    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: MonkeyPatch
 ) -> None:
     torn = False
     when_sent(card, monkeypatch, "F 20", lambda: tear())
@@ -286,7 +285,7 @@ def test_a_link_that_is_lost_in_the_middle_leaves_word_of_what_is_there(
 
 @on_one
 def test_a_card_that_keeps_something_else_is_found_out(
-    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: MonkeyPatch
 ) -> None:
     when_sent(card, monkeypatch, "X-1000", lambda: "X-100")
     said = console("controller", "download", own(TWO))
@@ -294,9 +293,7 @@ def test_a_card_that_keeps_something_else_is_found_out(
     assert "PROG 101:5 is 'X-100', was 'X-1000'" in flat(said.out)
 
 
-def test_kinematics_go_to_their_coordinate_system(
-    console: Console, card: Commissioned, own: Callable[..., str]
-) -> None:
+def test_kinematics_go_to_their_system(console: Console, card: Commissioned, own: Callable[..., str]) -> None:
     text = "&2 OPEN INVERSE\nCLEAR\nP1 = Q7*10\nCLOSE\n&2\nOPEN FORWARD CLEAR\nQ7=P1/10\nCLOSE\n"
     card.line.heard = b""
     said = console("controller", "download", own(text))
@@ -348,11 +345,7 @@ every_command = pytest.mark.parametrize("words", COMMANDS, ids=lambda words: "-"
 
 @pytest.fixture
 def command(
-    console: Console,
-    card: Commissioned,
-    monkeypatch: pytest.MonkeyPatch,
-    tmp_path: Path,
-    words: tuple[str, ...],
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, tmp_path: Path, words: tuple[str, ...]
 ) -> Callable[[], Any]:
     """The command, for a real machine that has something to write: its filter differs from profile and backup."""
     backup, program = tmp_path / "whole.pmac", tmp_path / "own.pmc"
@@ -378,9 +371,7 @@ def left_by(number: int, data: Path, *, dead: bool) -> Any:
 
 @on_one
 @every_command
-def test_the_place_of_a_dead_console_is_taken_logged_and_released(
-    card: Commissioned, command: Callable[[], Any], data_folder: Path
-) -> None:
+def test_a_dead_console_is_replaced(card: Commissioned, command: Callable[[], Any], data_folder: Path) -> None:
     data = data_folder / "trilobe"
     left_by(DEAD, data, dead=True)
     card.tell(f"P1000={DEAD}")

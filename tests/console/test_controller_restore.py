@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.backups import reading_progress, way_back
 from console.text.catalogue import LANGUAGES, load
@@ -61,9 +62,7 @@ def test_what_was_changed_comes_back_and_can_be_undone(
 
 
 @on_one
-def test_a_controller_that_has_it_all_is_left_alone(
-    console: Console, card: Commissioned, backed_up: Path, data_folder: Path
-) -> None:
+def test_what_it_has_is_not_sent(console: Console, card: Commissioned, backed_up: Path, data_folder: Path) -> None:
     said = console("controller", "restore", str(backed_up), "--json")
     assert (said.code, said.json["sent"], said.json["backup"], said.json["differences"]) == (0, 0, None, [])
     assert b"CLEAR" not in card.line.heard
@@ -72,9 +71,7 @@ def test_a_controller_that_has_it_all_is_left_alone(
 
 @on_one
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_limit_of_nothing_is_not_restored(
-    console: Console, card: Commissioned, tmp_path: Path, language: str
-) -> None:
+def test_no_limit_of_0_is_restored(console: Console, card: Commissioned, tmp_path: Path, language: str) -> None:
     """0 is no limit on a PMAC: it is never written, whoever asks."""
     card.tell("I113=0")
     file = tmp_path / "open.pmac"
@@ -88,7 +85,7 @@ def test_a_limit_of_nothing_is_not_restored(
 @on_one
 @pytest.mark.parametrize("answer", ["", "lathe\n"])
 def test_nothing_is_sent_to_a_machine_whose_name_was_not_typed(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, answer: str
 ) -> None:
     card.tell("P7=9")
     real(card, monkeypatch)
@@ -105,7 +102,7 @@ def test_nothing_is_sent_to_a_machine_whose_name_was_not_typed(
 @on_one
 @pytest.mark.parametrize("why", ["drives", "owner", "gathering", "password", "type", "signature"])
 def test_a_machine_that_is_not_free_is_refused(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, why: str
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, why: str
 ) -> None:
     card.tell("P7=9")
     words = {
@@ -127,7 +124,7 @@ def test_a_machine_that_is_not_free_is_refused(
     assert b"CLEAR" not in card.line.heard and b"UNDEFINE" not in card.line.heard
 
 
-def at_program_5(card: Commissioned, monkeypatch: pytest.MonkeyPatch, then: Callable[[], None]) -> None:
+def at_program_5(card: Commissioned, monkeypatch: MonkeyPatch, then: Callable[[], None]) -> None:
     """Let something happen when program 5 is about to be sent."""
     send = card.client.send
 
@@ -141,7 +138,7 @@ def at_program_5(card: Commissioned, monkeypatch: pytest.MonkeyPatch, then: Call
 
 @on_one
 def test_a_restore_that_is_cut_off_names_the_way_back(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
 
@@ -158,7 +155,7 @@ def test_a_restore_that_is_cut_off_names_the_way_back(
 
 @on_one
 def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
     at_program_5(card, monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
@@ -171,7 +168,7 @@ def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
 
 @on_one
 def test_ctrl_c_while_it_reads_again_names_the_way_back_to_the_same_machine(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
     readings = []
@@ -199,9 +196,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_how_far_a_reading_is_is_one_line_that_is_written_over_and_taken_away(
-    monkeypatch: pytest.MonkeyPatch, language: str
-) -> None:
+def test_how_far_a_reading_is_is_one_line(monkeypatch: MonkeyPatch, language: str) -> None:
     terminal, done = Terminal(), iter([0.0, 0.25, 0.5, 0.9])
     seen, enough = threading.Event(), 3
 
@@ -220,7 +215,7 @@ def test_how_far_a_reading_is_is_one_line_that_is_written_over_and_taken_away(
     assert said.endswith(f"\r{' ' * 78}\r")
 
 
-def test_without_a_terminal_nothing_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_terminal_nothing_is_shown(monkeypatch: MonkeyPatch) -> None:
     quiet = io.StringIO()
     monkeypatch.setattr("sys.__stderr__", quiet)
     with reading_progress.shown("configuration.reading", load("en"), lambda: 0.5):
@@ -239,12 +234,7 @@ def stands(card: Commissioned) -> list[float]:
 @pytest.mark.first(1)
 @on_one
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_gains_are_shown_applied_explained_and_taken_back(
-    console: Console,
-    card: Commissioned,
-    data_folder: Path,
-    language: str,
-) -> None:
+def test_gains_are_tried_and_back(console: Console, card: Commissioned, data_folder: Path, language: str) -> None:
     before = stands(card)
     shown = console("tune", "show", "--factor", "0.9", "--lang", language)
     assert shown.code == 0 and "I130  528 -> " in shown.out and not (data_folder / "trilobe" / "trials").exists()
@@ -267,9 +257,7 @@ def test_gains_are_shown_applied_explained_and_taken_back(
 
 @on_one
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_filter_that_the_profile_does_not_state_is_named_and_written_away(
-    console: Console, card: Commissioned, language: str
-) -> None:
+def test_an_unstated_filter_is_written_away(console: Console, card: Commissioned, language: str) -> None:
     card.tell("I136=-0.5", "I138=0.25")
     shown = console("tune", "show", "--lang", language)
     assert "I136 -0.5 (0), I138 0.25 (0)" in shown.out
@@ -282,9 +270,7 @@ def test_a_filter_that_the_profile_does_not_state_is_named_and_written_away(
 
 
 @on_one
-def test_once_the_profile_is_applied_nobody_says_that_gains_are_on_trial(
-    console: Console, card: Commissioned, data_folder: Path
-) -> None:
+def test_an_applied_profile_ends_a_trial(console: Console, card: Commissioned, data_folder: Path) -> None:
     assert console("tune", "apply", "--factor", "0.9", "--yes").code == 0
     assert "on trial" in console("controller", "verify").out
     assert console("controller", "apply", "--yes").code == 0

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from benchmarks.hostile_host import GOOD, JOB, Attack, Sent, WitnessedLathe, lathe_at, make, plan_of, said
 from console.session.cut.cut_verdict import CutJudgement
@@ -94,8 +95,8 @@ def test_what_another_host_does_to_a_cut_stops_it_at_that_poll(floor: Floor, lin
     [("I130=4", "controller.setting", "I130"), ("P55=60", "cut.trim_differs", "")],
 )
 @pytest.mark.first(1)
-def test_a_tool_that_trips_after_another_host_wrote_is_not_called_sticky(
-    floor: Floor, line: str, code: str, key: str, monkeypatch: pytest.MonkeyPatch
+def test_a_trip_after_another_wrote(
+    floor: Floor, line: str, code: str, key: str, monkeypatch: MonkeyPatch
 ) -> None:
     """A factor of 60 on the path, or next to no gain, trips a tool without friction within a turn.
 
@@ -131,9 +132,7 @@ def test_a_constant_that_is_changed_in_the_cut_is_found_while_it_cuts(floor: Flo
     ],
 )
 @pytest.mark.first(1)
-def test_a_cut_that_another_host_ends_is_ended_early_and_not_measured(
-    floor: Floor, line: str, reason: str
-) -> None:
+def test_a_cut_that_another_host_ends_is_not_measured(floor: Floor, line: str, reason: str) -> None:
     state, _ = cut_with(floor, line)
     assert {"cut.ended_early", reason} <= set(told(state))
     early = next(alarm.problem for alarm in state.alarms if alarm.problem.code == "cut.ended_early")
@@ -184,9 +183,7 @@ def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
     ],
 )
 @pytest.mark.first(2)
-def test_what_is_changed_on_the_way_to_the_start_is_refused_before_the_program_runs(
-    floor: Floor, strategy: Strategy, line: str, code: str
-) -> None:
+def test_what_changes_before_the_start_is_refused(floor: Floor, strategy: Strategy, line: str, code: str) -> None:
     """Between the first look of the start and the start itself the axes go to their places."""
     floor.arm(experiment_1(LONG_MM), strategy)
     floor.when(lambda seen: seen.moving, lambda: another_host(floor, line))
@@ -371,7 +368,7 @@ def test_what_was_undone_is_found(
     assert made.outcome == outcome
 
 
-def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_gain_that_was_another_for_the_whole_feed_is_told_in_um(monkeypatch: MonkeyPatch) -> None:
     """Each turn is like the others, and the gain is back before the end: the command kept to the plan.
 
     Neither are the settings read beside the polls here nor is there a witness: each would tell.

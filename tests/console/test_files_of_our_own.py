@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.data import calibrations, identified, learned_store, stop_records
 from console.session.data.calibrated_chuck import calibrated
@@ -215,7 +216,7 @@ def test_json_is_read_as_deep_as_our_files_are() -> None:
 
 @pytest.mark.parametrize("home", [None, "", "relative"])
 def test_without_any_home_the_data_folder_is_asked_for(
-    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, home: str | None
+    console: Console, tmp_path: Path, monkeypatch: MonkeyPatch, home: str | None
 ) -> None:
     def nobody(_: int) -> None:
         raise KeyError("getpwuid(): uid not found")
@@ -229,7 +230,7 @@ def test_without_any_home_the_data_folder_is_asked_for(
     assert console("jobs", "--data", str(tmp_path)).code == 0
 
 
-def test_a_home_that_is_not_told_is_that_of_the_user(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_a_home_that_is_not_told_is_that_of_the_user(monkeypatch: MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.delenv("HOME", raising=False)
     monkeypatch.delenv("XDG_DATA_HOME", raising=False)
     monkeypatch.setattr(pwd, "getpwuid", lambda _: pwd.struct_passwd(("n", "x", 1, 1, "", str(tmp_path), "")))

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from benchmarks.feed_hold import ABOUT_HOLD_MM, Cutting, figures, row_fall_um
 from console.session.cut.engine import CutContext
@@ -95,7 +96,7 @@ def test_only_the_half_stage_is_checked(stage: Stage) -> None:
     assert cut(stage=stage).force is None
 
 
-def test_a_controller_that_does_not_gather_cuts_the_same_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_controller_that_does_not_gather_cuts_the_same_part(monkeypatch: MonkeyPatch) -> None:
     def refuse(*_: Any) -> None:
         raise GatherError("no room")
 
@@ -105,7 +106,7 @@ def test_a_controller_that_does_not_gather_cuts_the_same_part(monkeypatch: pytes
     assert result.after is not None
 
 
-def test_a_line_that_loses_the_samples_costs_the_check_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_line_that_loses_the_samples_costs_the_check_alone(monkeypatch: MonkeyPatch) -> None:
     request = DataGathering.start
 
     def lost(self: DataGathering, plan: Any) -> None:
@@ -222,7 +223,7 @@ def test_after_a_restart_arming_the_whole_says_it_from_the_record(tmp_path: Path
     assert warned(state, opened(job, machine), machine) == ["force.wrong_sign"]
 
 
-def test_five_turns_of_air_and_six_of_a_full_chip_are_gathered(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_five_turns_of_air_and_six_of_a_full_chip_are_gathered(monkeypatch: MonkeyPatch) -> None:
     """At 1000 rpm a turn is 60 ms: 135 servo cycles of 0.4427 ms. The chip is full after two turns."""
     prepared: dict[str, Any] = {}
 

@@ -142,9 +142,7 @@ def test_gains_without_the_margins_are_refused_with_the_number(
     assert not (tmp_path / "trials").exists() and state.activity is Activity.READY and owner.alarms == []
 
 
-def test_gains_are_refused_where_the_controller_is_not_as_shown_or_the_model_is_not_the_loop(
-    owner: WithStation, tmp_path: Path
-) -> None:
+def test_gains_are_refused_where_controller_or_model_is_another(owner: WithStation, tmp_path: Path) -> None:
     owner.do(order(HALF_KP, {**BEFORE, "I133": 800.0}))
     assert owner.refusals == ["trial.changed_meanwhile"]
     owner.client.request("I168=40", lines=0)
@@ -177,9 +175,7 @@ def refuse(owner: WithStation, line: bytes, answer: bytes) -> None:
 @pytest.mark.parametrize(
     ("answer", "code"), [(b"I132=4000", "controller.not_taken"), (b"I132=(", "controller.err003")]
 )
-def test_a_value_that_is_not_taken_ends_it_and_what_stands_is_told_and_reverted_after_a_restart(
-    owner: WithStation, tmp_path: Path, answer: bytes, code: str
-) -> None:
+def test_a_value_that_is_not_taken_ends_it(owner: WithStation, tmp_path: Path, answer: bytes, code: str) -> None:
     wanted = {"I130": 300.0, "I131": 4800.0, "I132": 4800.0, "I133": 800.0, **NO_FILTER}
     refuse(owner, b"I132=4800", answer)
     state = owner.do(order(wanted))
@@ -202,9 +198,7 @@ def test_a_value_that_is_not_taken_ends_it_and_what_stands_is_told_and_reverted_
     assert cause.code == code
 
 
-def test_a_link_that_is_cut_while_gains_are_written_leaves_both_sets_on_disk_and_tells_what_stands(
-    sim: SimulatedLathe, tmp_path: Path
-) -> None:
+def test_a_cut_link_leaves_both_sets_of_gains_on_disk(sim: SimulatedLathe, tmp_path: Path) -> None:
     owner, cable = cabled(sim, tmp_path, load_machine(MACHINE))
     owner.context.client = owner.client
     cut_after(owner, cable, b"I131=4800")
@@ -236,9 +230,7 @@ def cut_after(owner: WithStation, cable: Cable, line: bytes) -> None:
     owner.line.receive = receive  # type: ignore[method-assign]
 
 
-def test_a_restarted_console_knows_gains_on_trial_and_power_up_ends_them(
-    owner: WithStation, tmp_path: Path
-) -> None:
+def test_a_restart_knows_gains_on_trial_and_power_up_ends_them(owner: WithStation, tmp_path: Path) -> None:
     owner.do(order(HALF_KP))
     owner.station.close("end")
     again = station_of(owner.sim, tmp_path)
@@ -250,9 +242,7 @@ def test_a_restarted_console_knows_gains_on_trial_and_power_up_ends_them(
     assert record(tmp_path)["events"][-1]["what"] == "restored"
 
 
-def test_further_gains_continue_the_trial_and_a_revert_goes_back_to_its_beginning(
-    owner: WithStation, tmp_path: Path
-) -> None:
+def test_further_gains_continue_the_trial(owner: WithStation, tmp_path: Path) -> None:
     owner.do(order(HALF_KP))
     owner.do(order({**BEFORE, "I130": 400.0}, HALF_KP))
     assert owner.refusals == [] and stands(owner)["I130"] == 400.0
@@ -269,9 +259,7 @@ def test_the_touch_off_is_void_with_other_gains_home_and_jaw_1_are_not(owner: Wi
     assert [each.code for each in state.alignment.lost] == ["alignment.retuned"]
 
 
-def test_a_trial_that_was_kept_without_its_axis_is_read_and_judged_by_the_profile(
-    owner: WithStation, tmp_path: Path
-) -> None:
+def test_a_trial_without_its_axis_is_judged_by_the_profile(owner: WithStation, tmp_path: Path) -> None:
     owner.do(order(HALF_KP))
     file = tmp_path / "trials" / MACHINE / "trial-000001.json"
     kept = record(tmp_path)
@@ -284,9 +272,7 @@ def test_a_trial_that_was_kept_without_its_axis_is_read_and_judged_by_the_profil
 
 
 @pytest.mark.parametrize("content", ["{", '{"schema": 9}'])
-def test_a_broken_file_is_told_and_the_controller_has_to_be_as_in_the_profile(
-    owner: WithStation, tmp_path: Path, content: str
-) -> None:
+def test_a_broken_file_is_told(owner: WithStation, tmp_path: Path, content: str) -> None:
     owner.do(order(HALF_KP))
     (tmp_path / "trials" / MACHINE / "trial-000001.json").write_text(content, encoding="utf-8")
     state = owner.do(Verify())
@@ -324,9 +310,7 @@ def standing_with(owner: WithStation, data: Path, settings: dict[str, float]) ->
     )
 
 
-def test_a_trial_is_over_when_the_controller_has_the_gains_of_the_profile_whatever_those_are(
-    tmp_path: Path,
-) -> None:
+def test_a_trial_is_over_when_the_controller_has_the_gains_of_the_profile(tmp_path: Path) -> None:
     """As `controller apply` writes them: neither those that were tried, nor those of before."""
     owner = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
     owner.do(order(HALF_KP))
@@ -353,9 +337,7 @@ def test_a_coefficient_of_the_profile_need_not_have_its_last_digit(tmp_path: Pat
     ("amplitude_um", "overshoot", "codes"),
     [(0.2, 3.0, []), (3.0, 3.0, ["trial.swings"]), (0.2, 70.0, ["trial.overshoots"])],
 )
-def test_a_tool_that_swings_or_overshoots_proves_nothing(
-    tmp_path: Path, amplitude_um: float, overshoot: float, codes: list[str]
-) -> None:
+def test_a_bad_tool_proves_none(tmp_path: Path, amplitude_um: float, overshoot: float, codes: list[str]) -> None:
     """A sine of 3 um has 2.1 um rms; a twentieth of the step of 25 um is 1.25."""
     from tests.tui.tune_stage import health
 
@@ -423,9 +405,7 @@ def test_written_past_the_console_such_gains_make_the_tool_oscillate(plant: Path
 
 
 @pytest.mark.long
-def test_once_measured_it_gets_gains_with_which_it_is_steadier_than_before(
-    console: Console, plant: Path, data_folder: Path
-) -> None:
+def test_once_measured_it_gets_steadier_gains(console: Console, plant: Path, data_folder: Path) -> None:
     for sweep in (SLOW_SWEEP, FAST_SWEEP):
         said = console("identify", "--sim", "--plant", str(plant), "--yes", "--strategy", "pvt", *sweep.split())
         assert said.code == 0, said.err

@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from pytest import MonkeyPatch
 
 from console.cli.machine.identify_report import Teller
 from console.session.data.health import kept_tests
@@ -156,9 +157,7 @@ def changed(table: dict[str, Any], keys: tuple[str | int, ...], value: object) -
         (("date",), 20011130),
     ],
 )
-def test_a_value_of_another_type_is_refused_and_not_converted(
-    tmp_path: Path, keys: tuple[str | int, ...], value: object
-) -> None:
+def test_a_value_of_another_type_is_refused(tmp_path: Path, keys: tuple[str | int, ...], value: object) -> None:
     file = store(tmp_path, RESPONSE)
     table = changed(json.loads(file.read_text(encoding="utf-8")), keys, value)
     file.write_text(json.dumps(table), encoding="utf-8")
@@ -172,7 +171,7 @@ SHORT = ("--frequencies", "30,70", "--periods", "8")
 MACHINE = load_machine("lee-2001-lathe").machine
 
 
-def true_position(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data: Path) -> Stand:
+def true_position(machine: MachineProfile, monkeypatch: MonkeyPatch, data: Path) -> Stand:
     """Let the command take a simulated machine for one of iron, that somebody has signed for."""
     signed_copy(machine.name, data / "trilobe" / "machines")
     made = stand(machine)
@@ -194,7 +193,7 @@ def true_position(machine: MachineProfile, monkeypatch: pytest.MonkeyPatch, data
     return made
 
 
-def typed(text: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def typed(text: str, monkeypatch: MonkeyPatch) -> None:
     answers(monkeypatch, text)
 
 
@@ -249,9 +248,7 @@ def test_json_has_the_same_unrounded_with_what_it_holds_for(console: Console, da
         (("--amplitude", "50", "--frequencies", "215"), "I117"),
     ],
 )
-def test_what_is_too_much_is_refused_in_a_line(
-    console: Console, data_folder: Path, arguments: tuple[str, ...], met: str
-) -> None:
+def test_too_much_is_refused(console: Console, data_folder: Path, arguments: tuple[str, ...], met: str) -> None:
     said = console("identify", "--sim", *arguments)
     assert (said.code, said.out) == (1, "")
     assert met in said.err
@@ -281,9 +278,7 @@ def test_without_an_address_nothing_is_started(console: Console) -> None:
     assert "--sim" in said.err
 
 
-def test_iron_is_not_moved_without_its_name(
-    console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
-) -> None:
+def test_iron_is_not_moved_unnamed(console: Console, monkeypatch: MonkeyPatch, data_folder: Path) -> None:
     made = true_position(MACHINE, monkeypatch, data_folder)
     said = console("identify", "--link", "tcp:lathe:1", *SHORT)  # no terminal to ask at
     assert (said.code, "--yes" in said.err) == (1, True)
@@ -294,9 +289,7 @@ def test_iron_is_not_moved_without_its_name(
     assert not any(re.search(r"#\d+(J|HM)|OPEN|DEFINE", line) for line in made.lines)
 
 
-def test_iron_is_moved_when_its_name_is_typed_and_left_with_its_drives_off(
-    console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
-) -> None:
+def test_iron_is_moved_when_it_is_named(console: Console, monkeypatch: MonkeyPatch, data_folder: Path) -> None:
     made = true_position(MACHINE, monkeypatch, data_folder)
     typed("lee-2001-lathe\n", monkeypatch)
     said = console("identify", "--link", "tcp:lathe:1", "--json", *SHORT)
@@ -307,9 +300,7 @@ def test_iron_is_moved_when_its_name_is_typed_and_left_with_its_drives_off(
 
 
 @pytest.mark.parametrize("device", SAFETY_DEVICES)
-def test_iron_with_an_unknown_safety_device_is_not_moved(
-    console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path, device: str
-) -> None:
+def test_an_unknown_device(console: Console, monkeypatch: MonkeyPatch, data_folder: Path, device: str) -> None:
     changed: dict[str, Any] = {device: "unknown"}
     made = true_position(replace(MACHINE, safety=replace(MACHINE.safety, **changed)), monkeypatch, data_folder)
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
@@ -318,9 +309,7 @@ def test_iron_with_an_unknown_safety_device_is_not_moved(
     assert not any(re.search(r"#\d+(J|HM)|OPEN|DEFINE", line) for line in made.lines)
 
 
-def test_drives_that_are_on_are_left_alone(
-    console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
-) -> None:
+def test_drives_that_are_on_stay_on(console: Console, monkeypatch: MonkeyPatch, data_folder: Path) -> None:
     made = true_position(MACHINE, monkeypatch, data_folder)
     made.tell("#3J/")
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
@@ -330,9 +319,7 @@ def test_drives_that_are_on_are_left_alone(
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_point_of_low_coherence_is_marked(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, language: str
-) -> None:
+def test_a_doubtful_point_is_marked(capsys: pytest.CaptureFixture[str], tmp_path: Path, language: str) -> None:
     request = IdentificationRequest(path=Strategy.PVT)
     teller = Teller(MACHINE, request, words(language), silent=False, interruption=Interruption())
     doubtful = replace(POINT, frequency_hz=70.0, coherence=0.94)
@@ -346,9 +333,7 @@ def test_a_point_of_low_coherence_is_marked(
     assert "0.95" in end
 
 
-def test_a_reader_that_is_gone_stops_the_machine(
-    console: Console, monkeypatch: pytest.MonkeyPatch, data_folder: Path
-) -> None:
+def test_a_reader_that_is_gone_stops_it(console: Console, monkeypatch: MonkeyPatch, data_folder: Path) -> None:
     made = true_position(MACHINE, monkeypatch, data_folder)
 
     def broken(*_: object, **__: object) -> None:
@@ -423,9 +408,7 @@ def test_a_stop_ends_a_test_and_leaves_the_machine_stopped_with_its_drives_off(t
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("command", [CheckHealth(step_um=25.0), IdentifyTool(path=Strategy.PVT)])
-def test_nothing_is_kept_of_a_tool_whose_gain_changed_meanwhile(
-    tmp_path: Path, command: CheckHealth | IdentifyTool
-) -> None:
+def test_nothing_is_kept_of_a_gain_that_changed(tmp_path: Path, command: CheckHealth | IdentifyTool) -> None:
     floor = open_floor(tmp_path, 1, "ideal", load_machine("lee-2001-lathe"), owned=True)
     floor.do(EnableDrives())
     floor.do(Home())

@@ -87,9 +87,7 @@ def test_ten_counts_are_near_enough_and_a_lag_does_not_count() -> None:
     ],
 )
 @pytest.mark.parametrize("name", list(AxisName))
-def test_what_the_controller_reports_forbids_the_cut_by_its_name(
-    name: AxisName, flags: frozenset[str], code: str
-) -> None:
+def test_what_the_controller_reports_forbids_the_cut(name: AxisName, flags: frozenset[str], code: str) -> None:
     changed = at_start(**{name.value: replace(at_start().axis(name), flags=flags)})
     assert code in [told.code for told in problems(changed)]
 
@@ -223,9 +221,7 @@ def test_the_record_has_the_hold_and_who_asked(aligned: Floor) -> None:
 @pytest.mark.long
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("seed", "strategy"), [(11, Strategy.PVT), (2, Strategy.CAM)])
-def test_a_held_cut_is_not_called_disturbed_on_a_lathe_that_gives_way(
-    tmp_path: Path, seed: int, strategy: Strategy
-) -> None:
+def test_a_held_cut_is_not_called_disturbed(tmp_path: Path, seed: int, strategy: Strategy) -> None:
     """Back in the part the tool is deflected less until the chip is full: that is no other host's doing.
 
     Nor is a cut outside its plan that ends at another segment than planned: of `cam` one is 48 degrees here.

@@ -79,17 +79,13 @@ def farthest(machine: MachineProfile, axis: AxisName, step: float) -> float:
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_no_stop_in_a_step_runs_further_than_is_promised(
-    machine: MachineProfile, axis: AxisName, rung: int
-) -> None:
+def test_no_stop_runs_further_than_is_promised(machine: MachineProfile, axis: AxisName, rung: int) -> None:
     step = Steps(mm=rung, deg=rung).of(axis)
     assert farthest(machine, axis, step) <= stopping_distance(machine, axis, step) + 1e-9
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_a_soft_abort_may_go_beyond_the_step_and_is_told_so(
-    machine: MachineProfile, axis: AxisName, rung: int
-) -> None:
+def test_a_soft_abort_may_go_beyond_the_step(machine: MachineProfile, axis: AxisName, rung: int) -> None:
     soft = with_variable(machine, f"I{MOTORS[axis]}15", 0.01)
     step = Steps(mm=rung, deg=rung).of(axis)
     assert farthest(soft, axis, step) <= stopping_distance(soft, axis, step) + 1e-9
@@ -178,9 +174,7 @@ def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineP
         (-1.5, 0.0),
     ],
 )
-def test_before_the_touch_off_steps_are_short_where_the_surface_may_be(
-    machine: MachineProfile, gap_mm: float, longest_mm: float
-) -> None:
+def test_steps_are_short_before_the_touch_off(machine: MachineProfile, gap_mm: float, longest_mm: float) -> None:
     # Home at R 76 mm, a ring of R 24 mm: its surface is within 1.5 mm of there, as the touch-off accepts it.
     look = over_the_part(76.0 - 24.0 - gap_mm, OVER_MM)
     assert longest_toward_mm(look, machine, clamped_ring()) == pytest.approx(longest_mm)

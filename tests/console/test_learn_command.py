@@ -48,9 +48,7 @@ def lobe_um_pp(part: dict[str, Any]) -> float:
 
 
 @pytest.mark.long
-def test_a_first_part_is_cut_in_air_by_half_and_whole(
-    console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path
-) -> None:
+def test_a_first_part_step_by_step(console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path) -> None:
     air = console("run", ring, *lathe, *PLAIN, "--stage", "air").json
     assert (air["stage"], air["compensation"], air["expected"]) == ("air", None, None)
     assert (air["before"], air["after"], air["within_tolerance"], air["collisions"]) == (None, None, None, [])
@@ -153,9 +151,7 @@ def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, lea
     assert unused("--strategy", "cam") == []
 
 
-def test_what_was_changed_in_a_job_since_it_was_learned_is_named(
-    console: Console, ring: str, learned: str
-) -> None:
+def test_what_was_changed_since_it_was_learned_is_named(console: Console, ring: str, learned: str) -> None:
     def holds() -> tuple[bool, str]:
         (version,) = console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]
         return version["holds"], console("learn", "--job", ring, "--list", "--sim").out
@@ -232,9 +228,7 @@ def test_the_last_part_is_meant_unless_somebody_says_another() -> None:
     assert made_with(told, {}, [None, second]) == model
 
 
-def test_on_a_machine_the_last_line_says_how_to_learn(
-    ring: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_last_line_says_how_to_learn(ring: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text, machine = load("en"), str(signed_copy("lee-2001-lathe", tmp_path))
     words = ["run", ring, "--machine", machine, "--link", "tcp:127.0.0.1:1", "--data", str(tmp_path)]
     options = build(text).parse_args(words)
@@ -246,9 +240,7 @@ def test_on_a_machine_the_last_line_says_how_to_learn(
     ]
 
 
-def test_what_was_learned_on_a_simulated_lathe_is_not_for_iron(
-    console: Console, ring: str, learned: str, tmp_path: Path
-) -> None:
+def test_what_was_simulated_is_not_for_iron(console: Console, ring: str, learned: str, tmp_path: Path) -> None:
     machine = str(signed_copy("lee-2001-lathe", tmp_path / "signed"))
     there = ("--machine", machine, "--link", "tcp:127.0.0.1:1", "--strategy", "cam", "--yes")
     said = console("run", ring, *there, "--compensation", "newest")

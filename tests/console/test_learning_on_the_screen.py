@@ -140,9 +140,7 @@ def test_a_command_on_the_same_lathe_cuts_the_part_after_those_of_the_screens(sh
 
 
 @pytest.mark.long
-def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
-    shop: Shop, console: Console, tmp_path: Path
-) -> None:
+def test_what_a_part_teaches_goes_with_jaw_1(shop: Shop, console: Console, tmp_path: Path) -> None:
     first = shop.part()
     # The table takes the carriage back to where it began; what was cut is cut.
     ended = shop.floor.state.cut
@@ -185,9 +183,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
 
 
 @pytest.mark.long
-def test_a_part_with_jaw_1_taken_elsewhere_is_not_offered_anywhere(
-    shop: Shop, console: Console, tmp_path: Path
-) -> None:
+def test_a_part_with_jaw_1_elsewhere_is_not_offered(shop: Shop, console: Console, tmp_path: Path) -> None:
     """25 degrees of spindle are 75 of a lobe of three: 55 um become 61."""
     for order in (Forget(), Forget(), Jog(axis=AxisName.SPINDLE, distance=25.0), TakeJaw()):
         shop.floor.do(order)

@@ -181,9 +181,7 @@ def tool_mm(floor: Floor) -> float:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_by_keys_alone_the_tool_comes_out_and_the_table_is_switched_off(
-    tmp_path: Path, in_copies: None, language: str
-) -> None:
+def test_by_keys_the_tool_comes_out_and_the_table_off(tmp_path: Path, in_copies: None, language: str) -> None:
     keys = Keys(left_in_mid_cut(tmp_path), language)
     commissioned(keys.floor, tmp_path)
     floor, text = keys.floor, keys.ui.text
@@ -266,9 +264,7 @@ def codes(floor: Floor) -> set[str]:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_by_keys_alone_the_table_is_cleared_and_the_axes_are_homed(
-    tmp_path: Path, in_copies: None, language: str
-) -> None:
+def test_by_keys_the_table_is_cleared_and_all_homed(tmp_path: Path, in_copies: None, language: str) -> None:
     keys = Keys(without_home(tmp_path), language)
     floor, text = keys.floor, keys.ui.text
     assert codes(floor) == {"cut.table_on", "cut.table_holds"}

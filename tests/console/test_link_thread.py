@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.station import link_thread
 from console.session.station.alarms import Priority
@@ -70,9 +71,7 @@ def ordered(link: LinkThread, intent: Command) -> None:
 
 
 @pytest.mark.parametrize("act", [LinkThread.stop, LinkThread.kill])
-def test_a_stop_before_the_machine_is_there_is_the_first_thing_it_gets(
-    act: Callable[[LinkThread, str], None], floor: Floor
-) -> None:
+def test_a_stop_before_the_machine_comes_first(act: Callable[[LinkThread, str], None], floor: Floor) -> None:
     go = threading.Event()
 
     def open_slowly() -> Opened:
@@ -187,7 +186,7 @@ def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -
 
 
 def test_a_machine_that_is_switched_on_later_is_connected_by_itself(
-    floor: Floor, monkeypatch: pytest.MonkeyPatch
+    floor: Floor, monkeypatch: MonkeyPatch
 ) -> None:
     monkeypatch.setattr(link_thread, "CONNECT_AGAIN_S", 0.01)
     receive, silent = floor.link.receive, True
@@ -283,7 +282,7 @@ SILENT_S = 3.0
 class Silence:
     """A link on which nobody answers for some seconds; what is sent meanwhile is lost."""
 
-    def __init__(self, floor: Floor, patch: pytest.MonkeyPatch) -> None:
+    def __init__(self, floor: Floor, patch: MonkeyPatch) -> None:
         self._floor, self.began_s = floor, float("inf")
         self._receive = floor.link.receive
         patch.setattr(floor.link, "receive", self.receive)
@@ -304,9 +303,7 @@ class Silence:
         return lambda data: None if self.is_on else send(data)
 
 
-def test_a_silence_in_motion_is_lost_within_a_second_and_an_answer_is_the_proof_of_the_stop(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_silence_in_motion_is_lost_within_a_second(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     """Once it answers, nobody is told that it does not: what is left is to see it at rest."""
     floor = open_floor(tmp_path, owned=True)
     floor.do(EnableDrives())
@@ -368,9 +365,7 @@ def test_time_that_is_held_at_rest_is_not_mentioned(aligned: Floor) -> None:
 
 
 @pytest.mark.parametrize("held", [True, False])
-def test_the_rate_of_a_watchdog_is_not_judged_while_time_is_held(
-    aligned: Floor, held: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_held_time_judges_no_watchdog(aligned: Floor, held: bool, monkeypatch: MonkeyPatch) -> None:
     readings = count()
 
     def read(*_: Any) -> Any:

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 import profiles.store
 from console.cli.library import refuse_unsigned
@@ -92,9 +93,7 @@ def test_a_profile_that_cannot_be_read_is_listed_with_its_reason(console: Consol
         ("calibrate chuck", "FILE"),
     ],
 )
-def test_who_is_refused_is_told_only_of_options_that_the_command_has(
-    console: Console, command: str, rest: str
-) -> None:
+def test_who_is_refused_is_told_of_options_that_exist(console: Console, command: str, rest: str) -> None:
     """turbo-ethernet-lathe has a link, and is signed for the simulator."""
     words = (*command.split(), *rest.split(), "--machine", "turbo-ethernet-lathe")
     told = re.search(r"use the simulated machine \((.*?)\)", console(*words).err)
@@ -172,15 +171,13 @@ def test_an_unknown_machine_is_refused_with_those_that_are_known(console: Consol
     assert (said.code, said.out) == (1, "") and "no-such-lathe" in said.err and "lee-2001-lathe" in said.err
 
 
-def test_a_configured_machine_leaves_the_list_as_it_is(
-    console: Console, own_jobs: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_configured_machine_changes_no_list(console: Console, own_jobs: Path, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setenv("TRILOBE_MACHINE", "no-such-lathe")
     assert console("jobs").code == 0 and "fits" not in console("jobs").out
 
 
 @pytest.fixture
-def console_without_numerics(console: Console, monkeypatch: pytest.MonkeyPatch) -> Console:
+def console_without_numerics(console: Console, monkeypatch: MonkeyPatch) -> Console:
     """The sections computed once; they are tested elsewhere."""
     monkeypatch.setattr(comparison, "sections", lambda _: computed())
     return console
@@ -212,15 +209,13 @@ def test_json_is_not_rounded_and_has_the_curves(console_without_numerics: Consol
     assert found["acceptance"] == {"2": True, "3": True, "4": True, "10": True, "11": True, "12": True}
 
 
-def test_a_missed_number_is_the_exit_code(console: Console, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missed_number_is_the_exit_code(console: Console, monkeypatch: MonkeyPatch) -> None:
     missed = Record(name="accept.servo", at="gain", ours=0.5, expected=0.7455, tolerance=0.0037, number=2)
     monkeypatch.setattr(comparison, "sections", lambda _: (Section(name="acceptance", records=(missed,)),))
     assert console("reproduce", "--quick").code == 1
 
 
-def test_what_tells_nothing_of_the_paper_is_marked_and_counted_apart(
-    console_without_numerics: Console,
-) -> None:
+def test_what_tells_nothing_of_the_paper_is_counted_apart(console_without_numerics: Console) -> None:
     said = console_without_numerics("reproduce", "--quick").out
     rows = {
         line.split("  ")[0]: line.split()[-1] for line in said.splitlines() if line.startswith(("Fig", "Table"))
@@ -242,14 +237,14 @@ def test_what_tells_nothing_of_the_paper_is_marked_and_counted_apart(
 
 @pytest.mark.parametrize(("told", "width"), [("132", 132), ("", 97), ("0", 97), ("wide", 97), ("-5", 97)])
 def test_the_width_is_that_of_columns_else_that_of_the_terminal(
-    monkeypatch: pytest.MonkeyPatch, told: str, width: int
+    monkeypatch: MonkeyPatch, told: str, width: int
 ) -> None:
     monkeypatch.setenv("COLUMNS", told)
     monkeypatch.setattr(os, "get_terminal_size", lambda fd: os.terminal_size((97, 30)))
     assert columns() == width
 
 
-def test_without_a_terminal_it_is_eighty_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_terminal_it_is_eighty_columns(monkeypatch: MonkeyPatch) -> None:
     monkeypatch.delenv("COLUMNS", raising=False)
     reading, writing = os.pipe()
     with os.fdopen(writing, "w") as pipe:
@@ -282,11 +277,7 @@ def sign(profile: Path) -> None:
     "command", [("run", JOB, "--yes"), ("identify", "--yes"), ()], ids=["run", "identify", "screens"]
 )
 def test_a_copy_is_refused_where_it_would_move_iron(
-    console: Console,
-    copied: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    command: tuple[str, ...],
-    language: str,
+    console: Console, copied: Path, monkeypatch: MonkeyPatch, command: tuple[str, ...], language: str
 ) -> None:
     for stream in (sys.stdin, sys.stdout, sys.stderr):
         monkeypatch.setattr(stream, "isatty", lambda: True)
@@ -297,9 +288,7 @@ def test_a_copy_is_refused_where_it_would_move_iron(
 
 
 @pytest.mark.parametrize("command", [("run", JOB), ("identify",)], ids=["run", "identify"])
-def test_once_signed_for_the_machine_it_is_looked_for(
-    console: Console, copied: Path, command: tuple[str, ...]
-) -> None:
+def test_once_signed_for_it_is_looked_for(console: Console, copied: Path, command: tuple[str, ...]) -> None:
     sign(copied)
     said = console("--machine", str(copied), *command, "--yes")
     assert said.code == 1

@@ -223,9 +223,7 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
 
 
 @pytest.mark.parametrize("present", [PUBLISHED, STIFF], ids=["published", "stiff"])
-def test_a_filter_that_a_hidden_mode_might_meet_is_told_so_whatever_the_present_gains(
-    tmp_path: Path, present: dict[str, float]
-) -> None:
+def test_a_filter_that_a_hidden_mode_might_meet_is_told(tmp_path: Path, present: dict[str, float]) -> None:
     """Responses so vague that a mode could hide above them: not that no filter would be safe."""
     store(tmp_path, identified(swept(bending(), 0.04), PUBLISHED, simulated=False))
     found = gain_facts(with_variables(LATHE, present), None, tmp_path, simulated=False)
@@ -259,9 +257,7 @@ def test_proven_in_air_it_makes_room_for_a_stiffer_one(tmp_path: Path) -> None:
     ("reading", "friction_n"),
     [(Reading.NUMERATOR, 0.0), (Reading.DENOMINATOR, 0.0), (Reading.BOTH, 0.0), (Reading.DENOMINATOR, 1.0)],
 )
-def test_a_controller_that_reads_it_otherwise_is_told_by_the_numbers_and_swings_at_no_time(
-    tmp_path: Path, reading: Reading, friction_n: float
-) -> None:
+def test_a_controller_that_reads_it_otherwise_is_told(tmp_path: Path, reading: Reading, friction_n: float) -> None:
     fill(tmp_path)
     owner = station_with(tmp_path, reading, friction_n)
     apply(owner, proposed(owner, tmp_path))

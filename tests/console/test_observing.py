@@ -10,6 +10,7 @@ from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.alignment import JawAngle, TouchOff, clamping_of, problems
 from console.session.data.measured_part import MadeWith
@@ -153,9 +154,7 @@ def test_the_second_console_looks_on_and_says_why(owner: WithStation, observer: 
     assert state.alignment.settings == (), "an observer compares the controller with its profile, too"
 
 
-def test_a_second_console_of_the_same_computer_looks_on_as_well(
-    sim: SimulatedLathe, owner: WithStation, tmp_path: Path
-) -> None:
+def test_a_second_console_beside_it_looks_on(sim: SimulatedLathe, owner: WithStation, tmp_path: Path) -> None:
     beside = station_of(sim, tmp_path / "here")
     assert (beside.state.standing, beside.alarms) == (Standing.OBSERVER, ["owner.beside"])
     beside.look()
@@ -213,9 +212,7 @@ def test_the_stop_of_an_observer_stops_and_it_may_go_on_looking(ready: WithStati
     assert observer.refusals == []
 
 
-def test_an_observer_that_has_stopped_a_machine_at_rest_changes_nothing_for_its_owner(
-    ready: WithStation, observer: WithStation
-) -> None:
+def test_an_observer_that_stops_at_rest_changes_nothing(ready: WithStation, observer: WithStation) -> None:
     observer.look()
     observer.stop.stop("escape")
     assert observer.look().activity is Activity.READY
@@ -247,9 +244,7 @@ def test_an_observer_whose_screen_is_silent_stops_nobody(ready: WithStation, obs
     assert observer.alarms == ["owner.held"] and ready.alarms == []
 
 
-def test_at_rest_the_machine_is_taken_over_and_aligned_anew(
-    ready: WithStation, observer: WithStation, tmp_path: Path
-) -> None:
+def test_at_rest_the_machine_is_taken_over(ready: WithStation, observer: WithStation, tmp_path: Path) -> None:
     state = observer.do(TakeControl())
     assert (state.standing, state.holder) == (Standing.OWNER, observer.number)
     assert observer.on_the_card == observer.number
@@ -289,9 +284,7 @@ def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, ob
     ]
 
 
-def test_in_motion_a_take_over_is_refused_and_nothing_is_written(
-    ready: WithStation, observer: WithStation
-) -> None:
+def test_in_motion_a_take_over_is_refused(ready: WithStation, observer: WithStation) -> None:
     observer.hear()
     in_a_jog(ready, lambda: observer.do(TakeControl()))
     assert observer.refusals == ["owner.moving"]
@@ -301,9 +294,7 @@ def test_in_motion_a_take_over_is_refused_and_nothing_is_written(
     assert ready.refusals == [] and ready.alarms == []
 
 
-def test_who_was_pushed_aside_says_so_once_is_disarmed_and_sends_nothing_but_stops(
-    sim: SimulatedLathe, ready: WithStation, observer: WithStation
-) -> None:
+def test_who_was_ousted_sends_only_stops(sim: SimulatedLathe, ready: WithStation, observer: WithStation) -> None:
     ready.context.tell(armed=armed(sim, ready))
     observer.do(TakeControl())
     state = ready.look()
@@ -324,9 +315,7 @@ def test_who_was_pushed_aside_says_so_once_is_disarmed_and_sends_nothing_but_sto
     assert observer.on_the_card == observer.number and observer.lathe.snapshot().loops_closed
 
 
-def test_a_start_that_was_on_its_way_when_the_machine_was_taken_over_does_not_go_out(
-    sim: SimulatedLathe, ready: WithStation, observer: WithStation
-) -> None:
+def test_a_start_taken_over_does_not_go(sim: SimulatedLathe, ready: WithStation, observer: WithStation) -> None:
     """The order was taken, and then the other console was faster."""
     ready.context.tell(armed=armed(sim, ready))
     assert ready.station.post(Start())
@@ -359,7 +348,7 @@ def test_the_machine_of_an_owner_that_has_left_is_taken_at_once(owner: WithStati
 
 @pytest.mark.parametrize("who", ["observer", "owner"])
 def test_a_fault_of_the_console_itself_opens_the_loops_of_ones_own_machine_alone(
-    owner: WithStation, observer: WithStation, who: str, monkeypatch: pytest.MonkeyPatch
+    owner: WithStation, observer: WithStation, who: str, monkeypatch: MonkeyPatch
 ) -> None:
     console = owner if who == "owner" else observer
 
@@ -500,9 +489,7 @@ def test_what_is_signed_fits_and_tells_ssh_from_a_computer() -> None:
         (UNKNOWN, "kim from ? by SSH has control"),
     ],
 )
-def test_an_observer_is_shown_where_the_terminal_in_control_comes_from(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, client: str, shown: str
-) -> None:
+def test_where_control_comes_from(tmp_path: Path, monkeypatch: MonkeyPatch, client: str, shown: str) -> None:
     begin = Owning.__init__
 
     def far(self: Owning, *given: object, **named: object) -> None:

@@ -22,7 +22,6 @@ from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import NOT_REGULAR
-from profiles.machine import MachineProfile
 from profiles.problem import ProblemError
 from profiles.store import load_machine
 from tests.console.consoles import (
@@ -36,15 +35,12 @@ from tests.console.consoles import (
     station_of,
 )
 
-
-@pytest.fixture(scope="module")
-def machine() -> MachineProfile:
-    return load_machine(MACHINE).machine
+LATHE = load_machine(MACHINE).machine
 
 
 @pytest.fixture
-def sim(machine: MachineProfile) -> SimulatedLathe:
-    return SimulatedLathe(machine)
+def sim() -> SimulatedLathe:
+    return SimulatedLathe(LATHE)
 
 
 def refused(error: pytest.ExceptionInfo[ProblemError]) -> tuple[str, str]:
@@ -76,24 +72,20 @@ def jogs(console: OneConsole, meanwhile: list[object]) -> None:
     console.lathe.jog_by(AxisName.CARRIAGE, 5000.0)
 
 
-def test_who_comes_first_controls_and_leaves_the_machine_free(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    console = console_of(sim, machine, tmp_path)
+def test_who_comes_first_controls_and_leaves_it_free(sim: SimulatedLathe, tmp_path: Path) -> None:
+    console = console_of(sim, LATHE, tmp_path)
     console.owning.claim()
     assert console.on_the_card == console.number
     console.owning.release()
     assert console.on_the_card == 0
-    after = console_of(sim, machine, tmp_path)
+    after = console_of(sim, LATHE, tmp_path)
     after.owning.claim()
     assert after.on_the_card == after.number != console.number
     assert logged(tmp_path) == []
 
 
-def test_a_second_console_of_this_computer_looks_on_and_writes_nothing(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    first, second = (console_of(sim, machine, tmp_path) for _ in range(2))
+def test_a_second_console_looks_on_and_writes_nothing(sim: SimulatedLathe, tmp_path: Path) -> None:
+    first, second = (console_of(sim, LATHE, tmp_path) for _ in range(2))
     first.owning.claim()
     second.hear()
     with pytest.raises(RefusedError) as error:
@@ -113,10 +105,8 @@ def test_a_second_console_of_this_computer_looks_on_and_writes_nothing(
     assert first.on_the_card == first.number
 
 
-def test_a_console_of_another_computer_is_told_by_its_number(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    first, second = (console_of(sim, machine, tmp_path / name) for name in ("here", "there"))
+def test_a_console_of_another_computer_is_told_by_its_number(sim: SimulatedLathe, tmp_path: Path) -> None:
+    first, second = (console_of(sim, LATHE, tmp_path / name) for name in ("here", "there"))
     first.owning.claim()
     with pytest.raises(RefusedError) as error:
         second.owning.claim()
@@ -125,10 +115,8 @@ def test_a_console_of_another_computer_is_told_by_its_number(
     assert first.on_the_card == first.number
 
 
-def test_the_place_of_a_dead_console_of_this_computer_is_taken_and_that_is_logged(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    dead, heir = (console_of(sim, machine, tmp_path) for _ in range(2))
+def test_the_place_of_a_dead_console_is_taken_and_logged(sim: SimulatedLathe, tmp_path: Path) -> None:
+    dead, heir = (console_of(sim, LATHE, tmp_path) for _ in range(2))
     dead.owning.claim()
     dies(dead)
     heir.owning.claim()
@@ -138,10 +126,10 @@ def test_the_place_of_a_dead_console_of_this_computer_is_taken_and_that_is_logge
 
 
 def test_a_dead_console_is_not_replaced_while_what_it_moved_still_moves(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
+    sim: SimulatedLathe, tmp_path: Path
 ) -> None:
     """Its lease has not run out yet. Once the card has ended the jog and all rests, the next one gets in."""
-    dead, heir = (console_of(sim, machine, tmp_path) for _ in range(2))
+    dead, heir = (console_of(sim, LATHE, tmp_path) for _ in range(2))
 
     def takes_its_place() -> None:
         dies(dead)
@@ -159,14 +147,12 @@ def test_a_dead_console_is_not_replaced_while_what_it_moved_still_moves(
     assert snapshot.at_rest and snapshot.lost
 
 
-def test_a_dead_console_of_another_computer_is_not_replaced_unasked(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
+def test_a_dead_console_of_another_computer_is_not_replaced_unasked(sim: SimulatedLathe, tmp_path: Path) -> None:
     """Nobody here can tell a dead one there from one that is busy: it takes somebody who takes over."""
-    dead = console_of(sim, machine, tmp_path / "there")
+    dead = console_of(sim, LATHE, tmp_path / "there")
     dead.owning.claim()
     dies(dead)
-    heir = console_of(sim, machine, tmp_path / "here")
+    heir = console_of(sim, LATHE, tmp_path / "here")
     with pytest.raises(RefusedError) as error:
         heir.owning.claim()
     assert refused(error)[0] == "owner.held"
@@ -177,15 +163,13 @@ def test_a_dead_console_of_another_computer_is_not_replaced_unasked(
     ]
 
 
-def test_who_came_to_a_machine_that_a_third_has_since_taken_does_not_take_it_for_the_dead_ones(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    dead = console_of(sim, machine, tmp_path / "here")
+def test_a_third_that_took_it_is_not_taken_for_the_dead_one(sim: SimulatedLathe, tmp_path: Path) -> None:
+    dead = console_of(sim, LATHE, tmp_path / "here")
     dead.owning.claim()
     dies(dead)
-    third = console_of(sim, machine, tmp_path / "there")
+    third = console_of(sim, LATHE, tmp_path / "there")
     third.owning.take_control()
-    heir = console_of(sim, machine, tmp_path / "here")
+    heir = console_of(sim, LATHE, tmp_path / "here")
     with pytest.raises(RefusedError) as error:
         heir.owning.claim()
     assert refused(error) == ("owner.held", str(third.number))
@@ -193,11 +177,9 @@ def test_who_came_to_a_machine_that_a_third_has_since_taken_does_not_take_it_for
 
 
 @pytest.mark.parametrize("here", [True, False], ids=["this computer", "another computer"])
-def test_a_take_over_waits_for_rest(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path, here: bool
-) -> None:
-    first = console_of(sim, machine, tmp_path)
-    second = console_of(sim, machine, tmp_path if here else tmp_path / "there")
+def test_a_take_over_waits_for_rest(sim: SimulatedLathe, tmp_path: Path, here: bool) -> None:
+    first = console_of(sim, LATHE, tmp_path)
+    second = console_of(sim, LATHE, tmp_path if here else tmp_path / "there")
     kept: list[int] = []
 
     def asks() -> None:
@@ -216,10 +198,8 @@ def test_a_take_over_waits_for_rest(
     assert first.lathe.ownership is not None and first.lathe.ownership.standing is Standing.OUSTED
 
 
-def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    first, second = (console_of(sim, machine, tmp_path / name) for name in ("here", "there"))
+def test_who_was_pushed_aside_says_nothing_but_a_stop(sim: SimulatedLathe, tmp_path: Path) -> None:
+    first, second = (console_of(sim, LATHE, tmp_path / name) for name in ("here", "there"))
     jogs(first, [])
     second.owning.take_control()
     first.lathe.snapshot()
@@ -256,40 +236,34 @@ def test_who_was_pushed_aside_says_nothing_more_to_the_card_but_a_stop(
     assert first.hear() in STOP_CHARACTERS
 
 
-def test_without_a_lock_nothing_is_kept_and_a_simulated_machine_of_ones_own_needs_none(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
-    console = console_of(sim, machine, tmp_path, locking=False)
+def test_without_a_lock_nothing_is_kept(sim: SimulatedLathe, tmp_path: Path) -> None:
+    console = console_of(sim, LATHE, tmp_path, locking=False)
     console.owning.claim()
     console.owning.release()
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_folder_that_takes_no_lock_lets_nobody_control(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
+def test_a_folder_that_takes_no_lock_lets_nobody_control(sim: SimulatedLathe, tmp_path: Path) -> None:
     (tmp_path / "locks").write_text("", encoding="ascii")
-    console = console_of(sim, machine, tmp_path)
+    console = console_of(sim, LATHE, tmp_path)
     with pytest.raises(SessionError) as error:
         console.owning.claim()
     assert error.value.problems[0].code == "lock.unwritable"
     assert console.on_the_card == 0
 
 
-def test_a_log_that_cannot_be_written_is_no_reason_not_to_take_over(
-    sim: SimulatedLathe, machine: MachineProfile, tmp_path: Path
-) -> None:
+def test_a_log_that_cannot_be_written_is_no_reason_not_to_take_over(sim: SimulatedLathe, tmp_path: Path) -> None:
     (tmp_path / "ownership.log").mkdir()
-    first, second = (console_of(sim, machine, tmp_path / name) for name in ("there", ""))
+    first, second = (console_of(sim, LATHE, tmp_path / name) for name in ("there", ""))
     first.owning.claim()
     second.owning.take_control()
     assert second.on_the_card == second.number
 
 
-def test_of_many_consoles_in_any_order_one_controls(machine: MachineProfile, tmp_path: Path) -> None:
+def test_of_many_consoles_in_any_order_one_controls(tmp_path: Path) -> None:
     """Claims, releases and take-overs at random: the number on the card is that of the one owner, or nobody's."""
-    sim, chance = SimulatedLathe(machine), random.Random(2001)
-    consoles = [console_of(sim, machine, tmp_path / str(n % 2)) for n in range(4)]
+    sim, chance = SimulatedLathe(LATHE), random.Random(2001)
+    consoles = [console_of(sim, LATHE, tmp_path / str(n % 2)) for n in range(4)]
     owners: set[int] = set()
     for _ in range(60):
         each = chance.choice(consoles)
@@ -443,9 +417,7 @@ def test_a_shorter_number_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None
 
 
 @given(content=st.binary(max_size=40))
-def test_whatever_is_in_the_file_is_a_number_or_nothing(
-    tmp_path_factory: pytest.TempPathFactory, content: bytes
-) -> None:
+def test_whatever_is_in_it_is_a_number_or_none(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     data = tmp_path_factory.mktemp("data")
     taken(data).close()
     lock_file(data).write_bytes(content)
@@ -487,9 +459,7 @@ def test_whatever_the_umask_the_lock_and_its_folders_are_the_users_alone(tmp_pat
     assert lock_file(data).stat().st_mode & 0o777 == 0o600
 
 
-def test_the_file_of_another_user_is_refused_and_stays_as_it_is(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_file_of_another_user_stays_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     lock = taken(tmp_path)
     lock.keep(4711)
     lock.close()

@@ -55,9 +55,7 @@ def left_um(lobe_um_pp: float, lobes: int, late_deg: float) -> float:
 
 
 @given(st.floats(2.0, 200.0), st.integers(2, 6), st.floats(0.5, 50.0))
-def test_at_the_limit_the_phase_leaves_four_fifths_of_the_tolerance(
-    lobe_um_pp: float, lobes: int, tolerance_um: float
-) -> None:
+def test_the_limit_leaves_four_fifths_of_it(lobe_um_pp: float, lobes: int, tolerance_um: float) -> None:
     """Never tighter than the 2 um that can be measured, and never looser than the tolerance."""
     allowed_um = min(max(0.8 * tolerance_um, 2.0), tolerance_um)
     limit_deg = phase_limit_deg(path(lobe_um_pp, lobes), tolerance_um)
@@ -176,7 +174,7 @@ def test_realistic_cuts_by_the_model_do_not_cry_wolf(tmp_path: Path, seed: int, 
 
 
 @pytest.mark.long
-def test_out_of_phase_is_over_with_its_cut_and_leaves_when_it_was_seen(
+def test_out_of_phase_is_over_with_its_cut(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, in_copies: None
 ) -> None:
     """Half the gain of the tool is a lag. After the cut the operator acknowledges, and cuts a good part.
@@ -217,9 +215,7 @@ def _settings(floor: Floor) -> dict[int, float]:
 
 
 @pytest.mark.long
-def test_a_learned_part_is_judged_about_the_lag_that_taught_it(
-    tmp_path: Path, job_file: JobFile, data_folder: Path
-) -> None:
+def test_a_learned_part_is_judged_by_its_lag(tmp_path: Path, job_file: JobFile, data_folder: Path) -> None:
     """This tool gives way to the cut by 4 um across the lobe. Beyond that, 2.5 deg are told: 9 um of 70."""
     lathe = tmp_path / "lathe.toml"
     lathe.write_text(compact_text("pmac"), encoding="utf-8")

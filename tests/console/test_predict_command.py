@@ -64,7 +64,7 @@ def test_people_read_the_same_numbers(console: Console, language: str, words: st
         ({"chucking_force_n": "344.0"}, "grip margin"),
     ],
 )
-def test_what_cannot_be_predicted_is_refused(
+def test_the_unpredictable_refused(
     console: Console, job_file: JobFile, changes: dict[str, str], said: str
 ) -> None:
     answer = console("predict", str(job_file(**changes)))
@@ -72,9 +72,7 @@ def test_what_cannot_be_predicted_is_refused(
     assert said in answer.err
 
 
-def test_a_job_that_clamps_too_hard_is_refused_with_the_force_that_passes(
-    console: Console, job_file: JobFile
-) -> None:
+def test_a_job_that_clamps_too_hard_is_told_what_passes(console: Console, job_file: JobFile) -> None:
     """49.12 MPa of bending and 1.26 of hoop force at 1314 N: 120 MPa, where plain aluminium yields, at 3129 N."""
     for force_n, code, mark in ((3130, 1, "✗"), (3129, 0, "✓")):
         forces = {"chucking_force_n": f"{force_n}.0", "lobe_force_n": f"{force_n}.0"}
@@ -116,9 +114,7 @@ def test_a_job_that_the_default_strategy_cannot_cut_is_refused(console: Console,
     assert [finding["severity"] for finding in seen.json["strategies"]["pvt"]["findings"]] == ["refusal"]
 
 
-def test_a_lobe_that_was_measured_in_aluminium_is_not_called_measured_in_steel(
-    console: Console, job_file: JobFile
-) -> None:
+def test_a_lobe_measured_in_aluminium_is_not_one_of_steel(console: Console, job_file: JobFile) -> None:
     words = "measured, but on another cut"
     assert words not in console("preview", str(job_file())).out
     path = str(job_file(material='"steel"'))
@@ -288,9 +284,7 @@ def test_roundness_of_a_three_lobe_with_eccentricity(console: Console, tmp_path:
         ("angle_deg,deviation_um\n0,1\n", ("1",)),
     ],
 )
-def test_a_trace_that_is_none_is_refused_with_its_line(
-    console: Console, tmp_path: Path, text: str, words: tuple[str, ...]
-) -> None:
+def test_a_bad_trace_names_its_line(console: Console, tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
     path = tmp_path / "trace.csv"
     path.write_text(text)
     said = console("roundness", str(path))

@@ -186,17 +186,13 @@ def test_the_highest_safe_speed_is_where_the_first_limit_is_reached(console: Con
         ({"kind": "TURBO PMAC2"}, "identified with controller TURBO PMAC2, but here it is pmac"),
     ],
 )
-def test_a_response_of_another_machine_is_refused(
-    console: Console, tmp_path: Path, origin: dict[str, object], said: str
-) -> None:
+def test_a_response_of_another(console: Console, tmp_path: Path, origin: dict[str, object], said: str) -> None:
     refused = console("preview", EXPERIMENT, "--identified", str(file_of(tmp_path, **origin)))  # type: ignore[arg-type]
     assert refused.code == 1
     assert said in refused.err
 
 
-def test_people_are_told_what_is_inverted_what_is_left_and_how_fast_it_may_turn(
-    console: Console, tmp_path: Path, job_file: JobFile
-) -> None:
+def test_people_are_told_what_is_inverted_and_left(console: Console, tmp_path: Path, job_file: JobFile) -> None:
     shown = console("preview", str(job_file(cut_length_mm="1.0")), "--identified", str(file_of(tmp_path))).out
     for words in (
         "identified there.json, ± 0.2",

@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.logged import carried_out
 from console.cli.measured import records
@@ -65,9 +66,7 @@ def test_reading_leaves_nothing_and_no_folder_is_made(console: Console, tmp_path
     assert not (tmp_path / "new").exists()
 
 
-def test_a_fault_of_the_program_is_in_it_with_its_traceback_and_on_the_terminal_without(
-    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_fault_is_in_it_with_its_traceback(console: Console, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     def broken(*_: object) -> int:
         raise RuntimeError("one\x1b[2J\ntwo")
 
@@ -104,7 +103,7 @@ def test_no_password_of_a_shop_is_in_it(console: Console, tmp_path: Path, given:
 
 
 @pytest.mark.rings
-def test_nor_where_the_program_fails(console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_nor_where_the_program_fails(console: Console, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     def broken(*_: object) -> int:
         raise RuntimeError("broken")
 
@@ -114,7 +113,7 @@ def test_nor_where_the_program_fails(console: Console, tmp_path: Path, monkeypat
     assert "fault" in text and "geheim" not in text
 
 
-def test_it_rotates_and_keeps_so_many(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_rotates_and_keeps_so_many(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(program_log, "MOST_BYTES", 500)
     for number in range(60):
         note(tmp_path, f"line {number:04d}")
@@ -125,7 +124,7 @@ def test_it_rotates_and_keeps_so_many(tmp_path: Path, monkeypatch: pytest.Monkey
     assert {stat.S_IMODE((tmp_path / FOLDER / name).stat().st_mode) for name in names} == {0o600}
 
 
-def test_processes_write_whole_lines_beside_each_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_processes_write_whole_lines_beside_each_other(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(program_log, "WAIT_S", 30.0)  # a busy computer loses none here
     children = []
     for _ in range(4):
@@ -246,9 +245,7 @@ def works(console: OneConsole, interruption: Interruption) -> None:
 
 
 @pytest.mark.parametrize("holder", [NOBODY, ANOTHER])
-def test_there_is_no_moment_of_a_claim_in_which_a_signal_is_lost_or_stops_another(
-    machine: MachineProfile, tmp_path: Path, holder: int
-) -> None:
+def test_no_signal_is_lost_or_stops_another(machine: MachineProfile, tmp_path: Path, holder: int) -> None:
     sim, endings = SimulatedLathe(machine), set()
     for at in range(1, MOST):
         console = console_of(sim, machine, tmp_path / "here", locking=False)
@@ -287,9 +284,7 @@ def test_there_is_no_moment_of_a_claim_in_which_a_signal_is_lost_or_stops_anothe
     assert endings >= ({"at once", "stopped", "in the release"} if holder == NOBODY else {"at once", "refused"})
 
 
-def test_what_was_ours_and_still_moves_is_stopped_though_another_has_written_his_number(
-    machine: MachineProfile, tmp_path: Path
-) -> None:
+def test_what_was_ours_and_still_moves_is_stopped(machine: MachineProfile, tmp_path: Path) -> None:
     sim = SimulatedLathe(machine)
     console = console_of(sim, machine, tmp_path, locking=False)
     interruption = Interruption()
@@ -339,7 +334,7 @@ def test_what_must_not_end_half_done_ends_behind_it() -> None:
 
 
 @pytest.fixture
-def at_a_line(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[bytes], None]]:
+def at_a_line(card: Commissioned, monkeypatch: MonkeyPatch) -> Iterator[Callable[[bytes], None]]:
     """Let SIGTERM come when the card is sent a certain piece of text for the first time."""
     send = card.link.send
     waits: list[bytes] = []
@@ -356,7 +351,7 @@ def at_a_line(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> Iterator[C
 
 
 def test_doctor_that_ends_while_it_asks_whose_the_machine_is_stops_nobody(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, at_a_line: Callable[[bytes], None]
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, at_a_line: Callable[[bytes], None]
 ) -> None:
     real(card, monkeypatch)
     card.tell(f"P1000={ANOTHER}")

@@ -254,9 +254,7 @@ def test_while_nobody_knows_what_is_clamped_the_carriage_goes_away_alone(machine
     ("counts", "target", "distance"),
     [(0.0, 90.0, 90.0), (0.0, 270.0, -90.0), (10_350.0, 0.0, -12.6), (-2500.0, 350.0, 80.0)],
 )
-def test_the_spindle_goes_the_shorter_way(
-    machine: MachineProfile, counts: float, target: float, distance: float
-) -> None:
+def test_c_goes_the_shorter_way(machine: MachineProfile, counts: float, target: float, distance: float) -> None:
     assert distance_to(at(60.0, 0.0, counts), machine, C, target) == pytest.approx(distance)
 
 

@@ -286,9 +286,7 @@ def armed(console: WithStation) -> None:
 
 
 @pytest.mark.parametrize("slow", [False, True])
-def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_marked_it(
-    site: Site, slow: bool
-) -> None:
+def test_only_a_tool_that_stood_in_the_part_has_marked_it(site: Site, slow: bool) -> None:
     """The program takes the tool out at the end of its turn; where it cannot, the controller aborts it."""
     sim, console, cable = site
     armed(console)

@@ -76,9 +76,7 @@ def test_each_run_is_listed_with_its_result_and_what_is_simulated_says_so(consol
 
 
 @pytest.mark.parametrize(("lang", "words"), [("en", "not proven"), ("ko", "진원도 3.2 um, 지름 39.2 um")])
-def test_what_the_plan_says_of_a_cut_is_shown_with_its_run(
-    console: Console, tmp_path: Path, lang: str, words: str
-) -> None:
+def test_the_verdict_of_a_cut_is_shown(console: Console, tmp_path: Path, lang: str, words: str) -> None:
     """A part that is not judged may be one whose cut is not proven; a word of a stranger's record says nothing."""
     tool = {"roundness_um": 3.2, "size_um": 39.2}
     for verdict, told in (("not_proven", True), ("splendid", False)):

@@ -370,9 +370,7 @@ def answering(path: Path, said: bytes) -> Iterator[list[bytes]]:
         serving.join(TIMEOUT_S)
 
 
-def test_the_words_are_one_line_and_the_answer_is_printed_without_its_verdict(
-    console: Console, tmp_path: Path
-) -> None:
+def test_the_answer_is_printed_without_its_verdict(console: Console, tmp_path: Path) -> None:
     path = tmp_path / "faults"
     with answering(path, b"stranger-writes\nok\n") as lines:
         said = console("fault", f"unix:{path}", "inject", "stranger-writes", "line=#1J+ P1=3", "seed=3")
@@ -390,9 +388,7 @@ def test_a_refusal_is_told_in_one_line_with_its_reason(console: Console, tmp_pat
 
 
 @pytest.mark.parametrize(("verdict", "reason"), [(b"ok", None), (b"refused: why", "why")])
-def test_as_json_it_is_the_answer_and_the_reason(
-    console: Console, tmp_path: Path, verdict: bytes, reason: str | None
-) -> None:
+def test_as_json_answer_and_reason(console: Console, tmp_path: Path, verdict: bytes, reason: str | None) -> None:
     path = tmp_path / "faults"
     with answering(path, b"a\nb\n" + verdict + b"\n"):
         said = console("fault", f"unix:{path}", "active", "--json")

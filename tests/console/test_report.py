@@ -243,9 +243,7 @@ def test_a_verdict_that_was_turned_round_is_no_verdict(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("table", ["events", "measurements", "telemetry", "traces", "texts"])
-def test_a_damaged_record_still_gives_a_report_that_says_what_is_damaged(
-    tmp_path: Path, table: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_report_says_what_is_damaged(tmp_path: Path, table: str, capsys: pytest.CaptureFixture[str]) -> None:
     run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(1.0)})
     root, size = first_page(tmp_path / FILE_NAME, table)
     with open(tmp_path / FILE_NAME, "r+b") as file:

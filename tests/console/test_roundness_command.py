@@ -77,9 +77,7 @@ def test_a_usable_radius_says_nothing(console: Console, tmp_path: Path) -> None:
         (range(180), ("181 deg", "60 deg", "all round")),
     ],
 )
-def test_what_the_evaluation_refuses_names_the_file(
-    console: Console, tmp_path: Path, angles: Any, words: tuple[str, ...]
-) -> None:
+def test_a_refusal_names_the_file(console: Console, tmp_path: Path, angles: Any, words: tuple[str, ...]) -> None:
     said = console("roundness", str(trace(tmp_path, angles)))
     assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
     for word in ("part.csv", *words):
@@ -145,9 +143,7 @@ def test_the_crest_is_told_against_jaw_1(console: Console, tmp_path: Path, direc
 @pytest.mark.parametrize(
     ("line", "missing"), [("# direction: cw", "jaw_1_deg"), ("# start_mark: jaw 1", "direction")]
 )
-def test_a_missing_mark_or_direction_blocks_no_circle(
-    console: Console, tmp_path: Path, line: str, missing: str
-) -> None:
+def test_a_missing_mark_blocks_no_circle(console: Console, tmp_path: Path, line: str, missing: str) -> None:
     said = console("roundness", str(lobed(tmp_path, line)))
     assert said.code == 0
     assert f"not state {missing}" in said.out

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from drivers.link.memory import MemoryLink
 from drivers.simulator.machine import SimulatedLathe
@@ -64,9 +65,7 @@ def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
 
 
 @pytest.mark.long
-def test_tool_error_and_following_error_are_two_things(
-    console: Console, close: tuple[str, str], job_file: JobFile
-) -> None:
+def test_tool_and_following_error_differ(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
     """The command runs ahead of the tool by the lag of the servo; the tool is where the part wants it."""
     result = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json").json
     assert result["tool_error_um"] < 2.0
@@ -74,7 +73,7 @@ def test_tool_error_and_following_error_are_two_things(
     assert result["following_error_um"] == pytest.approx(31.05 * 0.8294, abs=1.5)
 
 
-def test_the_printed_program_turns_at_half_the_speed_with_two_thirds_of_the_stroke(
+def test_the_printed_program_is_slow_and_short(
     console: Console, close: tuple[str, str], job_file: JobFile
 ) -> None:
     said = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json", "--strategy", "paper")
@@ -106,9 +105,7 @@ def test_ts_5_reaches_the_speed_but_not_the_stroke(
     assert result["after"]["RONt_um"] == pytest.approx(43.2, abs=1.0)
 
 
-def test_without_compensation_nothing_is_gained(
-    console: Console, close: tuple[str, str], job_file: JobFile
-) -> None:
+def test_uncompensated_nothing_is_gained(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
     path = str(job_file(cut_length_mm=SHORT_MM))
     result = console("run", path, "--sim", *close, "--json", "--strategy", "none").json
     assert result["before"] == result["after"]
@@ -117,9 +114,7 @@ def test_without_compensation_nothing_is_gained(
 
 
 @pytest.mark.long
-def test_another_part_in_a_four_jaw_chuck_does_what_its_job_says(
-    console: Console, close: tuple[str, str], job_file: JobFile
-) -> None:
+def test_a_four_jaw_chuck_does_what_it_says(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
     path = job_file(
         jaws="4",
         lobe_error_um_pp="20.0",
@@ -161,9 +156,7 @@ def test_any_permitted_speed_is_compensated(
     assert result["after"]["RONt_um"] < 1.0
 
 
-def test_people_are_told_the_steps_and_the_result_with_units(
-    console: Console, close: tuple[str, str], job_file: JobFile
-) -> None:
+def test_people_are_told_steps_and_result(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
     said = console("run", str(job_file(cut_length_mm=SHORT_MM, roundness_tolerance_um="10.0")), "--sim", *close)
     assert said.code == 0
     assert said.err == ""
@@ -199,9 +192,7 @@ def test_the_same_command_gives_the_same_numbers_and_every_run_is_recorded_so_th
     database.close()
 
 
-def test_without_a_place_for_the_record_nothing_is_started(
-    console: Console, job_file: JobFile, tmp_path: Path
-) -> None:
+def test_without_a_record_nothing_is_started(console: Console, job_file: JobFile, tmp_path: Path) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("in the way")
     said = console("run", str(job_file(roundness_tolerance_um="10.0")), "--sim", "--data", str(blocked))
@@ -214,12 +205,7 @@ def test_without_a_place_for_the_record_nothing_is_started(
 @pytest.mark.parametrize(("language", "word"), [("en", "deeper"), ("ko", "충돌")])
 @pytest.mark.first(1)
 def test_what_the_tool_ran_into_is_told(
-    console: Console,
-    close: tuple[str, str],
-    job_file: JobFile,
-    monkeypatch: pytest.MonkeyPatch,
-    language: str,
-    word: str,
+    console: Console, close: tuple[str, str], job_file: JobFile, monkeypatch: MonkeyPatch, language: str, word: str
 ) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
     words = (
@@ -255,9 +241,7 @@ def lathe_of(family: str, folder: Path) -> str:
 
 @pytest.mark.parametrize("strategy", ["cam", pytest.param("timebase", marks=pytest.mark.long)])
 @pytest.mark.long
-def test_a_turbo_takes_the_lobe_away_in_each_way_that_keeps_the_angle(
-    console: Console, job_file: JobFile, tmp_path: Path, strategy: str
-) -> None:
+def test_a_turbo_takes_the_lobe_away(console: Console, job_file: JobFile, tmp_path: Path, strategy: str) -> None:
     """By the table on the bundled machine as it is."""
     path = job_file(cut_length_mm="0.5", roundness_tolerance_um="10.0")
     machine = "turbo-ethernet-lathe" if strategy == "cam" else lathe_of("turbo", tmp_path)
@@ -266,9 +250,7 @@ def test_a_turbo_takes_the_lobe_away_in_each_way_that_keeps_the_angle(
 
 
 @pytest.mark.long
-def test_both_controllers_leave_the_same_part_by_times_that_are_planned(
-    console: Console, job_file: JobFile, tmp_path: Path
-) -> None:
+def test_both_controllers_leave_the_same_part(console: Console, job_file: JobFile, tmp_path: Path) -> None:
     path = str(job_file(cut_length_mm="0.5", roundness_tolerance_um="10.0"))
     parts = [
         console("run", path, "--sim", "--json", "--machine", lathe_of(family, tmp_path), "--strategy", "pvt").json
@@ -314,11 +296,7 @@ def test_without_room_for_it_nothing_begins(console: Console, job_file: JobFile,
 
 @pytest.mark.long
 def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
-    console: Console,
-    close: tuple[str, str],
-    job_file: JobFile,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     from drivers.link.tracing import TraceFile
 
@@ -345,7 +323,7 @@ def test_a_trace_that_ends_is_told_once_and_the_job_goes_on(
     ids=["doctor", "verify", "backup"],
 )
 def test_what_looks_at_a_controller_is_traced_as_well(
-    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, command: tuple[str, ...], asked: str
+    console: Console, tmp_path: Path, monkeypatch: MonkeyPatch, command: tuple[str, ...], asked: str
 ) -> None:
     sim = SimulatedLathe(load_machine("lee-2001-lathe").machine)
     monkeypatch.setattr("console.cli.machine.card_access.open_link", lambda _: MemoryLink(sim.connect(), sim))
@@ -360,9 +338,7 @@ def test_what_looks_at_a_controller_is_traced_as_well(
     assert any(line.endswith("< [ACK]") for line in lines)
 
 
-def test_without_room_for_it_no_controller_is_looked_for(
-    console: Console, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_without_room_no_controller_is_met(console: Console, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     opened: list[object] = []
     monkeypatch.setattr("console.cli.machine.card_access.open_link", opened.append)
     said = console("doctor", "--link", "tcp:lathe:1", "--trace", str(tmp_path))

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.report.page import report_page
 from console.report.reported_run import reported_run
@@ -117,9 +118,7 @@ def test_a_round_part_has_no_causes_and_asks_for_nothing(tmp_path: Path) -> None
     ("changes", "code"),
     [({"job_text_sha256": None}, "no_texts"), ({"stage": "partial"}, "partial")],
 )
-def test_what_the_record_does_not_have_is_said_and_not_guessed(
-    changes: dict[str, Any], code: str, tmp_path: Path
-) -> None:
+def test_what_the_record_lacks_is_not_guessed(changes: dict[str, Any], code: str, tmp_path: Path) -> None:
     debrief = run_debrief(recorded(tmp_path, turned(), **changes), tmp_path)
     assert code in codes(debrief) and debrief.causes == ()
 
@@ -241,9 +240,7 @@ def test_parts_on_new_machines_follow_each_other_in_machine_time(console: Consol
         assert at_s == pytest.approx(polled[part], abs=2.0)
 
 
-def test_events_without_a_machine_time_are_told_by_their_dates(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_events_without_a_machine_time_are_told_by_their_dates(monkeypatch: MonkeyPatch, tmp_path: Path) -> None:
     second = iter(range(0, 1000, 40))
     set_dates(monkeypatch, lambda: (BEGAN + timedelta(seconds=next(second))).isoformat())
     run = RunRecord(tmp_path, described(JOB))
@@ -262,9 +259,7 @@ def test_events_without_a_machine_time_are_told_by_their_dates(
         ({"reason": "killed"}, "console killed"),
     ],
 )
-def test_a_run_that_ended_while_homing_tells_why_instead_of_asking_for_nothing(
-    end: dict[str, object], words: str, tmp_path: Path
-) -> None:
+def test_a_run_that_ended_while_homing_tells_why(end: dict[str, object], words: str, tmp_path: Path) -> None:
     run = RunRecord(tmp_path, described(JOB))
     run.add("planned", {})
     run.add("ended", end)
@@ -344,9 +339,7 @@ def test_an_early_end_keeps_its_figures(tmp_path: Path, console: Console) -> Non
         assert "cut.off_path" not in told
 
 
-def test_an_early_end_of_an_older_console_has_the_figures_of_its_alarm_or_says_that_it_has_none(
-    tmp_path: Path,
-) -> None:
+def test_an_early_end_of_an_older_console_has_the_figures_of_its_alarm(tmp_path: Path) -> None:
     codes: dict[str, object] = {"reasons": ["cut.off_path"]}
     found = recorded(tmp_path, None, tell=ended_early(codes, BRIEF))
     assert "was briefly 12.5 um off its path" in page_words(tmp_path, found, load("en"))
@@ -399,8 +392,8 @@ def test_the_log_has_the_name_under_which_a_job_is_stored_and_no_refused_entry()
     assert "secret" not in said[1]
 
 
-def test_a_fact_is_one_row_and_its_words_for_page_command_report_and_debrief(
-    tmp_path: Path, console: Console, monkeypatch: pytest.MonkeyPatch
+def test_a_fact_is_one_row_wherever_it_is_shown(
+    tmp_path: Path, console: Console, monkeypatch: MonkeyPatch
 ) -> None:
     row = ("coolant", run_facts.Kind.TEXT, "coolant", "coolant_at")
     monkeypatch.setattr(run_facts, "SETUP", (*run_facts.SETUP, row))

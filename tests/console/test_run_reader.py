@@ -19,6 +19,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.run import roundness_of
 from console.session.data import records
@@ -177,7 +178,7 @@ def test_an_accepted_learning_step_joins_the_run_of_its_part(aligned: Floor) -> 
 
 
 def test_telemetry_that_cannot_be_written_ends_no_cut_and_is_told_once(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch
+    aligned: Floor, monkeypatch: MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
         raise sqlite3.OperationalError("database or disk is full")
@@ -193,9 +194,7 @@ def test_telemetry_that_cannot_be_written_ends_no_cut_and_is_told_once(
     assert (row.ended.how, row.passed, told.complete) == (How.DONE, True, False)
 
 
-def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     begun, free, write = threading.Event(), threading.Event(), RunLog._write
 
     def slow(*given: Any) -> None:
@@ -225,7 +224,7 @@ def test_an_alarm_that_was_over_before_the_run_is_not_in_its_record(aligned: Flo
     assert [alarm.problem.code for alarm in story(context.records, row.run_id).alarms] == ["record.incomplete"]
 
 
-def test_without_free_space_nothing_is_armed(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_free_space_nothing_is_armed(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
     state = aligned.arm(experiment_1())
     assert state.armed is None and [problem.code for problem in state.refusals] == ["record.no_space"]
@@ -357,7 +356,7 @@ def small_disk(folder: Path, size: str) -> Iterator[None]:
 
 
 def test_a_disk_that_gets_full_is_told_and_what_was_recorded_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     folder = tmp_path / "disk"
     with small_disk(folder, "2m"):

@@ -19,6 +19,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.alignment import problems
 from console.session.data import kept_files, record_file, records, run_log
@@ -125,9 +126,7 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("code", REFUSED)
-def test_a_record_that_is_newer_or_damaged_is_refused_and_left_as_it_is(
-    console: Console, job_file: JobFile, data: Path, code: str
-) -> None:
+def test_a_newer_or_damaged_record_stays(console: Console, job_file: JobFile, data: Path, code: str) -> None:
     act, word = REFUSED[code]
     act(data)
     before = (data / FILE_NAME).read_bytes()
@@ -179,7 +178,7 @@ def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, take: 
 
 
 def test_a_run_whose_folder_is_taken_away_fails(
-    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     kept = tmp_path / "kept"
     original = RunRecord.add
@@ -237,9 +236,7 @@ def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None
 
 
 @pytest.mark.parametrize(("machine", "simulated"), [("lathe", False), ("another", True)])
-def test_a_run_that_was_killed_is_told_where_its_machine_is_worked(
-    data: Path, machine: str, simulated: bool
-) -> None:
+def test_a_killed_run_is_told_at_its_machine(data: Path, machine: str, simulated: bool) -> None:
     killed(begins(data, "started"))
     assert killed_runs(data, machine, simulated=simulated) == ()
     assert len(killed_runs(data, "lathe", simulated=True)) == 1
@@ -247,9 +244,7 @@ def test_a_run_that_was_killed_is_told_where_its_machine_is_worked(
 
 @pytest.mark.parametrize("kinds", [("armed",), ("armed", "started", "cut"), ("armed", "started", "stopped")])
 @pytest.mark.first(1)
-def test_a_console_that_was_killed_beside_a_cut_has_left_none_without_an_end(
-    data: Path, kinds: tuple[str, ...]
-) -> None:
+def test_a_kill_beside_a_cut_has_left_none(data: Path, kinds: tuple[str, ...]) -> None:
     killed(begins(data, *kinds))
     assert killed_runs(data, "lathe", simulated=True) == ()
     assert list((data / FOLDER).iterdir()) == []
@@ -279,9 +274,7 @@ def test_the_next_run_tells_of_one_that_was_killed(
     assert "was killed" not in console(*words).err
 
 
-def test_a_clock_that_is_set_in_mid_run_changes_no_duration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_clock_that_is_set_in_mid_run_changes_no_duration(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     """An hour ahead, and back: by the time signal of a plant, or by hand."""
     hours = cycle((0, 1, -1))
 
@@ -303,9 +296,7 @@ def test_a_clock_that_is_set_in_mid_run_changes_no_duration(
     assert len(dates) == 4 and max(dates) - min(dates) < timedelta(minutes=1)
 
 
-def test_what_other_writers_keep_out_is_written_when_they_let_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_other_writers_keep_out_is_written_when_they_let_it(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     """Two hundred commands at once had lost a tenth of the telemetry of the runs they made."""
     monkeypatch.setattr(run_log, "WRITE_TIMEOUT_S", 0.0)
     tries, write = threading.Semaphore(0), run_log.RunLog._write
@@ -331,7 +322,7 @@ def test_what_other_writers_keep_out_is_written_when_they_let_it(
     assert (end["rows"], end["lost"]) == (30, 0)
 
 
-def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     run = RunRecord(tmp_path, RUN)
     assert os.fstat(run._reserve or 0).st_blocks * 512 >= RESERVE_BYTES, "room that nobody else can take"
     write = record_file.transaction
@@ -480,9 +471,7 @@ def test_who_looks_on_at_a_cut_is_not_told_that_it_ended_early(tmp_path: Path) -
     record.close()
 
 
-def test_after_a_restart_of_the_controller_homing_takes_the_tool_out_first_and_f8_never_moves_it_in(
-    tmp_path: Path,
-) -> None:
+def test_homing_takes_the_tool_out_first_and_f8_never_moves_it_in(tmp_path: Path) -> None:
     """Nobody knows where the tool stands; no blank has to be confirmed that is not there."""
     cut_left(tmp_path).close()
     new = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.arguments import PLANTS as OFFERED_PLANTS
 from console.cli.commands import build
@@ -32,7 +33,7 @@ TCP = ("--tcp", "127.0.0.1:1025")
 
 
 @pytest.fixture
-def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Listeners, float]]:
+def served(monkeypatch: MonkeyPatch) -> list[tuple[Listeners, float]]:
     """What was to be served, by a server that ends at once."""
     calls: list[tuple[Listeners, float]] = []
 
@@ -45,9 +46,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Listeners, float]]:
     return calls
 
 
-def test_listeners_are_those_that_are_named_in_real_time(
-    console: Console, served: list[tuple[Listeners, float]]
-) -> None:
+def test_listeners_are_those_that_are_named(console: Console, served: list[tuple[Listeners, float]]) -> None:
     address = TcpAddress(host="127.0.0.1", port=1025)
     for words in (TCP, ("--ethernet", "127.0.0.1:1025"), ("--pty",), (*TCP, "--pty", "--speed", "0.01")):
         assert console("simulator", *words).code == 0
@@ -69,9 +68,7 @@ def test_each_listener_is_a_line(console: Console, served: list[tuple[Listeners,
     assert plain[1].endswith("serial:/dev/pts/7")
 
 
-def test_where_faults_are_asked_for_is_no_listener_of_its_own(
-    console: Console, served: list[tuple[Listeners, float]]
-) -> None:
+def test_faults_have_no_listener_of_their_own(console: Console, served: list[tuple[Listeners, float]]) -> None:
     assert console("simulator", "--control", "tcp:127.0.0.1:0").code == 2
     assert console("simulator", "--pty", "--control", "tcp:[::1]:5").code == 0
     assert console("simulator", "--pty", "--control", "control:unix:/run/faults").code == 0
@@ -99,9 +96,7 @@ def test_what_is_no_address_for_faults_is_refused(console: Console, address: str
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_without_a_listener_the_three_are_named(
-    console: Console, served: list[tuple[Listeners, float]], language: str
-) -> None:
+def test_the_three_are_named(console: Console, served: list[tuple[Listeners, float]], language: str) -> None:
     said = console("simulator", "--lang", language)
     assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
     assert all(option in said.err for option in ("--tcp", "--ethernet", "--pty"))
@@ -145,7 +140,7 @@ def test_a_file_that_save_did_not_write_is_refused_before_anything_listens(
 
 
 @pytest.fixture
-def lathes(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedLathe]:
+def lathes(monkeypatch: MonkeyPatch) -> list[SimulatedLathe]:
     """The lathes that were to be served, by a server that ends at once."""
     served: list[SimulatedLathe] = []
     monkeypatch.setattr("drivers.simulator.hosts.server.serve", lambda lathe, *_: served.append(lathe))
@@ -204,9 +199,7 @@ def test_a_wrong_plant_file_says_what_is_wrong(console: Console, tmp_path: Path)
 
 
 @pytest.mark.parametrize("percent", ["-1", "51", "x", "nan"])
-def test_what_is_no_spread_of_clampings_is_refused_with_the_range(
-    console: Console, lathes: list[SimulatedLathe], percent: str
-) -> None:
+def test_no_spread_of_clampings_is_refused(console: Console, lathes: list[SimulatedLathe], percent: str) -> None:
     said = console("simulator", *TCP, f"--clamping-sd={percent}")
     assert (said.code, len(said.err.splitlines())) == (2, 1)
     assert "--clamping-sd" in said.err
@@ -225,9 +218,7 @@ def test_what_is_no_seed_is_refused_with_the_range(
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_seed_for_a_lathe_without_chance_is_refused(
-    console: Console, lathes: list[SimulatedLathe], language: str
-) -> None:
+def test_a_seed_without_chance_is_refused(console: Console, lathes: list[SimulatedLathe], language: str) -> None:
     said = console("simulator", *TCP, "--seed", "7", "--lang", language)
     assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
     assert all(word in said.err for word in ("--seed", "--plant", "mounted", "steady"))
@@ -268,9 +259,7 @@ def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> Non
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_run_on_a_lathe_that_somebody_has_to_align_is_refused_with_what_to_do(
-    console: Console, language: str
-) -> None:
+def test_a_run_on_a_lathe_to_be_aligned_is_refused(console: Console, language: str) -> None:
     words = ("run", "lee-2001-experiment-1", "--sim", "--plant", "mounted", "--seed", "1", "--lang", language)
     said = console(*words)
     assert (said.code, said.out) == (1, "")

@@ -179,9 +179,7 @@ def test_the_command_that_cuts_asks_the_same_of_the_firmware_that_it_reads(tmp_p
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_simulated_controller_is_a_controller_like_another(
-    console: Console, data_folder: Path, tmp_path: Path, language: str
-) -> None:
+def test_simulated_is_like_another(console: Console, data_folder: Path, tmp_path: Path, language: str) -> None:
     own = tmp_path / "filtered.toml"
     write_machine(own)
     said = console("run", "lee-2001-experiment-1", "--machine", str(own), "--sim", "--lang", language)
@@ -225,9 +223,7 @@ def test_a_trip_with_a_filter_names_its_reading_too(language: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(("machine", "filtered"), [(stating(FIRST), True), (LATHE, False)])
-def test_a_measurement_that_trips_with_a_filter_names_its_reading_too(
-    tmp_path: Path, machine: MachineProfile, filtered: bool
-) -> None:
+def test_a_measurement_that_trips_names_it_too(tmp_path: Path, machine: MachineProfile, filtered: bool) -> None:
     """`console health` and `console identify` move the tool with the same filter."""
     owner = console_at(tmp_path, Reading.STATED)
     owner.lathe.machine = machine

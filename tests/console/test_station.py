@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.station.commands import (
     Approach,
@@ -404,7 +405,7 @@ def test_readings_are_forgotten_one_by_one(aligned: Floor) -> None:
     assert aligned.do(Forget()).alignment.jaw is None
 
 
-def test_drives_are_switched_on_all_or_none(floor: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_drives_are_switched_on_all_or_none(floor: Floor, monkeypatch: MonkeyPatch) -> None:
     def refuse(_: int) -> None:
         raise PmacError(ErrorCode.NOT_WHILE_RUNNING, "for the test")
 
@@ -438,9 +439,7 @@ def test_without_compensation_nothing_is_judged(aligned: Floor) -> None:
     assert aligned.state.alarms == ()
 
 
-def test_a_link_that_is_gone_is_told_once_and_nothing_is_ordered_any_more(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_link_that_is_gone_is_told_once(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     def gone(*_: object) -> bytes:
         raise LinkError(Problem(code="link.lost", value="unplugged"))
 
@@ -455,9 +454,7 @@ def test_a_link_that_is_gone_is_told_once_and_nothing_is_ordered_any_more(
     assert not aligned.station.post(Recover())
 
 
-def test_of_a_machine_that_is_lost_in_motion_nothing_is_known_but_it_may_move(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_that_is_lost_in_motion_may_move(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     def unplug() -> None:
         for name in ("send", "receive", "send_urgent"):
             monkeypatch.setattr(aligned.link, name, gone)

@@ -142,9 +142,7 @@ def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None
         lambda values: values.update(more=1),
     ],
 )
-def test_a_file_that_is_no_record_is_told_and_arms_nothing(
-    tmp_path: Path, simulated: StopRecord, change: object
-) -> None:
+def test_a_file_that_is_no_record_arms_nothing(tmp_path: Path, simulated: StopRecord, change: object) -> None:
     path = store(tmp_path, MACHINE, simulated)
     values = json.loads(path.read_text(encoding="utf-8"))
     assert callable(change)
@@ -193,9 +191,7 @@ def test_one_flipped_digit_is_seen(
 
 
 @pytest.mark.parametrize("schema", [0, 2, 1.0, "1", None])
-def test_a_record_of_another_version_is_to_be_measured_again(
-    tmp_path: Path, simulated: StopRecord, schema: object
-) -> None:
+def test_a_record_of_another_version_is_told(tmp_path: Path, simulated: StopRecord, schema: object) -> None:
     path = store(tmp_path, MACHINE, simulated)
     values = json.loads(path.read_text(encoding="utf-8"))
     values["schema"] = schema
@@ -225,9 +221,7 @@ def test_the_record_of_another_machine_or_link_arms_nothing(tmp_path: Path, simu
 
 
 @given(content=st.binary(max_size=60))
-def test_whatever_is_in_the_file_is_a_record_or_a_refusal(
-    tmp_path_factory: pytest.TempPathFactory, content: bytes
-) -> None:
+def test_any_content_is_a_record_or_refused(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     folder = tmp_path_factory.mktemp("data")
     path = record_path(folder, MACHINE)
     path.parent.mkdir(parents=True)
@@ -254,9 +248,7 @@ def test_an_entry_has_the_unit_of_its_axis(simulated: StopRecord) -> None:
     assert {e.way for e in simulated.entries} == set(Way)
 
 
-def test_a_file_that_was_cut_short_is_told_by_its_line_and_in_no_programmers_words(
-    tmp_path: Path, simulated: StopRecord
-) -> None:
+def test_a_file_that_was_cut_short_is_told_by_its_line(tmp_path: Path, simulated: StopRecord) -> None:
     path = store(tmp_path, MACHINE, simulated)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) // 2])

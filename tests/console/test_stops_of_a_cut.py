@@ -9,6 +9,7 @@ from datetime import date
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.machine.card_access import Card
 from console.cli.machine.doctor_checks import keep_stops, stop_checks
@@ -164,7 +165,7 @@ def test_a_stop_after_going_on_is_another(floor: Floor) -> None:
     assert events(floor) == [("stopped", True), ("stopped", True)]
 
 
-def test_rest_that_is_proven_late_is_no_other_stop(floor: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rest_that_is_proven_late_is_no_other_stop(floor: Floor, monkeypatch: MonkeyPatch) -> None:
     def silent() -> None:
         raise LinkError(Problem(code="link.silent"))
 
@@ -210,9 +211,7 @@ def test_a_cut_that_was_armed_before_is_not_begun(floor: Floor) -> None:
 
 
 @pytest.mark.parametrize("way", StopWay)
-def test_a_record_is_kept_with_the_way_of_its_stops_and_taken_away_with_a_lost_one(
-    tmp_path: Path, way: StopWay
-) -> None:
+def test_a_record_is_kept_with_the_way_of_its_stops(tmp_path: Path, way: StopWay) -> None:
     made = commissioned(MACHINE)
     version, kind = made.client.query("VERSION", "TYPE")
     card = Card(
@@ -353,9 +352,7 @@ def test_a_jog_step_is_over_before_a_person_presses_again(aligned: Floor, axis: 
 
 @pytest.mark.parametrize("retracted", [False, True])
 @pytest.mark.first(1)
-def test_a_console_that_is_left_with_the_tool_in_the_part_tells_the_next_one(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch, retracted: bool
-) -> None:
+def test_a_tool_left_in_the_part_is_told(aligned: Floor, monkeypatch: MonkeyPatch, retracted: bool) -> None:
     monkeypatch.setattr(aligned.context, "shop", None)  # as on a real machine: nobody else sees the chuck
     machine = aligned.context.machine.name
     if retracted:

@@ -73,17 +73,13 @@ def test_only_a_program_on_the_spindles_time_waits_for_its_index(rpm: float) -> 
 
 @pytest.mark.parametrize(("in_phase", "told"), [(True, IN_SYNC), (False, LOST), (None, None)])
 @pytest.mark.parametrize("rpm", [None, 400.0, 1000.0])
-def test_in_the_part_the_phase_decides(
-    in_phase: bool | None, told: Synchronisation | None, rpm: float | None
-) -> None:
+def test_the_phase_decides(in_phase: bool | None, told: Synchronisation | None, rpm: float | None) -> None:
     for strategy in FOLLOWING:
         assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is told
 
 
 @given(st.floats(-49.0, 49.0), st.sampled_from([True, False, None]), st.sampled_from(FOLLOWING))
-def test_a_spindle_that_stands_in_the_part_is_lost_in_any_phase(
-    rpm: float, in_phase: bool | None, strategy: Strategy
-) -> None:
+def test_a_spindle_that_stands_is_lost(rpm: float, in_phase: bool | None, strategy: Strategy) -> None:
     assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is LOST
 
 
@@ -221,18 +217,14 @@ def test_a_tool_that_leaves_the_part_early_ends_its_figures() -> None:
     ("error_um", "peak_um", "leaves"),
     [(1.9, 0.1, False), (-2.1, 0.1, True), (5.9, 3.0, False), (-6.1, 3.0, True)],
 )
-def test_a_tool_leaves_where_it_is_off_by_twice_what_it_was_before_and_by_2_um(
-    error_um: float, peak_um: float, leaves: bool
-) -> None:
+def test_a_tool_leaves_where_it_is_off_by_twice_and_2_um(error_um: float, peak_um: float, leaves: bool) -> None:
     assert bool(is_leaving(error_um, np.float64(peak_um))) is leaves
 
 
 @pytest.mark.parametrize(
     ("stage", "left_um_pp"), [(Stage.AIR, None), (Stage.PARTIAL, (27.5, 82.5)), (Stage.FULL, None)]
 )
-def test_the_half_stage_alone_tells_what_it_leaves_with_the_right_sign_and_with_the_wrong_one(
-    stage: Stage, left_um_pp: tuple[float, float] | None
-) -> None:
+def test_the_half_stage_alone_tells_what_it_leaves(stage: Stage, left_um_pp: tuple[float, float] | None) -> None:
     """Of 55 um the half, or as much more."""
     told = plan_run(JOB, MACHINE, Strategy.PVT, stage=stage, simulated=True).expected
     assert (None if told is None else (told.right_um_pp, told.wrong_um_pp)) == left_um_pp
@@ -395,9 +387,7 @@ def test_jaw_1_is_known_from_the_zero_of_the_strategy(
 
 
 @pytest.mark.long
-def test_the_command_cuts_without_a_part_to_compare_with(
-    console: Console, tmp_path: Path, job_file: JobFile
-) -> None:
+def test_the_command_has_no_part_to_compare(console: Console, tmp_path: Path, job_file: JobFile) -> None:
     text = load_machine("lee-2001-lathe").path.read_text(encoding="utf-8")
     drive = 'drive = "inverter"\nramp_rpm_per_s = 500.0\nslip_rpm = 60.0\npeak_torque_n_m = 50.0'
     text = text.replace('["#1->X", "#2->Y", "#3->Z"]', '["#1->X", "#3->Z"]').replace(

@@ -297,9 +297,7 @@ def test_a_poll_that_was_interrupted_is_not_judged() -> None:
         (5.0, 0.5, "Ø"),
     ],
 )
-def test_of_what_a_command_is_off_its_plan_that_is_told_which_is_furthest_beyond_its_scatter(
-    mean_um: float, mean_se_um: float, where: str
-) -> None:
+def test_what_is_furthest_beyond_its_scatter_is_told(mean_um: float, mean_se_um: float, where: str) -> None:
     """At three a turn it is off by 0.9 um, known to 0.05: an uncertain figure hides it not."""
     command = replace(
         known_error(0.01),

@@ -240,9 +240,7 @@ def test_no_part_in_the_record_is_no_part(outside: Outside) -> None:
     ("cut_on", "codes"),
     [("steady, seed 11", []), ("", []), ("steady, seed 12", ["trace.other_lathe"])],
 )
-def test_a_trace_of_a_part_of_another_simulated_lathe_is_not_that_of_this_part(
-    cut_on: str, codes: list[str], tmp_path: Path, outside_job: LoadedJob
-) -> None:
+def test_a_part_of_another_lathe(cut_on: str, codes: list[str], tmp_path: Path, outside_job: LoadedJob) -> None:
     stated = {**STATED, "simulated": "yes", "lathe": "steady, seed 11"}
     path = written(tmp_path, outside_job, **stated).path
     found = examined(path, outside_job.job, {}, simulated=True, lathe=cut_on)
@@ -276,9 +274,7 @@ def test_inspect_takes_a_trace_only_of_the_simulated_lathe_that_has_cut_the_part
         ({"state": "clamped"}, "trace.not_released"),
     ],
 )
-def test_what_is_not_the_shape_of_this_part_is_refused(
-    stated: dict[str, str], code: str, tmp_path: Path, outside_job: LoadedJob
-) -> None:
+def test_what_is_no_shape_of_it(stated: dict[str, str], code: str, tmp_path: Path, outside_job: LoadedJob) -> None:
     found = written(tmp_path, outside_job, **{**STATED, **stated})
     assert [problem.code for problem in found.problems] == [code]
     assert not found.ready
@@ -406,7 +402,7 @@ def test_the_part_that_has_the_file_is_named_by_the_end_of_its_cut(
     [(-2, None, True), (2, None, False), (2, -3, True), (None, None, False)],
     ids=["file before", "file after", "its own date before", "just copied"],
 )
-def test_a_file_from_before_the_end_of_the_cut_is_told_with_both_times(
+def test_a_file_from_before_is_told(
     minutes: float | None, stated: float | None, told: bool, tmp_path: Path
 ) -> None:
     data = tmp_path / "data"
@@ -448,9 +444,7 @@ def test_learning_takes_a_file_only_for_a_part_that_was_cut_so(tmp_path: Path) -
     assert problem.code == "trace.taken"
 
 
-def test_a_file_that_has_taught_a_version_does_not_teach_as_a_part_of_it(
-    console: Console, job_file: JobFile, tmp_path: Path
-) -> None:
+def test_a_file_teaches_only_once(console: Console, job_file: JobFile, tmp_path: Path) -> None:
     """Nothing is measured on Inspect here: what was learned is all that is kept of the first part."""
     index = {"start_mark": "spindle index"}
     path, job = gauge_file(tmp_path, stated=index), str(job_file(cut_length_mm="0.8", feed_mm_per_rev="0.1"))

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.retracting import retracted_by_distance
 from console.session.dated_input import PLACES, ROW, InputAge
@@ -119,9 +120,7 @@ def test_a_drive_that_another_host_switches_off_is_an_alarm_until_all_are(floor:
 
 
 @pytest.mark.parametrize(("line", "axis"), [(b"I322=50", AxisName.CARRIAGE), (b"I121=5", AxisName.TOOL)])
-def test_a_jog_that_another_host_has_made_faster_is_refused_with_the_setting(
-    floor: Floor, line: bytes, axis: AxisName
-) -> None:
+def test_a_jog_that_another_host_made_faster_is_refused(floor: Floor, line: bytes, axis: AxisName) -> None:
     another_sends(floor, line)
     floor.do(Jog(axis=axis, distance=-0.5))
     (refused,) = floor.state.refusals
@@ -232,9 +231,7 @@ def test_a_fault_of_an_amplifier_is_one_alarm_until_the_drives_are_on_again(tmp_
         (False, -1.95, -1.95),
     ],
 )
-def test_where_no_part_is_known_the_tool_retracts_by_its_distance_and_onto_no_limit(
-    homed: bool, at_mm: float, target_mm: float
-) -> None:
+def test_without_a_part_the_tool_retracts_onto_no_limit(homed: bool, at_mm: float, target_mm: float) -> None:
     machine = compact("pmac")
     machine = replace(machine, tool=replace(machine.tool, travel_min_mm=-2.0, retract_mm=20.0))
     counts = at_mm * machine.tool.counts_per_mm
@@ -280,7 +277,7 @@ def plunge(floor: Floor) -> StationState:
 
 
 @pytest.fixture
-def too_late(monkeypatch: pytest.MonkeyPatch) -> None:
+def too_late(monkeypatch: MonkeyPatch) -> None:
     """A console that does not stop what another host moves, which it would do within 0.1 s."""
     monkeypatch.setattr("console.session.station.station.unasked_motion", lambda snapshot: None)
 
@@ -320,9 +317,7 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
     assert again == {"simulator.met_infeed", "simulator.met_standing_part", "simulator.met_too_deep"}
 
 
-def test_a_collision_in_a_cut_is_told_before_its_end_and_kept_in_the_record(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_a_collision_in_a_cut_is_told_before_its_end(monkeypatch: MonkeyPatch, tmp_path: Path) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
     floor, job = open_floor(tmp_path), experiment_1(6.0)
     monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
@@ -365,7 +360,7 @@ class Froze:
         self.froze_s = 0.0
 
 
-def freezes_in(floor: Floor, monkeypatch: pytest.MonkeyPatch, at_poll: int, for_s: float = 3.0) -> None:
+def freezes_in(floor: Floor, monkeypatch: MonkeyPatch, at_poll: int, for_s: float = 3.0) -> None:
     """Let the process be frozen at a poll within the next command."""
     watch, polls = Froze(), [0]
     monkeypatch.setattr(floor.stop, "freezes", watch)
@@ -378,7 +373,7 @@ def freezes_in(floor: Floor, monkeypatch: pytest.MonkeyPatch, at_poll: int, for_
     floor.looks.append(look)
 
 
-def test_of_an_approach_nothing_further_begins(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_of_an_approach_nothing_further_begins(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     assert aligned.arm(experiment_1()).armed is not None
     freezes_in(aligned, monkeypatch, at_poll=20)
     state = aligned.do(Start())
@@ -388,12 +383,12 @@ def test_of_an_approach_nothing_further_begins(aligned: Floor, monkeypatch: pyte
     assert state.snapshot is not None and state.snapshot.at_rest
 
 
-def test_what_froze_before_a_command_does_not_count(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_froze_before_a_command_does_not_count(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(aligned.stop, "freezes", Froze(froze_s=30.0))
     assert refused_codes(aligned.do(JOG)) == []
 
 
-def test_a_cut_that_was_armed_meanwhile_is_disarmed(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_cut_that_was_armed_meanwhile_is_disarmed(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     freezes_in(aligned, monkeypatch, at_poll=1)
     state = aligned.arm(experiment_1())
     assert state.armed is None and refused_codes(state) == ["session.frozen"]
@@ -406,7 +401,7 @@ def test_an_idle_machine_that_was_not_polled_is_disarmed(aligned: Floor) -> None
     assert aligned.state.armed is None and refused_codes(aligned.state) == ["session.frozen"]
 
 
-def test_a_command_that_waited_is_not_carried_out(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_command_that_waited_is_not_carried_out(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     assert aligned.station.post(JOG)
     monkeypatch.setattr(aligned.station, "_posted_s", aligned.station._posted_s - OLD_S - 0.1)
     before = aligned.lathe.snapshot().carriage.position
@@ -415,7 +410,7 @@ def test_a_command_that_waited_is_not_carried_out(aligned: Floor, monkeypatch: p
     assert aligned.lathe.snapshot().carriage.position == pytest.approx(before, abs=2.0)
 
 
-def test_the_watch_sees_a_pause_whoever_looks_first(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_watch_sees_a_pause_whoever_looks_first(monkeypatch: MonkeyPatch) -> None:
     now = [100.0]
     monkeypatch.setattr(clock, "boot_s", lambda: now[0])
     monkeypatch.setattr("threading.Thread.start", lambda thread: None)
@@ -430,7 +425,7 @@ def test_the_watch_sees_a_pause_whoever_looks_first(monkeypatch: pytest.MonkeyPa
     assert watch.woke_from_s(0.5) == 0.0
 
 
-def test_an_answer_dates_only_what_comes_after_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_answer_dates_only_what_comes_after_it(monkeypatch: MonkeyPatch) -> None:
     """Questions and answers by hand: what came before the answer was typed at an unknown time."""
     now = [50.0]
     monkeypatch.setattr("console.session.dated_input.boot_s", lambda: now[0])

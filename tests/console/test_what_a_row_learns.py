@@ -252,9 +252,7 @@ def test_a_batch_is_as_quick_with_many_jaws_and_shows_each_learned_order(jaws: i
 
 @pytest.mark.long
 @pytest.mark.timeout(300)
-def test_with_six_jaws_the_second_part_is_rounder_by_far(
-    console: Console, close: tuple[str, str], tmp_path: Path
-) -> None:
+def test_with_six_jaws_the_second_is_rounder(console: Console, close: tuple[str, str], tmp_path: Path) -> None:
     """Jaw 1 makes 13.8 um of oval, more than twice the lobe; 0.90 of a path arrives, so 2.7 um p-p of it stay."""
     path = job_file("six", tmp_path)
     words = (
@@ -297,9 +295,7 @@ def said(*ront_um: float) -> list[tuple[str, str, str, str]]:
         ((4.0,), []),
     ],
 )
-def test_a_last_part_that_is_not_rounder_is_no_gain(
-    ront_um: tuple[float, ...], told: list[tuple[str, str, str, str]]
-) -> None:
+def test_no_rounder_part_is_no_gain(ront_um: tuple[float, ...], told: list[tuple[str, str, str, str]]) -> None:
     assert said(*ront_um) == told
 
 
@@ -432,9 +428,7 @@ def ring(job_file: JobFile) -> str:
     return str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1"))
 
 
-def test_parts_in_a_row_learn_nothing_from_a_gauge_that_does_not_know_its_angle(
-    console: Console, ring: str, close: tuple[str, str], tmp_path: Path
-) -> None:
+def test_a_blind_gauge_teaches_none(console: Console, ring: str, close: tuple[str, str], tmp_path: Path) -> None:
     plant = tmp_path / "blind.toml"
     plant.write_text(BLIND, encoding="utf-8")
     words = (*close, "--sim", "--plant", str(plant), "--seed", "4", "--strategy", "cam", "--learn", "2")

@@ -262,9 +262,7 @@ def points(tmp_path: Path, unit: float, *more: str, x: float = 0.0) -> Path:
 
 
 @pytest.mark.parametrize(("unit", "seen"), [(1e-3, "D 0.052 mm"), (1e2, "D 5200 mm")])
-def test_points_in_another_unit_than_mm_are_doubted(
-    unit: float, seen: str, console: Console, tmp_path: Path
-) -> None:
+def test_points_in_another_unit_are_doubted(unit: float, seen: str, console: Console, tmp_path: Path) -> None:
     path = points(tmp_path, unit)
     said = console("roundness", str(path))
     assert said.code == 0 and seen in said.err and "x_mm,y_mm" in said.err and "deviation" not in said.err

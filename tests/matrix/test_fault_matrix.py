@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut import run
 from console.session.data import records
@@ -163,7 +164,7 @@ PAGE = Path(__file__).parents[2] / "docs" / "fault-matrix.md"
 
 
 @pytest.fixture(autouse=True)
-def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+def quick(monkeypatch: MonkeyPatch) -> None:
     """Plan once for all cells, and keep records nowhere."""
     monkeypatch.setattr(run, "plan_cut", planned_once)
     monkeypatch.setattr(records, "opened", record_in_memory)
@@ -179,7 +180,7 @@ CELLS = [(row, situation) for row in ROWS for situation in Situation if tried(ro
     ("row", "situation"), CELLS, ids=[f"{row.name}-{each.value.replace(' ', '-')}" for row, each in CELLS]
 )
 def test_a_fault_in_a_state_ends_as_it_should(
-    row: Row, situation: Situation, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    row: Row, situation: Situation, tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     timeout_s = RUN_OUT_S if situation in RUNNING_OUT else TIMEOUT_S
     monkeypatch.setattr(standstill, "COAST_TIMEOUT_S", timeout_s)

@@ -57,7 +57,7 @@ def sent_otherwise(part: Part, records: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(("name", "moment"), TRIED, ids=[f"{name}-{moment}" for name, moment in TRIED])
-def test_a_part_with_a_fault_ends_as_it_should(
+def test_a_part_ends_as_it_should(
     name: str, moment: Moment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     timeout_s = TIMEOUT_S if moment in STANDING else RUN_OUT_S

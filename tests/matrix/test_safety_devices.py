@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut import run
 from console.session.station.commands import Command, DisableDrives, EnableDrives, EndCut, Home, Jog, Start
@@ -30,7 +31,7 @@ def write(rig: Rig, line: str) -> None:
 
 
 @pytest.fixture
-def rig(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Rig:
+def rig(tmp_path: Path, monkeypatch: MonkeyPatch) -> Rig:
     """A machine whose controller sees its guard, closed at the beginning."""
     loaded = compact_machine()
     guarded = replace(loaded.machine, safety=replace(loaded.machine.safety, inputs=("guard->Y:$7F0,3=1",)))
@@ -111,7 +112,7 @@ DEAD = Row(name="", fault="stranger-writes", given={"line": "DISABLE PLC20"})
 
 
 @pytest.fixture
-def build(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Build:
+def build(tmp_path: Path, monkeypatch: MonkeyPatch) -> Build:
     def of(policy: Policy) -> Rig:
         loaded = compact_machine()
         machine = replace(loaded.machine, heartbeat=replace(loaded.machine.heartbeat, policy=policy.value))
@@ -248,7 +249,5 @@ def refusals(situation: Situation, order: Command, line: str, records: Path) -> 
         (Situation.IDLE, JOG, "I5=0", "heartbeat.plcs_forbidden"),
     ],
 )
-def test_after_a_stranger_the_next_motion_is_refused(
-    situation: Situation, order: Command, line: str, code: str, tmp_path: Path
-) -> None:
+def test_the_next_is_refused(situation: Situation, order: Command, line: str, code: str, tmp_path: Path) -> None:
     assert code in refusals(situation, order, line, tmp_path)

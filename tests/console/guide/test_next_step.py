@@ -285,7 +285,7 @@ class Novice:
         return made.get(row.command, row.command)()
 
 
-def test_the_guide_leads_from_power_up_to_the_learned_part(
+def test_the_guide_leads_to_a_learned_part(
     tmp_path: Path, job_file: Callable[..., Path], data_folder: Path
 ) -> None:
     lathe = tmp_path / "lathe.toml"
