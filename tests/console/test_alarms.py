@@ -51,62 +51,42 @@ def both() -> Alarms:
     return raised(raised((), FAULT, Priority.HIGH, 1.0), LINK, Priority.HIGH, 2.0)
 
 
-def test_the_first_alarm_stays_in_front_of_its_flood() -> None:
-    front = foremost(raised(both(), LINK, Priority.HIGH, 3.0))
-    assert front is not None and front.problem == FAULT
-
-
-def test_what_is_so_comes_before_what_is_over() -> None:
+def test_the_first_that_stands_and_was_not_seen_is_in_front() -> None:
     link_is_back = cleared(raised((), LINK, Priority.HIGH, 1.0), LINK.code)
-    assert foremost(link_is_back) is not None
-    front = foremost(raised(link_is_back, FAULT, Priority.HIGH, 2.0))
-    assert front is not None and front.problem == FAULT
+    fault_seen = acknowledged(raised((), FAULT, Priority.HIGH, 1.0))
+    for alarms, front in (
+        (raised(both(), LINK, Priority.HIGH, 3.0), FAULT),  # the first of a flood
+        (link_is_back, LINK),
+        (raised(link_is_back, FAULT, Priority.HIGH, 2.0), FAULT),  # what is so before what is over
+        (raised(fault_seen, LINK, Priority.LOW, 2.0), LINK),  # what was not seen before what was
+        ((), None),
+    ):
+        found = foremost(alarms)
+        assert (found and found.problem) == front
+    (again,) = raised(fault_seen, FAULT, Priority.HIGH, 5.0)
+    assert (again.count, again.acknowledged, again.at_s) == (2, False, 1.0), "it wants attention again"
 
 
-def test_one_that_comes_again_is_counted_and_wants_attention_again() -> None:
-    (again,) = raised(acknowledged(raised((), FAULT, Priority.HIGH, 1.0)), FAULT, Priority.HIGH, 5.0)
-    assert (again.count, again.acknowledged, again.at_s) == (2, False, 1.0)
-
-
-def test_one_that_was_not_seen_comes_before_one_that_was() -> None:
-    alarms = raised(acknowledged(raised((), FAULT, Priority.HIGH, 1.0)), LINK, Priority.LOW, 2.0)
-    front = foremost(alarms)
-    assert front is not None and front.problem == LINK
-
-
-def test_being_seen_does_not_clear_what_is_still_so() -> None:
+def test_an_alarm_stays_until_its_cause_went_and_it_was_seen() -> None:
     assert [alarm.problem for alarm in acknowledged(both())] == [FAULT, LINK]
-
-
-def test_an_alarm_whose_cause_went_stays_until_it_was_seen() -> None:
     gone = cleared(both(), "machine.fault")
     assert [alarm.active for alarm in gone] == [False, True]
     assert [alarm.problem for alarm in acknowledged(gone)] == [LINK]
     assert cleared(acknowledged(both()), "machine.fault", "link.lost") == ()
 
 
-def test_no_alarm_is_nothing_to_show() -> None:
-    assert foremost(()) is None
-
-
-def test_one_alarm_is_acknowledged_and_the_next_comes_to_the_front() -> None:
-    """Only what was in the row was seen; the number beside it counts down to none."""
+def test_only_what_was_on_the_screen_is_acknowledged_one_after_the_other() -> None:
+    """The number beside the row counts down to none; an alarm may come between the row and the key."""
     alarms, fronts = both(), []
     while waiting := unseen(alarms):
         front = foremost(alarms)
         assert front is not None
         fronts.append((front.problem.code, len(waiting)))
         alarms = seen(alarms)
-    assert fronts == [("machine.fault", 2), ("link.lost", 1)]
-    assert seen(()) == ()
+    assert fronts == [("machine.fault", 2), ("link.lost", 1)] and seen(()) == ()
     assert unseen(seen(both(), (FAULT, LINK))) == (), "the list of messages shows all of them"
-
-
-def test_what_was_not_on_the_screen_is_not_acknowledged() -> None:
-    """An alarm of a higher priority comes between the row and the key."""
-    low = raised((), LINK, Priority.LOW, 1.0)
-    alarms = seen(raised(low, FAULT, Priority.HIGH, 2.0), (LINK,))
-    assert [alarm.acknowledged for alarm in alarms] == [True, False]
+    later = raised(raised((), LINK, Priority.LOW, 1.0), FAULT, Priority.HIGH, 2.0)
+    assert [alarm.acknowledged for alarm in seen(later, (LINK,))] == [True, False]
 
 
 def test_over_the_way_back_from_a_stop_conditions_stand_and_events_are_over() -> None:
@@ -126,17 +106,12 @@ def told(alarms: Alarms) -> list[tuple[str, str, bool, bool]]:
 
 def test_a_fault_is_told_once_as_long_as_it_stands() -> None:
     first = with_faults((), (TOOL,), 1.0)
-    assert told(first) == [("rest", TOOL, True, False)]
     known = with_faults(acknowledged(first), (TOOL,), 2.0)
-    assert told(known) == [("rest", TOOL, True, True)]
+    assert (told(first), told(known)) == ([("rest", TOOL, True, False)], [("rest", TOOL, True, True)])
     assert with_faults(known, (), 3.0) == ()
     assert told(with_faults(first, (), 3.0)) == [("rest", TOOL, False, False)]
-
-
-def test_a_fault_that_comes_to_another_wants_attention_again() -> None:
-    one = acknowledged(with_faults((), (TOOL,), 1.0))
-    two = with_faults(one, (TOOL, LIMIT), 2.0)
-    assert told(two) == [("rest", f"{TOOL}, {LIMIT}", True, False)]
+    two = with_faults(known, (TOOL, LIMIT), 2.0)
+    assert told(two) == [("rest", f"{TOOL}, {LIMIT}", True, False)], "another one wants attention again"
     # One of them goes: that is nothing to look at.
     assert told(with_faults(acknowledged(two), (LIMIT,), 3.0)) == [("rest", f"{TOOL}, {LIMIT}", True, True)]
 
@@ -184,24 +159,22 @@ def test_alarms_have_numbers_in_the_order_in_which_they_came_and_their_own_time_
     ]
 
 
-def test_an_alarm_is_new_then_acknowledged_then_over() -> None:
+def test_the_states_of_an_alarm_from_new_to_past() -> None:
     new = up((FAULT, 10.0))
-    seen = acknowledged(new)
+    seen, ended = acknowledged(new), cleared(new, "machine.fault")
     assert [after((10.0, new)).listed[0].state] == [AlarmState.NEW]
     assert after((10.0, new), (12.0, seen)).listed[0].state is AlarmState.ACKNOWLEDGED
     history = after((10.0, new), (12.0, seen), (15.0, cleared(seen, "machine.fault")))
-    assert history.standing == ()
     (entry,) = history.past
-    assert (entry.state, entry.acknowledged, entry.ended) == (AlarmState.PAST, clock(12.0), clock(15.0))
-
-
-def test_one_that_ended_unseen_has_returned_and_is_gone_when_it_is_acknowledged() -> None:
-    new = up((FAULT, 10.0))
-    ended = cleared(new, "machine.fault")
-    assert after((10.0, new), (15.0, ended)).standing[0].state is AlarmState.RETURNED
-    history = after((10.0, new), (15.0, ended), (20.0, acknowledged(ended)))
     assert history.standing == ()
-    assert (history.past[0].ended, history.past[0].acknowledged) == (clock(15.0), clock(20.0))
+    assert (entry.state, entry.acknowledged, entry.ended) == (AlarmState.PAST, clock(12.0), clock(15.0))
+    assert after((10.0, new), (15.0, ended)).standing[0].state is AlarmState.RETURNED, "it ended unseen"
+    (entry,) = after((10.0, new), (15.0, ended), (20.0, acknowledged(ended))).past
+    assert (entry.ended, entry.acknowledged) == (clock(15.0), clock(20.0))
+    (entry,) = after((10.0, new), (12.0, seen), (40.0, up((FAULT, 40.0), on=seen))).standing
+    assert (entry.number, entry.state, entry.alarm.count, entry.again) == (1, AlarmState.NEW, 2, clock(40.0))
+    history = after((10.0, new), (50.0, up((FAULT, 49.0))))  # it left and came while nobody looked
+    assert [each.number for each in history.listed] == [2, 1] and history.past[0].is_past
 
 
 def test_the_first_of_those_that_come_together_is_first_out_whatever_their_order_in_the_state() -> None:
@@ -213,19 +186,6 @@ def test_the_first_of_those_that_come_together_is_first_out_whatever_their_order
         RECORD: (3, 3),
     }
     assert [history.group_of(each) for each in history.standing] == [2, 2, 1]
-
-
-def test_one_that_comes_again_keeps_its_number_and_is_new_again() -> None:
-    seen = acknowledged(up((FAULT, 10.0)))
-    history = after((10.0, up((FAULT, 10.0))), (12.0, seen), (40.0, up((FAULT, 40.0), on=seen)))
-    (entry,) = history.standing
-    assert (entry.number, entry.state, entry.alarm.count, entry.again) == (1, AlarmState.NEW, 2, clock(40.0))
-
-
-def test_one_that_left_and_came_again_is_another_alarm_even_if_nobody_looked_in_between() -> None:
-    history = after((10.0, up((FAULT, 10.0))), (50.0, up((FAULT, 49.0))))
-    assert [each.number for each in history.listed] == [2, 1]
-    assert history.past[0].is_past
 
 
 def test_every_change_is_reported_once() -> None:

@@ -60,11 +60,8 @@ def codes(alignment: Alignment, job: object = JOB) -> list[str]:
     return [problem.code for problem in problems(alignment, job)]  # type: ignore[arg-type]
 
 
-def test_a_complete_alignment_is_valid() -> None:
+def test_a_complete_alignment_is_valid_and_an_empty_one_begins_with_the_controller() -> None:
     assert codes(COMPLETE) == [] and current_step(COMPLETE, JOB) is None
-
-
-def test_nothing_known_begins_with_the_controller() -> None:
     assert current_step(Alignment(), JOB) is AlignStep.VERIFY
 
 
@@ -84,15 +81,12 @@ def test_each_missing_stamp_is_named(change: dict[str, object], code: str) -> No
     assert codes(replace(COMPLETE, **change)) == [code]  # type: ignore[arg-type]
 
 
-def test_another_force_than_the_one_that_was_clamped_is_named() -> None:
-    harder = replace(JOB, chucking_force_n=1400.0, lobe_force_n=1400.0)
-    assert codes(COMPLETE, harder) == ["alignment.clamped_otherwise"]
-
-
-def test_a_force_that_the_error_was_not_found_at_is_named() -> None:
+def test_another_force_than_that_of_the_clamping_or_of_the_error_is_named() -> None:
+    assert codes(COMPLETE, replace(JOB, chucking_force_n=1400.0, lobe_force_n=1400.0)) == [
+        "alignment.clamped_otherwise"
+    ]
     job = replace(JOB, chucking_force_n=1400.0)
-    harder = replace(COMPLETE, clamping=clamping_of(job, at="08:40"))
-    assert codes(harder, job) == ["rule.force_differs"]
+    assert codes(replace(COMPLETE, clamping=clamping_of(job, at="08:40")), job) == ["rule.force_differs"]
 
 
 OTHER_BLANKS = {"jaws": 2, "material": "S45C", "diameter_mm": 60.0, "wall_thickness_mm": 3.0, "overhang_mm": 25.0}
@@ -157,48 +151,28 @@ def test_clamping_in_other_jaws_takes_jaw_1_for_good() -> None:
     assert codes(replace(found, jaw=None)) == ["alignment.no_jaw"]
 
 
-def test_the_next_blank_of_the_same_job_keeps_jaw_1_and_the_touch_off() -> None:
-    assert codes(clamped(unclamped(COMPLETE, "09:20"), JOB, "09:25")) == []
-
-
-def test_an_open_chuck_that_the_controller_sees_holds_no_blank() -> None:
-    after = observed(COMPLETE, drives_on=True, homed=True, at="09:20", chuck_open=True)
-    assert codes(after) == ["alignment.unclamped", "alignment.no_clamping"]
-    assert after.jaw is not None and after.touch_off is not None
+def test_each_event_takes_what_rests_on_it_and_no_more() -> None:
+    at = "09:20"
+    assert codes(clamped(unclamped(COMPLETE, at), JOB, "09:25")) == [], "the next blank of the same job"
+    assert codes(observed(COMPLETE, drives_on=False, homed=True, at=at)) == ["alignment.drives_off"]
+    by_sensor = observed(COMPLETE, drives_on=True, homed=True, at=at, chuck_open=True)
+    for opened in (by_sensor, unclamped(COMPLETE, at)):
+        assert codes(opened) == ["alignment.unclamped", "alignment.no_clamping"]
+        assert (opened.jaw, opened.touch_off) == (COMPLETE.jaw, COMPLETE.touch_off)
+    unhomed = observed(COMPLETE, drives_on=True, homed=False, at=at)
+    assert (unhomed.jaw, unhomed.touch_off, [problem.value for problem in unhomed.lost]) == (None, None, [at])
+    assert "alignment.home_lost" in codes(unhomed)
 
 
 def test_behind_another_console_nothing_is_aligned() -> None:
     after = handed_over(COMPLETE, "09:20")
     assert (after.clamping, after.jaw, after.touch_off) == (None, None, None)
     assert codes(after)[:2] == ["alignment.handed_over", "alignment.no_clamping"]
-
-
-@pytest.mark.parametrize("stamp", ["clamping", "jaw", "touch_off"])
-def test_behind_another_console_the_only_stamp_is_gone_as_well(stamp: str) -> None:
-    after = handed_over(replace(Alignment(), **{stamp: getattr(COMPLETE, stamp)}), "09:20")
-    assert (getattr(after, stamp), codes(after).count("alignment.handed_over")) == (None, 1)
-
-
-def test_who_had_found_nothing_loses_nothing_to_another_console() -> None:
-    assert handed_over(Alignment(), "09:20") == Alignment()
-
-
-def test_lost_zeros_take_jaw_and_touch_off_with_them_and_say_when() -> None:
-    after = observed(COMPLETE, drives_on=True, homed=False, at="09:10")
-    assert (after.jaw, after.touch_off) == (None, None)
-    assert "alignment.home_lost" in codes(after)
-    assert [problem.value for problem in after.lost] == ["09:10"]
-
-
-def test_drives_off_loses_no_stamp() -> None:
-    after = observed(COMPLETE, drives_on=False, homed=True, at="09:10")
-    assert codes(after) == ["alignment.drives_off"]
-
-
-def test_an_opened_chuck_keeps_jaw_and_touch_off() -> None:
-    after = unclamped(COMPLETE, "09:20")
-    assert codes(after) == ["alignment.unclamped", "alignment.no_clamping"]
-    assert after.jaw == COMPLETE.jaw and after.touch_off == COMPLETE.touch_off
+    for stamp in ("clamping", "jaw", "touch_off"):
+        alone: dict[str, Any] = {stamp: getattr(COMPLETE, stamp)}
+        after = handed_over(replace(Alignment(), **alone), "09:20")
+        assert (getattr(after, stamp), codes(after).count("alignment.handed_over")) == (None, 1)
+    assert handed_over(Alignment(), "09:20") == Alignment(), "who had found nothing loses nothing"
 
 
 def test_what_was_found_replaces_what_was_assumed() -> None:

@@ -131,6 +131,7 @@ def test_a_wrench_beyond_every_profile_is_never_kept(console: Console, tmp_path:
 COLUMNS = ("chucking_force_n", "load_n", "deflection_um")
 
 
+@pytest.mark.first(16)
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("columns", [*((each,) for each in COLUMNS), ("chucking_force_n", "load_n")])
 def test_deflections_in_another_unit_change_nothing_in_silence(
@@ -188,6 +189,7 @@ def scaled_record(file: Path, factor: float) -> None:
     file.write_text(json.dumps(record))
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("kind", ["wrench", "deflection"])
 @pytest.mark.parametrize("factor", USABLE)
 def test_an_older_record_is_not_used(
@@ -224,6 +226,7 @@ def limits(job: Job, machine: MachineProfile) -> tuple[float, float, float]:
     return -span.least_n, span.most_n, -needed_grip_n(job, machine)
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("job", [JOB, THIN], ids=lambda job: str(job.name))
 @pytest.mark.parametrize("sd", [0.0005, 0.02, 0.08])
 @pytest.mark.parametrize("length_mm", [28.0, 40.0, 58.0])

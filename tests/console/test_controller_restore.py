@@ -41,6 +41,7 @@ def backed_up(console: Console, card: Commissioned, tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.first(1)
 def test_what_was_changed_comes_back_and_can_be_undone(
     console: Console, card: Commissioned, backed_up: Path, tmp_path: Path, data_folder: Path
 ) -> None:

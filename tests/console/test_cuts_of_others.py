@@ -312,6 +312,7 @@ CASES = [
 ]
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize(("family", "name"), CASES)
 def test_what_is_held_for_as_long_as_the_whole_table_takes_is_seen(family: str, name: str) -> None:
     first, later, key = {**DEEDS, **OF_A_FAMILY[family]}[name]
@@ -407,6 +408,7 @@ MACHINE = compact_machine().machine
 AIR_JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("lines", [("I168=60",), ("I168=60", "I168=0")], ids=["left", "put back"])
 def test_no_version_is_learned_in_air_while_a_setting_changes(lines: tuple[str, ...]) -> None:
     """Friction feedforward, which no profile states: the loop follows otherwise, and the path learns it."""

@@ -80,11 +80,13 @@ def test_a_turbo_gathers_the_same() -> None:
     assert said(turned_deg=60.0, machine=turbo).sign is Sign.WRONG_SIGN
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.TIMEBASE])
 def test_every_strategy_with_a_path_is_checked(strategy: Strategy) -> None:
     assert said(turned_deg=60.0, strategy=strategy).sign is Sign.WRONG_SIGN
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize(("plant", "pressed", "why"), [("ideal", 1.0, Why.NO_FORCE), ("steady", 0.0, Why.ROUND)])
 def test_where_the_force_shows_nothing_it_says_why(plant: str, pressed: float, why: Why) -> None:
     found = said(plant, 60.0, pressed=pressed)
@@ -320,14 +322,8 @@ def cutting(
     )
 
 
-@pytest.mark.parametrize(
-    "strategy",
-    [
-        Strategy.PVT,
-        pytest.param(Strategy.CAM, marks=pytest.mark.long),
-        pytest.param(Strategy.TIMEBASE, marks=pytest.mark.long),
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("strategy", [Strategy.PVT, Strategy.CAM, Strategy.TIMEBASE])
 def test_with_a_stiff_loop_neither_entry_nor_hold_leaves_a_step(strategy: Strategy) -> None:
     found = figures(cutting(strategy), 7)
     assert not found.refused

@@ -144,7 +144,7 @@ def traced(folder: Path, *sizes: int) -> str:
 
 
 def test_a_trace_that_swells_is_left_out_of_everything_that_reads_a_run(console: Console, tmp_path: Path) -> None:
-    run_id = traced(tmp_path, 100, 600_000_000)
+    run_id = traced(tmp_path, 100, 200_000_000)
     assert (tmp_path / FILE_NAME).stat().st_size < 2_000_000
     whole, swelling = story(tmp_path, run_id).parts
     assert (len(whole.trace or b""), swelling.trace) == (100, None)

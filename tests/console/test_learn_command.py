@@ -249,6 +249,7 @@ def test_what_was_simulated_is_not_for_iron(console: Console, ring: str, learned
     assert said.code == 1 and "the part is not measured here" in said.err
 
 
+@pytest.mark.long
 def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_restart(
     console: Console, job_file: JobFile, lathe: tuple[str, str], tmp_path: Path
 ) -> None:

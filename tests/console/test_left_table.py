@@ -94,6 +94,7 @@ def test_after_a_stop_on_a_table_f8_leaves_nothing_of_it(tmp_path: Path, in_copi
 SHORT = experiment_1(0.3)
 
 
+@pytest.mark.first(3)
 @pytest.mark.parametrize("strategy", Strategy)
 def test_a_cut_is_not_stopped_for_what_its_own_program_has_written(tmp_path: Path, strategy: Strategy) -> None:
     floor = open_floor(tmp_path)
@@ -180,6 +181,7 @@ def tool_mm(floor: Floor) -> float:
     return tool / floor.context.machine.tool.counts_per_mm
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_by_keys_the_tool_comes_out_and_the_table_off(tmp_path: Path, in_copies: None, language: str) -> None:
     keys = Keys(left_in_mid_cut(tmp_path), language)
@@ -263,6 +265,7 @@ def codes(floor: Floor) -> set[str]:
     return {problem.code for problem in floor.lathe.program.tables_left()}
 
 
+@pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_by_keys_the_table_is_cleared_and_all_homed(tmp_path: Path, in_copies: None, language: str) -> None:
     keys = Keys(without_home(tmp_path), language)

@@ -391,26 +391,18 @@ def test_a_lag_that_grows_is_no_swing() -> None:
     assert told.percent == pytest.approx(2.0, abs=told.within_percent)
 
 
-@pytest.mark.parametrize("stride", [1 / 3, 0.4, 0.5, 1.0, 2.125])
-def test_looks_that_meet_few_places_of_a_turn_tell_nothing(stride: float) -> None:
-    """240 looks at 3, 5, 2, 1 or 8 places: a swing of a higher order looks like one of a lower."""
-    assert spindle_ripple(swinging(stride * TURN * np.arange(240.0), 0.03, 2), TURN) is None
+def test_too_few_places_too_coarse_an_encoder_or_a_spindle_at_rest_tell_no_ripple() -> None:
+    """240 looks at 3, 5, 2, 1 or 8 places: a swing of a higher order looks like one of a lower.
 
-
-def test_what_the_encoder_cannot_resolve_is_not_told() -> None:
-    """Half a count of 1000 in a turn is 0.18 deg: a swing of 1 % twice a turn moves the angle by 0.29 deg."""
+    Half a count of 1000 in a turn is 0.18 deg: a swing of 1 % twice a turn moves the angle by 0.29 deg.
+    """
+    for stride in (1 / 3, 0.4, 0.5, 1.0, 2.125):
+        assert spindle_ripple(swinging(stride * TURN * np.arange(240.0), 0.03, 2), TURN) is None
     places = np.random.default_rng(2).uniform(0.0, 100.0, 240)
     assert spindle_ripple(swinging(1000.0 * places, 0.01, 2, turn=1000.0), 1000.0) is None
     assert spindle_ripple(swinging(TURN * places, 0.01, 2), TURN) is not None
-
-
-@pytest.mark.parametrize("count", [0, 1, 39])
-def test_few_looks_tell_nothing(count: int) -> None:
-    mean = np.random.default_rng(3).uniform(0.0, 100.0 * TURN, count)
-    assert spindle_ripple(swinging(mean, 0.01, 2), TURN) is None
-
-
-def test_a_spindle_that_stands_has_no_ripple() -> None:
+    for count in (0, 1, 39):
+        assert spindle_ripple(swinging(TURN * places[:count], 0.01, 2), TURN) is None
     assert spindle_ripple(np.tile([1234.0, 0.0], (240, 1)), TURN) is None
 
 

@@ -57,36 +57,28 @@ FOLLOWING = [strategy for strategy in Strategy if strategy is not Strategy.NONE]
 
 
 @pytest.mark.parametrize("strategy", FOLLOWING)
-@pytest.mark.parametrize("rpm", [None, 0.0, 970.0])
-def test_without_its_speed_a_spindle_is_waited_for(strategy: Strategy, rpm: float | None) -> None:
-    for begun in (False, True):
-        assert before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=begun) is QUEUED
+def test_a_spindle_is_waited_for_and_in_the_part_the_phase_decides(strategy: Strategy) -> None:
+    """Only a program on the spindle's time waits for its index."""
+    waits = WAITING if strategy is Strategy.TIMEBASE else QUEUED
+    for begun, unbegun_at_speed in ((False, waits), (True, QUEUED)):
+        for rpm in (None, 0.0, 970.0):
+            assert before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=begun) is QUEUED
+        for rpm in (985.0, 1000.0, -1000.0, 1015.0):
+            assert before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=begun) is unbegun_at_speed
+    for rpm in (None, 400.0, 1000.0):
+        for in_phase, told in ((True, IN_SYNC), (False, LOST), (None, None)):
+            assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is told
 
 
-@pytest.mark.parametrize("rpm", [985.0, 1000.0, -1000.0, 1015.0])
-def test_only_a_program_on_the_spindles_time_waits_for_its_index(rpm: float) -> None:
-    for strategy in FOLLOWING:
-        now = before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=False)
-        assert now is (WAITING if strategy is Strategy.TIMEBASE else QUEUED)
-        assert before_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, begun=True) is QUEUED
-
-
-@pytest.mark.parametrize(("in_phase", "told"), [(True, IN_SYNC), (False, LOST), (None, None)])
-@pytest.mark.parametrize("rpm", [None, 400.0, 1000.0])
-def test_the_phase_decides(in_phase: bool | None, told: Synchronisation | None, rpm: float | None) -> None:
-    for strategy in FOLLOWING:
-        assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is told
+def test_a_tool_that_follows_no_lobe_keeps_nothing() -> None:
+    for rpm in (None, 0.0, 1000.0):
+        assert before_part(Strategy.NONE, spindle_rpm=rpm, target_rpm=1000.0, begun=False) is None
+        assert in_part(Strategy.NONE, spindle_rpm=rpm, target_rpm=1000.0, in_phase=None) is None
 
 
 @given(st.floats(-49.0, 49.0), st.sampled_from([True, False, None]), st.sampled_from(FOLLOWING))
 def test_a_spindle_that_stands_is_lost(rpm: float, in_phase: bool | None, strategy: Strategy) -> None:
     assert in_part(strategy, spindle_rpm=rpm, target_rpm=1000.0, in_phase=in_phase) is LOST
-
-
-@pytest.mark.parametrize("rpm", [None, 0.0, 1000.0])
-def test_a_tool_that_follows_no_lobe_keeps_nothing(rpm: float | None) -> None:
-    assert before_part(Strategy.NONE, spindle_rpm=rpm, target_rpm=1000.0, begun=False) is None
-    assert in_part(Strategy.NONE, spindle_rpm=rpm, target_rpm=1000.0, in_phase=None) is None
 
 
 # In a cut -------------------------------------------------------------------------------------------------------
@@ -256,10 +248,35 @@ def look(at_s: float, counts: float, flags: frozenset[str] = HOMED) -> Snapshot:
     )
 
 
-def test_a_quarter_of_a_second_and_a_tenth_of_a_turn_are_24_rpm() -> None:
+UNHOMED = frozenset[str]()
+POLLED: dict[str, list[tuple[float, float, frozenset[str], float | None]]] = {
+    "a tenth of a turn in a quarter of a second": [(100.0, 350.0, HOMED, None), (100.25, 1350.0, HOMED, 24.0)],
+    "a second later all is forgotten": [
+        *((0.0, 0.0, HOMED, None), (0.5, 80_000.0, HOMED, 960.0)),
+        *((1.6, 80_000.0, HOMED, None), (1.7, 80_000.0, HOMED, 0.0)),
+    ],
+    "the same poll twice": [(0.0, 0.0, HOMED, None), (0.0, 0.0, HOMED, None)],
+    "a new zero is no turn": [
+        *((0.0, 7300.0, UNHOMED, None), (0.1, 7300.0, UNHOMED, 0.0)),
+        *((0.2, 0.0, HOMED, None), (0.3, 0.0, HOMED, 0.0)),
+    ],
+}
+
+
+@pytest.mark.parametrize("case", POLLED)
+def test_the_speed_of_the_spindle_is_that_of_its_polls(case: str) -> None:
     watch = SpindleWatch(10_000)
-    assert watch.see(look(100.0, 350.0)) is None
-    assert watch.see(look(100.25, 1350.0)) == pytest.approx(24.0)
+    for at_s, counts, flags, rpm in POLLED[case]:
+        found = watch.see(look(at_s, counts, flags))
+        assert found == (None if rpm is None else pytest.approx(rpm))
+
+
+def test_what_is_forgotten_is_not_told_of() -> None:
+    watch = SpindleWatch(10_000)
+    watch.see(look(0.0, 0.0))
+    watch.see(look(0.5, 80_000.0))
+    watch.forget()
+    assert [watch.see(look(at_s, 80_000.0)) for at_s in (0.6, 0.7)] == [None, 0.0]
 
 
 @given(st.floats(-3000.0, 3000.0), st.lists(st.floats(0.01, 0.3), min_size=2, max_size=60))
@@ -269,37 +286,6 @@ def test_a_steady_speed_is_told_whatever_the_looks(rpm: float, pauses_s: list[fl
         at_s += pause_s
         told = watch.see(look(at_s, rpm / 60.0 * 10_000.0 * at_s))
     assert told == pytest.approx(rpm, abs=1e-6)
-
-
-def test_after_a_second_what_was_before_is_forgotten() -> None:
-    watch = SpindleWatch(10_000)
-    watch.see(look(0.0, 0.0))
-    watch.see(look(0.5, 80_000.0))
-    assert watch.see(look(1.6, 80_000.0)) is None
-    assert watch.see(look(1.7, 80_000.0)) == 0.0
-
-
-def test_the_same_look_twice_says_nothing_new() -> None:
-    watch = SpindleWatch(10_000)
-    watch.see(look(0.0, 0.0))
-    assert watch.see(look(0.0, 0.0)) is None
-
-
-def test_a_new_zero_is_no_turn_of_the_spindle() -> None:
-    watch = SpindleWatch(10_000)
-    watch.see(look(0.0, 7300.0, frozenset()))
-    watch.see(look(0.1, 7300.0, frozenset()))
-    assert watch.see(look(0.2, 0.0)) is None
-    assert watch.see(look(0.3, 0.0)) == 0.0
-
-
-def test_what_is_forgotten_is_not_told_of() -> None:
-    watch = SpindleWatch(10_000)
-    watch.see(look(0.0, 0.0))
-    watch.see(look(0.5, 80_000.0))
-    watch.forget()
-    assert watch.see(look(0.6, 80_000.0)) is None
-    assert watch.see(look(0.7, 80_000.0)) == 0.0
 
 
 SHORT = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=0.6)

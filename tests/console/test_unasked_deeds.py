@@ -319,7 +319,7 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
 
 def test_a_collision_in_a_cut_is_told_before_its_end(monkeypatch: MonkeyPatch, tmp_path: Path) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
-    floor, job = open_floor(tmp_path), experiment_1(6.0)
+    floor, job = open_floor(tmp_path), experiment_1(4.0)
     monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
     floor.set_up(job)
     late_s: list[float] = []
@@ -332,7 +332,7 @@ def test_a_collision_in_a_cut_is_told_before_its_end(monkeypatch: MonkeyPatch, t
     floor.arm(job)
     state = floor.do(Start())
     assert max(late_s) < 1.1
-    assert floor.sim.now_s() - floor.sim.collisions[0].time_ms / 1000.0 > 5.0
+    assert floor.sim.now_s() - floor.sim.collisions[0].time_ms / 1000.0 > 3.0
     assert collisions_told(state) == {"simulator.met_too_deep": (1, False)}
     with sqlite3.connect(tmp_path / "records.sqlite3") as database:
         events = database.execute("SELECT data FROM events WHERE kind = 'collision'").fetchall()
