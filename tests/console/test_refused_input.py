@@ -69,17 +69,18 @@ def test_a_job_that_cannot_be_is_refused_by_key_value_and_limit(
     assert not data_folder.exists()
 
 
-def test_every_mistake_of_a_file_is_told_at_once(console: Console, job_file: JobFile) -> None:
-    said = console("run", str(job_file(chucking_force_n="-5", jaws="1", feed_mm_per_rev=None)), "--sim")
-    assert said.code == 1
-    assert len(said.err.splitlines()) == 3
-
-
-@pytest.mark.parametrize(("language", "said"), [("en", "keys are missing"), ("ko", "빠진 키")])
-def test_an_empty_job_file_is_one_line(console: Console, tmp_path: Path, language: str, said: str) -> None:
+def test_a_file_that_is_no_job_is_one_line_and_every_mistake_of_one_is_told_at_once(
+    console: Console, job_file: JobFile, tmp_path: Path
+) -> None:
     path = tmp_path / "empty.toml"
     path.touch()
-    refused(console("run", str(path), "--sim", "--lang", language), "empty.toml", "chucking_force_n", "jaws", said)
+    for language, told in (("en", "keys are missing"), ("ko", "빠진 키")):
+        said = console("run", str(path), "--sim", "--lang", language)
+        refused(said, "empty.toml", "chucking_force_n", "jaws", told)
+    path.write_bytes(random.Random(7).randbytes(4000))
+    refused(console("run", str(path), "--sim"), "empty.toml")
+    said = console("run", str(job_file(chucking_force_n="-5", jaws="1", feed_mm_per_rev=None)), "--sim")
+    assert said.code == 1 and len(said.err.splitlines()) == 3
 
 
 def test_a_machine_without_a_setting_says_so_without_a_hole(console: Console, tmp_path: Path) -> None:
@@ -90,8 +91,30 @@ def test_a_machine_without_a_setting_says_so_without_a_hole(console: Console, tm
     refused(said, "bare.toml", "I311", "allowed any number")
 
 
-def test_a_wrong_address_is_told_in_its_own_words(console: Console) -> None:
-    refused(console("simulator", "--tcp", "nonsense"), "nonsense", "HOST:PORT", code=2)
+RUN = ("run", "lee-2001-experiment-1", "--sim")
+USAGE: list[tuple[tuple[str, ...], tuple[str, ...]]] = [
+    (("frobnicate",), ()),
+    (("run",), ()),
+    ((*RUN, "--strategy", "magic"), ()),
+    ((*RUN, "--ts", "5"), ()),
+    *(((*RUN, "--strategy", "paper", "--ts", ts), ()) for ts in ("-1", "2.5")),
+    ((*RUN, "--lang", "xx"), ()),
+    ((*RUN, "--frob"), ()),
+    (("run", "any", "--colour", "red"), ("--colour red", "--help")),
+    (("run", "any", "--seed"), ("--seed needs a value",)),
+    (("jobs", "--machine"), ("--machine needs a value",)),
+    (("records",), ("ACTION (list, show, debrief, export)", "--help")),
+    (("roundness", "x.csv", "--filter", "zero"), ()),
+    (("simulator",), ()),
+    (("simulator", "--tcp", "nonsense"), ("nonsense", "HOST:PORT")),
+    (("simulator", "--tcp", "localhost:99999"), ()),
+    *((words, ()) for words in (("fault",), ("fault", "unix:/run/x"), ("fault", "tcp:10.0.0.1:5", "list"))),
+]
+
+
+def test_wrong_usage_is_one_line_and_exit_2_with_what_there_is(console: Console) -> None:
+    for words, told in USAGE:
+        refused(console(*words), *told, code=2)
 
 
 def test_fixed_words_are_korean_too(console: Console, tmp_path: Path) -> None:
@@ -99,12 +122,6 @@ def test_fixed_words_are_korean_too(console: Console, tmp_path: Path) -> None:
     assert "usage:" not in console("jobs", "--help", "--lang", "ko").out
     assert "사용법: console jobs" in console("jobs", "--help", "--lang", "ko").out
     assert "usage: console jobs" in console("jobs", "--help").out
-
-
-def test_random_bytes_are_no_job(console: Console, tmp_path: Path) -> None:
-    path = tmp_path / "noise.toml"
-    path.write_bytes(random.Random(7).randbytes(4000))
-    refused(console("run", str(path), "--sim"), "noise.toml")
 
 
 @pytest.mark.parametrize(
@@ -123,49 +140,14 @@ def test_what_is_not_there_is_refused(console: Console, words: tuple[str, ...], 
     refused(console(*words), met)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [
-        ("frobnicate",),
-        ("run",),
-        ("run", "lee-2001-experiment-1", "--sim", "--strategy", "magic"),
-        ("run", "lee-2001-experiment-1", "--sim", "--ts", "5"),
-        ("run", "lee-2001-experiment-1", "--sim", "--strategy", "paper", "--ts", "-1"),
-        ("run", "lee-2001-experiment-1", "--sim", "--strategy", "paper", "--ts", "2.5"),
-        ("run", "lee-2001-experiment-1", "--sim", "--lang", "xx"),
-        ("run", "lee-2001-experiment-1", "--sim", "--frob"),
-        ("roundness", "x.csv", "--filter", "zero"),
-        ("simulator",),
-        ("simulator", "--tcp", "nonsense"),
-        ("simulator", "--tcp", "localhost:99999"),
-    ],
-)
-def test_wrong_usage_is_one_line_and_exit_2(console: Console, words: tuple[str, ...]) -> None:
-    refused(console(*words), code=2)
-
-
-def test_alone_it_prints_the_choices(console: Console) -> None:
+def test_alone_it_prints_the_choices_and_every_command_explains_itself(console: Console) -> None:
     said = console()
     assert said.code == 2
     for command in ("jobs", "preview", "program", "run", "simulator", "fault", "roundness"):
-        assert command in said.out
-        assert command in said.err
-
-
-@pytest.mark.parametrize("command", ["jobs", "preview", "program", "run", "simulator", "fault", "roundness"])
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_every_command_explains_itself(console: Console, command: str, language: str) -> None:
-    said = console(command, "--help", "--lang", language)
-    assert said.code == 0
-    assert "--json" in said.out
-    assert "--lang" in said.out
-
-
-def test_a_missing_or_unknown_word_is_answered_with_what_there_is(console: Console) -> None:
-    refused(console("records"), "ACTION (list, show, debrief, export)", "--help", code=2)
-    refused(console("run", "any", "--colour", "red"), "--colour red", "--help", code=2)
-    refused(console("run", "any", "--seed"), "--seed needs a value", code=2)
-    refused(console("jobs", "--machine"), "--machine needs a value", code=2)
+        assert command in said.out and command in said.err
+        for language in ("en", "ko"):
+            helped = console(command, "--help", "--lang", language)
+            assert helped.code == 0 and "--json" in helped.out and "--lang" in helped.out
 
 
 @pytest.mark.parametrize(
@@ -396,28 +378,14 @@ def test_as_json_answer_and_reason(console: Console, tmp_path: Path, verdict: by
     assert said.code == (0 if reason is None else 1)
 
 
-def test_a_line_feed_would_be_two_lines_and_is_refused(console: Console, tmp_path: Path) -> None:
-    for language in ("en", "ko"):
-        said = console("fault", f"unix:{tmp_path / 'nothing'}", "inject", "nul\nclear", "--lang", language)
-        assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-
-
-def test_nobody_there_is_told(console: Console, tmp_path: Path) -> None:
-    with closing(socket.create_server(("127.0.0.1", 0))) as server:
-        port = server.getsockname()[1]
-    for address in (f"tcp:127.0.0.1:{port}", f"unix:{tmp_path / 'nothing'}"):
-        said = console("fault", address, "list")
-        assert (said.code, said.out, len(said.err.splitlines())) == (1, "", 1)
-
-
-def test_an_answer_that_breaks_off_is_told(console: Console, tmp_path: Path) -> None:
+def test_two_lines_nobody_there_and_a_broken_answer_are_refused(console: Console, tmp_path: Path) -> None:
     path = tmp_path / "faults"
     with answering(path, b"half a li"):
         said = console("fault", f"unix:{path}", "list")
     assert (said.code, said.out) == (1, "")
-
-
-@pytest.mark.parametrize("words", [("fault",), ("fault", "unix:/run/x"), ("fault", "tcp:10.0.0.1:5", "list")])
-def test_what_is_missing_or_elsewhere_is_wrong_usage(console: Console, words: tuple[str, ...]) -> None:
-    said = console(*words)
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
+    with closing(socket.create_server(("127.0.0.1", 0))) as server:
+        port = server.getsockname()[1]
+    for address in (f"tcp:127.0.0.1:{port}", f"unix:{tmp_path / 'nothing'}"):
+        refused(console("fault", address, "list"))
+    for language in ("en", "ko"):
+        refused(console("fault", address, "inject", "nul\nclear", "--lang", language), code=2)

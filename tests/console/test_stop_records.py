@@ -63,21 +63,15 @@ def said(card: Commissioned, data: Path | None, *, simulator: bool = False, now:
     return [problem.code for problem in found]
 
 
-def test_a_simulator_measures_its_own_at_once(simulated: StopRecord) -> None:
+def test_a_simulator_measures_its_own_at_once_and_is_not_armed_changed(simulated: StopRecord) -> None:
     assert {(e.way, e.origin, e.axis) for e in simulated.entries} == needed_stops(MACHINE)
-    assert said(commissioned(MACHINE), None, simulator=True) == []
-
-
-def test_a_simulator_that_somebody_has_changed_is_not_armed() -> None:
     card = commissioned(MACHINE)
+    assert said(card, None, simulator=True) == []
     card.tell("I115=20")
     assert said(card, None, simulator=True) == ["stops.other_settings"]
-
-
-def test_a_simulated_machine_that_nothing_would_end_has_no_complete_record() -> None:
-    variables = {**MACHINE.controller.variables, "I5": 0.0}
-    card = commissioned(replace(MACHINE, controller=replace(MACHINE.controller, variables=variables)))
-    assert said(card, None, simulator=True) == ["stops.incomplete"]
+    endless = replace(MACHINE.controller, variables={**MACHINE.controller.variables, "I5": 0.0})
+    endless_card = commissioned(replace(MACHINE, controller=endless))
+    assert said(endless_card, None, simulator=True) == ["stops.incomplete"]
 
 
 def test_a_machine_of_iron_needs_a_record_of_its_own(tmp_path: Path, simulated: StopRecord) -> None:
@@ -105,50 +99,21 @@ def test_nothing_is_armed_while_the_connection_for_stops_is_lost(tmp_path: Path,
         assert said(card, tmp_path) == target
 
 
-def test_what_is_stored_comes_back(tmp_path: Path, simulated: StopRecord) -> None:
+def test_what_is_stored_comes_back_from_a_file_in_the_folder(tmp_path: Path, simulated: StopRecord) -> None:
     assert load(tmp_path, MACHINE) is None
-    path = store(tmp_path, MACHINE, simulated)
-    assert path == tmp_path / "stops" / "lee-2001-lathe.json"
+    assert store(tmp_path, MACHINE, simulated) == tmp_path / "stops" / "lee-2001-lathe.json"
     assert load(tmp_path, MACHINE) == simulated
     store(tmp_path, MACHINE, replace(simulated, measured_at=TODAY + timedelta(days=1)))
     loaded = load(tmp_path, MACHINE)
-    assert loaded is not None
-    assert loaded.measured_at == date(2026, 3, 2)
-
-
-@pytest.mark.parametrize("name", ["../lathe", "a/b", "선반 2", "..", "x" * 40])
-def test_a_name_leads_to_a_file_in_the_folder(tmp_path: Path, name: str) -> None:
-    machine: MachineProfile = replace(MACHINE, name=name)
-    assert record_path(tmp_path, machine).resolve().parent == tmp_path / "stops"
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        lambda values: values.clear(),
-        lambda values: values.update(stop_way="by post"),
-        lambda values: values.pop("stop_way"),
-        lambda values: values.update(measured_at="yesterday"),
-        lambda values: values.update(entries=[{"way": "abort"}]),
-        lambda values: values["entries"][0].update(way="shout"),
-        lambda values: values["entries"][0].update(time_s="long"),
-        lambda values: values["entries"][0].update(time_s=True),
-        lambda values: values["entries"][0].update(time_s=float("nan")),
-        lambda values: values["entries"][0].update(time_s=float("inf")),
-        lambda values: values["entries"][0].update(time_s=-0.1),
-        lambda values: values.update(version=1.17),
-        lambda values: values["entries"][0].update(time_s=10**400),
-        lambda values: values.update(address=5),
-        lambda values: values.update(more=1),
-    ],
-)
-def test_a_file_that_is_no_record_arms_nothing(tmp_path: Path, simulated: StopRecord, change: object) -> None:
-    path = store(tmp_path, MACHINE, simulated)
-    values = json.loads(path.read_text(encoding="utf-8"))
-    assert callable(change)
-    change(values)
-    write(path, values)
-    assert said(commissioned(MACHINE), tmp_path) == ["stops.unreadable"]
+    assert loaded is not None and loaded.measured_at == date(2026, 3, 2)
+    for name in ("../lathe", "a/b", "선반 2", "..", "x" * 40):
+        machine: MachineProfile = replace(MACHINE, name=name)
+        assert record_path(tmp_path, machine).resolve().parent == tmp_path / "stops"
+    (tmp_path / "file").mkdir()
+    (tmp_path / "file" / "stops").write_text("", encoding="ascii")
+    with pytest.raises(ProfileError) as refusal:
+        store(tmp_path / "file", MACHINE, simulated)
+    assert refusal.value.problems[0].code == "file.not_writable"
 
 
 def write(path: Path, values: dict[str, Any]) -> None:
@@ -157,21 +122,37 @@ def write(path: Path, values: dict[str, Any]) -> None:
     path.write_bytes(with_checksum(values))
 
 
-def test_the_checksum_is_that_of_the_file_without_it(tmp_path: Path, simulated: StopRecord) -> None:
-    content = store(tmp_path, MACHINE, simulated).read_bytes()
+def test_a_file_that_is_no_record_arms_nothing_though_its_checksum_is_right(
+    tmp_path: Path, simulated: StopRecord
+) -> None:
+    path = store(tmp_path, MACHINE, simulated)
+    content = path.read_bytes()
     digest = json.loads(content)["sha256"]
     assert hashlib.sha256(content.replace(digest.encode(), b"")).hexdigest() == digest
-
-
-def test_a_record_with_a_right_checksum_is_judged_by_its_numbers(tmp_path: Path, simulated: StopRecord) -> None:
-    path = store(tmp_path, MACHINE, simulated)
-    values = json.loads(path.read_text(encoding="utf-8"))
+    card = commissioned(MACHINE)
+    of_all: list[dict[str, object]] = [{}, {"stop_way": "by post"}, {"measured_at": "yesterday"}, {"address": 5}]
+    of_all += [{"entries": [{"way": "abort"}]}, {"version": 1.17}, {"more": 1}]
+    times: tuple[object, ...] = ("long", True, float("nan"), float("inf"), -0.1, 10**400)
+    of_entry = [{"way": "shout"}, *({"time_s": time_s} for time_s in times)]
+    for change, entry in (*((each, {}) for each in of_all), *(({}, each) for each in of_entry)):
+        values = json.loads(content)
+        if not change and not entry:
+            values.clear()
+        values.update(change)
+        if entry:
+            values["entries"][0].update(entry)
+        write(path, values)
+        assert said(card, tmp_path) == ["stops.unreadable"], (change, entry)
+    values = json.loads(content)
+    del values["stop_way"]
     write(path, values)
-    assert said(commissioned(MACHINE), tmp_path) == []
-    for entry in values["entries"]:
-        entry["time_s"] = 0
+    assert said(card, tmp_path) == ["stops.unreadable"]
+    write(path, values := json.loads(content))
+    assert said(card, tmp_path) == []
+    for numbers in values["entries"]:
+        numbers["time_s"] = 0
     write(path, values)
-    assert said(commissioned(MACHINE), tmp_path) == ["stops.impossible"] * len(simulated.entries)
+    assert said(card, tmp_path) == ["stops.impossible"] * len(simulated.entries)
 
 
 @given(st.data())
@@ -228,13 +209,6 @@ def test_any_content_is_a_record_or_refused(tmp_path_factory: pytest.TempPathFac
     path.write_bytes(content)
     with pytest.raises(ProfileError):
         load(folder, MACHINE)
-
-
-def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, simulated: StopRecord) -> None:
-    (tmp_path / "stops").write_text("", encoding="ascii")
-    with pytest.raises(ProfileError) as refusal:
-        store(tmp_path, MACHINE, simulated)
-    assert refusal.value.problems[0].code == "file.not_writable"
 
 
 def test_an_entry_has_the_unit_of_its_axis(simulated: StopRecord) -> None:
