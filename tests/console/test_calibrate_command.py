@@ -57,7 +57,7 @@ def files(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def test_a_wrench_is_fitted_and_not_kept(console: Console, wrench: Path, data_folder: Path) -> None:
+def test_a_wrench_is_fitted_and_kept_only_when_asked(console: Console, wrench: Path, data_folder: Path) -> None:
     said = console("calibrate", "chuck", str(wrench), "--torque", "30", "--force", "11310", "--json")
     assert said.code == 0
     assert said.json["found"]["slope_n_per_n_m"] == pytest.approx(377.0, rel=0.02)
@@ -65,39 +65,32 @@ def test_a_wrench_is_fitted_and_not_kept(console: Console, wrench: Path, data_fo
     assert force["low"] < 11310 < force["high"] and torque["low"] < 30.0 < torque["high"]
     assert (said.json["kept"], files(data_folder)) == (None, [])
     assert "remark" in said.err
-
-
-def test_what_is_kept_is_shown_beside_the_next(console: Console, wrench: Path, data_folder: Path) -> None:
     for _ in range(2):
         assert console("calibrate", "chuck", str(wrench), "--keep").code == 0
     kept = files(data_folder)
     assert len(kept) == 2 and all("calibrations/lee-2001-lathe/wrench-" in name for name in kept)
-    record = json.loads((data_folder / kept[0]).read_text())
+    record, last = (json.loads((data_folder / name).read_text()) for name in kept)
     assert (record["kind"], record["subject"], len(record["file_sha256"])) == ("wrench", "lee-2001-lathe", 64)
-    last = json.loads((data_folder / kept[-1]).read_text())
-    assert (
-        f"previous calibration, {last['date']}: force_per_torque" in console("calibrate", "chuck", str(wrench)).out
-    )
+    said = console("calibrate", "chuck", str(wrench))
+    assert f"previous calibration, {last['date']}: force_per_torque" in said.out
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_a_table_that_cannot_be_used_is_one_line(console: Console, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    for text, words in (
         ("torque_n_m,force_n\n1,-2\n", ("t.csv:2", "force_n", "-2")),
         ("torque_n_m,force_n\n1,2\n", ("t.csv", "measurements: 1", ">= 4")),
         ("chucking_force_n,load_n,angle_deg,diameter_mm,overhang_mm,deflection_um\n", ("youngs_modulus_gpa",)),
-    ],
-)
-def test_a_useless_table_is_one_line(console: Console, tmp_path: Path, text: str, words: tuple[str, ...]) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text(text)
-    said = console("calibrate", "chuck", str(path))
-    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
-    for word in words:
-        assert word in said.err
+    ):
+        path.write_text(text)
+        said = console("calibrate", "chuck", str(path))
+        assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
+        assert all(word in said.err for word in words)
 
 
-def test_the_lobe_of_a_trace_is_that_of_a_copy(console: Console, tmp_path: Path, data_folder: Path) -> None:
+def test_the_lobe_of_a_trace_is_that_of_a_copy_or_of_an_own_job_with_its_remarks(
+    console: Console, tmp_path: Path, data_folder: Path, job_file: JobFile
+) -> None:
     said = console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", JOB, "--keep", "--json")
     assert said.code == 0
     kept = load_job(f"{JOB}-2", data_folder / "trilobe" / "jobs")
@@ -108,13 +101,9 @@ def test_the_lobe_of_a_trace_is_that_of_a_copy(console: Console, tmp_path: Path,
     record = json.loads(Path(said.json["kept"]).read_text())
     assert record["found"]["job_before"]["lobe_error_um_pp"] == 55.0
     assert record["subject_sha256"] == kept.sha256
-
-
-def test_an_own_job_keeps_its_file_and_its_remarks(console: Console, tmp_path: Path, job_file: JobFile) -> None:
     path = job_file()
     assert console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", str(path), "--keep").code == 0
-    assert load_job(str(path)).job.lobe_error_source == "fitted"
-    assert "# Table 6" in path.read_text()
+    assert load_job(str(path)).job.lobe_error_source == "fitted" and "# Table 6" in path.read_text()
 
 
 def test_an_unknown_phase_keeps_nothing(console: Console, tmp_path: Path, data_folder: Path) -> None:
@@ -128,26 +117,21 @@ def test_an_unknown_phase_keeps_nothing(console: Console, tmp_path: Path, data_f
     assert seen.json["error_um_pp"] == pytest.approx(55.0, abs=0.15)
 
 
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_compensated_part_is_not_kept(
-    console: Console, tmp_path: Path, data_folder: Path, language: str
+def test_a_compensated_part_is_not_kept_and_a_simulated_one_for_practice_only(
+    console: Console, tmp_path: Path, data_folder: Path
 ) -> None:
     cut = ("# simulated: yes", "# compensation: none", "# strategy: cam", "# stage: full")
-    words = ("calibrate", "lobe", str(trace(tmp_path, *INDEX, *cut)), "--job", JOB, "--keep", "--lang", language)
-    said = console("--sim", *words)
-    assert (said.code, files(data_folder)) == (1, [])
-    assert "55." in said.out and "strategy cam" in said.err and "--strategy none" in said.err
-    plain = console("--sim", *words[:-3], "--lang", language)
-    assert plain.code == 0 and "strategy cam" in plain.err
-
-
-def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: Path, data_folder: Path) -> None:
-    head = (*INDEX, "# simulated: yes", "# strategy: none")
-    words = ("calibrate", "lobe", str(trace(tmp_path, *head)), "--job", JOB, "--keep", "--json")
-    said = console(*words)
-    assert (said.code, files(data_folder)) == (1, [])
-    assert "--sim" in said.err
-    said = console("--sim", *words)
+    words = ("calibrate", "lobe", str(trace(tmp_path, *INDEX, *cut)), "--job", JOB)
+    for language in ("en", "ko"):
+        said = console("--sim", *words, "--keep", "--lang", language)
+        assert (said.code, files(data_folder)) == (1, [])
+        assert "55." in said.out and "strategy cam" in said.err and "--strategy none" in said.err
+        plain = console("--sim", *words, "--lang", language)
+        assert plain.code == 0 and "strategy cam" in plain.err
+    trace(tmp_path, *INDEX, "# simulated: yes", "# strategy: none")
+    said = console(*words, "--keep", "--json")
+    assert (said.code, files(data_folder), "--sim" in said.err) == (1, [], True)
+    said = console("--sim", *words, "--keep", "--json")
     assert (said.code, said.json["simulated"]) == (0, True)
     kept = load_job(f"{JOB}-2", data_folder / "trilobe" / "jobs").job
     assert kept.lobe_error_source == "fitted" and "simulated part" in kept.source

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import sqlite3
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -131,25 +132,24 @@ def test_a_prediction_says_where_what_it_knows_of_the_chuck_is_from(console: Con
     assert f"from the calibration of {date}: chuck.force_per_torque_n_per_n_m" in told.out
 
 
-@pytest.mark.parametrize(("slope", "told"), [(377.0, []), (300.0, ["calibration.differs"])])
-def test_what_a_profile_says_it_says_and_a_contradiction_is_told(
-    console: Console, tmp_path: Path, data: Path, slope: float, told: list[str]
+def test_what_a_profile_says_it_says_and_half_a_line_is_not_completed(
+    console: Console, tmp_path: Path, data: Path
 ) -> None:
-    assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
-    found = with_calibrations(STATED, data)
-    assert found.machine == STATED
-    assert found.used == {}
-    assert set(found.sources.values()) == {""}
-    assert [problem.code for problem in found.warnings] == told
-
-
-def test_half_a_line_of_the_profile_is_not_completed(console: Console, tmp_path: Path, data: Path) -> None:
     """With a slope of its own the profile has no offset: that of another line would be of no line at all."""
+    for name in ("lee-2001-lathe", "turbo-ethernet-lathe"):
+        loaded = load_machine(name)
+        plain = calibrated(loaded, data)
+        assert (plain.machine, plain.path, plain.sha256) == (loaded.machine, loaded.path, loaded.sha256)
+        assert (plain.used, plain.warnings) == ({}, ())
+    for slope, told in ((377.0, []), (300.0, ["calibration.differs"])):
+        assert console("calibrate", "chuck", wrench(tmp_path, slope, 0.0, 50.0), "--keep").code == 0
+        found = with_calibrations(STATED, data)
+        assert (found.machine, found.used, set(found.sources.values())) == (STATED, {}, {""})
+        assert [problem.code for problem in found.warnings] == told
     assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 400.0, 60.0), "--affine", "--keep").code == 0
     only_slope: MachineProfile = replace(OPEN, chuck=replace(OPEN.chuck, force_per_torque_n_per_n_m=310.0))
-    found = with_calibrations(only_slope, data)
-    assert found.machine.chuck.force_offset_n is None
-    assert found.machine.chuck.force_sd_percent is not None
+    chuck = with_calibrations(only_slope, data).machine.chuck
+    assert chuck.force_offset_n is None and chuck.force_sd_percent is not None
 
 
 def test_an_assumed_value_gives_way_to_a_measured_one(console: Console, tmp_path: Path, data: Path) -> None:
@@ -171,14 +171,6 @@ def test_an_assumed_value_gives_way_to_a_measured_one(console: Console, tmp_path
     assert (stays.machine.chuck.force_per_torque_n_per_n_m, stays.machine.chuck.force_offset_n) == (377.0, None)
     assert [problem.code for problem in stays.warnings] == ["calibration.differs"]
     assert set(stays.used) == {"force_sd_percent"}
-
-
-def test_without_calibrations_a_machine_is_what_its_file_says(data: Path) -> None:
-    for name in ("lee-2001-lathe", "turbo-ethernet-lathe"):
-        loaded = load_machine(name)
-        found = calibrated(loaded, data)
-        assert (found.machine, found.path, found.sha256) == (loaded.machine, loaded.path, loaded.sha256)
-        assert (found.used, found.warnings) == ({}, ())
 
 
 def test_what_is_proven_does_not_look_at_calibrations(console: Console, tmp_path: Path, data: Path) -> None:
@@ -208,18 +200,20 @@ def test_what_is_proven_does_not_look_at_calibrations(console: Console, tmp_path
     assert ideal(LATHE) == ideal(found.machine)
 
 
-@pytest.mark.parametrize("broken", ["not json", "without", "wild", "of another"])
+NOT_OURS: dict[str, Callable[[dict[str, Any]], object]] = {
+    "not json": lambda record: None,
+    "without": lambda record: record["found"].pop("profile"),
+    "wild": lambda record: record["found"]["profile"].update(force_sd_percent=400.0),
+    "of another": lambda record: record.update(subject="another lathe"),
+}
+
+
+@pytest.mark.parametrize("broken", NOT_OURS)
 def test_a_broken_calibration_is_refused(console: Console, tmp_path: Path, data: Path, broken: str) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 0.0, 50.0), "--keep").code == 0
     (file,) = data.rglob("wrench-*.json")
     record = json.loads(file.read_text())
-    match broken:
-        case "without":
-            del record["found"]["profile"]
-        case "wild":
-            record["found"]["profile"]["force_sd_percent"] = 400.0
-        case "of another":
-            record["subject"] = "another lathe"
+    NOT_OURS[broken](record)
     file.write_text("{" if broken == "not json" else json.dumps(record))
     code = "calibration.unusable" if broken == "wild" else "calibration.record"
     with pytest.raises(ProfileError, match=code):
@@ -232,42 +226,46 @@ def test_a_broken_calibration_is_refused(console: Console, tmp_path: Path, data:
     assert opened.machine == LATHE
     assert [problem.code for problem in opened.warnings] == ["calibration.not_used", code]
     assert opened.warnings[1].where == str(file)
-    told = plain(finding_lines(check(JOB, opened.machine), catalogue("en"), 60, 30, warnings_of(opened)))
-    assert "remove the file" in " ".join(told.split())
-    assert "NO chuck calibration is used" in " ".join(told.split())
+    told = " ".join(
+        plain(finding_lines(check(JOB, opened.machine), catalogue("en"), 60, 30, warnings_of(opened))).split()
+    )
+    assert "remove the file" in told and "NO chuck calibration is used" in told
 
 
-def test_a_fit_that_contradicts_has_to_be_a_whole_one(console: Console, tmp_path: Path, data: Path) -> None:
+def test_a_fit_that_is_no_whole_one_or_does_not_say_how_sure_it_is_is_none_of_ours(
+    console: Console, tmp_path: Path, data: Path
+) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 377.0, 0.0, 50.0), "--keep").code == 0
     (file,) = data.rglob("wrench-*.json")
     record = json.loads(file.read_text())
+    changes: list[dict[str, Any]] = [{"covariance": [1.0]}, {"covariance": [-1.0, 0.0, 1.0]}]
+    changes += [{"sd_n": wrong} for wrong in ("much", "11.5", True)]
+    for change in changes:
+        file.write_text(json.dumps({**record, "found": {**record["found"], **change}}))
+        with pytest.raises(ProfileError) as refused:
+            calibrated(LOADED, data)
+        assert [problem.code for problem in refused.value.problems] == ["calibration.record"], change
     del record["found"]["slope_n_per_n_m"]
     file.write_text(json.dumps(record))
     with pytest.raises(ProfileError, match=r"calibration\.record"):
         with_calibrations(STATED, data)
 
 
-def test_a_scatter_that_no_profile_may_have_is_not_kept(console: Console, tmp_path: Path, data: Path) -> None:
-    torque = np.repeat(np.linspace(10.0, 40.0, 4), 15)
-    force = torque * 300.0 * np.where(np.arange(torque.size) % 2, 1.9, 0.1)
-    path = tmp_path / "wild.csv"
-    path.write_text(
-        "\n".join(["torque_n_m,force_n", *(f"{t:g},{f:g}" for t, f in zip(torque, force, strict=True))])
-    )
-    said = console("calibrate", "chuck", str(path), "--keep")
-    assert said.code == 1
-    assert "chuck.force_sd_percent" in said.err
-    assert list(data.rglob("wrench-*.json")) == []
-    assert console("calibrate", "chuck", str(path)).code == 0
-
-
-def test_a_slope_that_is_hardly_known_is_told(console: Console, tmp_path: Path) -> None:
+def test_a_slope_that_is_hardly_known_is_told_and_an_impossible_scatter_is_not_kept(
+    console: Console, tmp_path: Path, data: Path
+) -> None:
     sure = console("calibrate", "chuck", wrench(tmp_path, 377.0, 0.0, 300.0))
     unsure = console("calibrate", "chuck", wrench(tmp_path, 377.0, 0.0, 3000.0))
     assert (sure.code, unsure.code) == (0, 0)
-    assert "slope" not in sure.err
+    assert "slope" not in sure.err and "force_sd_percent = " in sure.out
     assert "slope" in unsure.err and "<= 10 %" in unsure.err
-    assert "force_sd_percent = " in sure.out
+    torque = np.repeat(np.linspace(10.0, 40.0, 4), 15)
+    force = torque * 300.0 * np.where(np.arange(torque.size) % 2, 1.9, 0.1)
+    path, rows = tmp_path / "wild.csv", (f"{t:g},{f:g}" for t, f in zip(torque, force, strict=True))
+    path.write_text("\n".join(["torque_n_m,force_n", *rows]))
+    said = console("calibrate", "chuck", str(path), "--keep")
+    assert said.code == 1 and "chuck.force_sd_percent" in said.err
+    assert list(data.rglob("wrench-*.json")) == [] and console("calibrate", "chuck", str(path)).code == 0
 
 
 def test_a_lobe_is_kept_with_its_chuck_and_tool(console: Console, tmp_path: Path, data: Path) -> None:
@@ -307,26 +305,6 @@ def test_a_calibration_of_another_chuck_is_not_used(console: Console, tmp_path: 
     no_name = {key: value for key, value in record.items() if key != "chuck"}
     newer.write_text(json.dumps(no_name))
     assert calibrated(LOADED, data).used, "kept before the name was: nobody says that it is of another"
-
-
-@pytest.mark.parametrize(
-    "change",
-    [
-        {"covariance": [1.0]},
-        {"covariance": [-1.0, 0.0, 1.0]},
-        {"sd_n": "much"},
-        {"sd_n": "11.5"},
-        {"sd_n": True},
-    ],
-)
-def test_a_line_of_unknown_certainty(console: Console, tmp_path: Path, data: Path, change: dict[str, Any]) -> None:
-    assert console("calibrate", "chuck", wrench(tmp_path, 300.0, 0.0, 50.0), "--keep").code == 0
-    (file,) = data.rglob("wrench-*.json")
-    record = json.loads(file.read_text())
-    file.write_text(json.dumps({**record, "found": {**record["found"], **change}}))
-    with pytest.raises(ProfileError) as refused:
-        calibrated(LOADED, data)
-    assert [problem.code for problem in refused.value.problems] == ["calibration.record"]
 
 
 def test_the_force_of_a_clamping_is_as_sure_as_the_fit_says(console: Console, tmp_path: Path, data: Path) -> None:

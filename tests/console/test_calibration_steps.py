@@ -115,15 +115,12 @@ def test_a_wrench_in_another_unit_is_not_kept(console: Console, tmp_path: Path, 
     assert chuck_used(data)[0] == pytest.approx(377.0 * factor, rel=1e-3), "whoever typed it out meant it"
 
 
-@pytest.mark.parametrize(
-    ("factor", "mistake"),
-    [(0.001, "kN <> N"), (1 / 9.80665, "kgf <> N"), (1 / 4.4482216, "lbf <> N"), (1 / 3, "F/3 <> F")],
-)
-def test_the_unit_mistake_is_named(console: Console, tmp_path: Path, factor: float, mistake: str) -> None:
-    assert mistake in console("calibrate", "chuck", wrench(tmp_path, 377.0 * factor), "--keep").err
-
-
-def test_a_wrench_beyond_every_profile_is_never_kept(console: Console, tmp_path: Path, data: Path) -> None:
+def test_the_unit_mistake_is_named_and_one_beyond_every_profile_is_never_kept(
+    console: Console, tmp_path: Path, data: Path
+) -> None:
+    mistakes = {0.001: "kN <> N", 1 / 9.80665: "kgf <> N", 1 / 4.4482216: "lbf <> N", 1 / 3: "F/3 <> F"}
+    for factor, mistake in mistakes.items():
+        assert mistake in console("calibrate", "chuck", wrench(tmp_path, 377.0 * factor), "--keep").err
     said = console("calibrate", "chuck", wrench(tmp_path, 150e3), "--keep", "--confirm", "150000")
     assert (said.code, kept(data)) == (1, []) and "100000 N/(N m)" in said.err
 
@@ -141,19 +138,14 @@ def test_deflections_in_another_unit_change_nothing_in_silence(
     assert (said.code, kept(data)) == (1, []), said.err
 
 
-@pytest.mark.parametrize("factor", [25.4, 1 / 25.4, 10.0, 0.1])
-def test_lengths_in_another_unit_change_nothing(
-    console: Console, tmp_path: Path, data: Path, factor: float
+def test_lengths_in_another_unit_and_a_modulus_of_no_metal_change_nothing(
+    console: Console, tmp_path: Path, data: Path
 ) -> None:
-    scaled = {"overhang_mm": factor, "diameter_mm": factor}
-    said = console("calibrate", "chuck", jaws(tmp_path, **scaled), "--keep")
-    assert (said.code, kept(data)) == (1, []), said.err
-
-
-@pytest.mark.parametrize("modulus_gpa", [20.6, 29.9, 700.0])
-def test_a_modulus_of_no_metal(console: Console, tmp_path: Path, data: Path, modulus_gpa: float) -> None:
-    said = console("calibrate", "chuck", jaws(tmp_path, modulus_gpa=modulus_gpa), "--keep")
-    assert (said.code, kept(data)) == (1, []), said.err
+    tables: list[dict[str, float]] = [{"modulus_gpa": gpa} for gpa in (20.6, 29.9, 700.0)]
+    tables += [{"overhang_mm": by, "diameter_mm": by} for by in (25.4, 1 / 25.4, 10.0, 0.1)]
+    for table in tables:
+        said = console("calibrate", "chuck", jaws(tmp_path, **table), "--keep")
+        assert (said.code, kept(data)) == (1, []), said.err
 
 
 def test_what_agrees_is_kept_without_a_question(console: Console, tmp_path: Path, data: Path) -> None:
@@ -347,30 +339,22 @@ def predicted(console: Console) -> Any:
     return console("predict", JOB.name, "--json")
 
 
-def test_the_calibration_kept_last_counts(console: Console, calibrate: Callable[[str, str], Any]) -> None:
-    calibrate("stiff", NEXT_YEAR)
+def test_the_calibration_kept_last_counts_and_a_date_to_come_is_told(
+    console: Console, calibrate: Callable[[str, str], Any]
+) -> None:
+    first = Path(calibrate("stiff", NEXT_YEAR).json["kept"])
+    for command in ("predict", "preview", "program"):
+        said = console(command, JOB.name, "--json")
+        assert said.err.count(NEXT_YEAR) == 1 and "wrong" in said.err
+        assert any(NEXT_YEAR in warning for warning in said.json["warnings"])
+    first.rename(first.with_name("wrench-20991122T100000Z.json"))  # as it was named before it had a number
+    assert predicted(console).json["sources"][KEY] == NEXT_YEAR
     said = calibrate("soft", LAST_YEAR)
     assert NEXT_YEAR in said.err and "wrong" in said.err
     found = predicted(console)
     assert found.json["clamping"]["torque_n_m"] == pytest.approx(JOB.chucking_force_n / 300.0, rel=0.02)
     assert found.json["sources"][KEY] == LAST_YEAR
     assert NEXT_YEAR not in found.err
-
-
-@pytest.mark.parametrize("command", ["predict", "preview", "program"])
-def test_a_date_to_come_is_told(console: Console, calibrate: Callable[[str, str], Any], command: str) -> None:
-    calibrate("soft", NEXT_YEAR)
-    said = console(command, JOB.name, "--json")
-    assert said.err.count(NEXT_YEAR) == 1 and "wrong" in said.err
-    assert any(NEXT_YEAR in warning for warning in said.json["warnings"])
-
-
-def test_one_named_by_date_comes_first(console: Console, calibrate: Callable[[str, str], Any], data: Path) -> None:
-    first = Path(calibrate("stiff", NEXT_YEAR).json["kept"])
-    first.rename(first.with_name("wrench-20991122T100000Z.json"))
-    assert predicted(console).json["sources"][KEY] == NEXT_YEAR
-    calibrate("soft", LAST_YEAR)
-    assert predicted(console).json["sources"][KEY] == LAST_YEAR
 
 
 def record_cut(data: Path, monkeypatch: MonkeyPatch, at: str, compensation: int | None) -> None:

@@ -11,7 +11,9 @@ import numpy as np
 import pytest
 
 from console.session.cut.alignment import JawAngle, TouchOff
-from console.session.data.health import kept_tests, store
+from console.session.data.health import kept_tests
+from console.session.data.health import store as store_test
+from console.session.data.identified import store
 from console.session.station.commands import (
     ApplyGains,
     Arm,
@@ -39,8 +41,19 @@ from profiles.store import load_machine
 from tests.console.commands import Console
 from tests.console.consoles import MACHINE, Cable, WithStation, cabled, station_of, until_back
 from tests.console.floor import experiment_1
-from tests.console.test_notch_trial import fill
-from tests.tui.tune_stage import FIRST
+from tests.tui.tune_stage import FIRST, bending, identified, swept
+
+LATHE = load_machine(MACHINE).machine
+PUBLISHED = {name: value for name, value in LATHE.controller.variables.items() if "I130" <= name <= "I135"}
+
+
+def fill(data: Path) -> None:
+    """Keep the response of a tool that bends at 300 Hz by 40 % of its motion, with the published gains.
+
+    It names Ix30 to Ix35 alone, as before there was a filter.
+    """
+    store(data, identified(swept(bending(), 0.0002), PUBLISHED, simulated=False))
+
 
 NO_FILTER = {"I136": 0.0, "I137": 0.0, "I138": 0.0, "I139": 0.0}
 BEFORE = {"I130": 528.0, "I131": 4905.0, "I132": 4905.0, "I133": 811.0, **NO_FILTER}
@@ -142,7 +155,7 @@ def test_gains_without_the_margins_are_refused_with_the_number(
     assert not (tmp_path / "trials").exists() and state.activity is Activity.READY and owner.alarms == []
 
 
-def test_gains_are_refused_where_controller_or_model_is_another(owner: WithStation, tmp_path: Path) -> None:
+def test_gains_are_refused_where_controller_model_or_disk_is_another(owner: WithStation, tmp_path: Path) -> None:
     owner.do(order(HALF_KP, {**BEFORE, "I133": 800.0}))
     assert owner.refusals == ["trial.changed_meanwhile"]
     owner.client.request("I168=40", lines=0)
@@ -153,9 +166,7 @@ def test_gains_are_refused_where_controller_or_model_is_another(owner: WithStati
     owner.do(order(HALF_KP))
     assert owner.refusals == ["controller.drives_on"]
     assert stands(owner) == BEFORE and not (tmp_path / "trials").exists()
-
-
-def test_nothing_is_written_where_the_old_gains_cannot_be_kept(owner: WithStation, tmp_path: Path) -> None:
+    owner.do(DisableDrives())
     (tmp_path / "trials").write_text("in the way", encoding="utf-8")
     state = owner.do(order(HALF_KP))
     assert owner.refusals == ["file.not_writable"] and stands(owner) == BEFORE
@@ -230,7 +241,14 @@ def cut_after(owner: WithStation, cable: Cable, line: bytes) -> None:
     owner.line.receive = receive  # type: ignore[method-assign]
 
 
-def test_a_restart_knows_gains_on_trial_and_power_up_ends_them(owner: WithStation, tmp_path: Path) -> None:
+def test_further_gains_continue_the_trial_a_restart_knows_them_and_power_up_ends_it(
+    owner: WithStation, tmp_path: Path
+) -> None:
+    owner.do(order(HALF_KP))
+    owner.do(order({**BEFORE, "I130": 400.0}, HALF_KP))
+    assert owner.refusals == [] and stands(owner)["I130"] == 400.0
+    owner.do(RevertGains())
+    assert stands(owner) == BEFORE and len(list((tmp_path / "trials" / MACHINE).iterdir())) == 1
     owner.do(order(HALF_KP))
     owner.station.close("end")
     again = station_of(owner.sim, tmp_path)
@@ -238,16 +256,10 @@ def test_a_restart_knows_gains_on_trial_and_power_up_ends_them(owner: WithStatio
     for name, value in BEFORE.items():  # as after a power-up: what was saved
         again.client.request(f"{name}={value:g}", lines=0)
     state = again.do(Verify())
-    assert (state.trial, again.alarms, record(tmp_path)["open"]) == (None, [], False)
-    assert record(tmp_path)["events"][-1]["what"] == "restored"
-
-
-def test_further_gains_continue_the_trial(owner: WithStation, tmp_path: Path) -> None:
-    owner.do(order(HALF_KP))
-    owner.do(order({**BEFORE, "I130": 400.0}, HALF_KP))
-    assert owner.refusals == [] and stands(owner)["I130"] == 400.0
-    owner.do(RevertGains())
-    assert stands(owner) == BEFORE and len(list((tmp_path / "trials" / MACHINE).iterdir())) == 1
+    (last,) = sorted((tmp_path / "trials" / MACHINE).iterdir())[-1:]
+    kept = json.loads(last.read_text("utf-8"))
+    assert (state.trial, again.alarms, kept["open"]) == (None, [], False)
+    assert kept["events"][-1]["what"] == "restored"
 
 
 def test_the_touch_off_is_void_with_other_gains_home_and_jaw_1_are_not(owner: WithStation) -> None:
@@ -344,7 +356,7 @@ def test_a_bad_tool_proves_none(tmp_path: Path, amplitude_um: float, overshoot: 
     made = health()
     position = np.array(made.position_um) + amplitude_um * np.sin(1.9 * np.array(made.times_ms))
     step = replace(made.step, overshoot_percent=overshoot)
-    store(tmp_path, replace(made, position_um=tuple(position.tolist()), step=step))
+    store_test(tmp_path, replace(made, position_um=tuple(position.tolist()), step=step))
     (kept,) = kept_tests(tmp_path, MACHINE, 5)
     assert kept.result is not None
     machine = load_machine(MACHINE).machine

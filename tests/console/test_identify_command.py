@@ -86,12 +86,19 @@ def test_any_response_survives_the_file(gain: float, phase_deg: float, name: str
     assert from_table(json.loads(json.dumps(as_table(response)))) == response
 
 
-def test_nothing_is_overwritten(tmp_path: Path) -> None:
+def test_nothing_is_overwritten_and_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
     file = store(tmp_path, RESPONSE)
-    with pytest.raises(ProfileError) as refused:
-        store(tmp_path, replace(RESPONSE, points=()))
-    assert refused.value.problems[0].code == "file.exists"
+    (tmp_path / "in the way").mkdir()
+    (tmp_path / "in the way" / "identified").write_text("", encoding="ascii")
+    for folder, code in ((tmp_path, "file.exists"), (tmp_path / "in the way", "file.not_writable")):
+        with pytest.raises(ProfileError) as refused:
+            store(folder, replace(RESPONSE, points=()))
+        assert refused.value.problems[0].code == code
     assert load(file) == RESPONSE
+    table = as_table(RESPONSE)
+    del table["points"][0]["coherence"]
+    with pytest.raises(ProfileError):
+        from_table(table)
 
 
 @pytest.mark.parametrize("name", ["../../outside", "..", ".", "a/b", "lathe 2", "선반", "\x00"])
@@ -113,20 +120,6 @@ def test_a_file_that_is_none_of_ours_is_named(tmp_path: Path, content: bytes) ->
         load(file)
     (problem,) = refused.value.problems
     assert (problem.code, problem.where) == ("identify.file", str(file))
-
-
-def test_a_point_without_a_number_is_no_point(tmp_path: Path) -> None:
-    table = as_table(RESPONSE)
-    del table["points"][0]["coherence"]
-    with pytest.raises(ProfileError):
-        from_table(table)
-
-
-def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path) -> None:
-    (tmp_path / "identified").write_text("", encoding="ascii")
-    with pytest.raises(ProfileError) as refused:
-        store(tmp_path, RESPONSE)
-    assert refused.value.problems[0].code == "file.not_writable"
 
 
 def changed(table: dict[str, Any], keys: tuple[str | int, ...], value: object) -> dict[str, Any]:
@@ -238,44 +231,24 @@ def test_json_has_the_same_unrounded_with_what_it_holds_for(console: Console, da
     assert found["doubtful_hz"] == []
 
 
-@pytest.mark.parametrize(
-    ("arguments", "met"),
-    [
-        (("--amplitude", "60"), "60 um"),
-        (("--amplitude", "2"), "2 um"),
-        (("--frequencies", "10,300"), "300 Hz"),
-        (("--periods", "3"), "periods: 3"),
-        (("--amplitude", "50", "--frequencies", "215"), "I117"),
-    ],
-)
-def test_too_much_is_refused(console: Console, data_folder: Path, arguments: tuple[str, ...], met: str) -> None:
-    said = console("identify", "--sim", *arguments)
-    assert (said.code, said.out) == (1, "")
-    assert met in said.err
+def test_what_is_too_much_or_not_said_right_is_refused_in_a_line(console: Console, data_folder: Path) -> None:
+    for too_much, told in (
+        ("--amplitude 60", "60 um"),
+        ("--amplitude 2", "2 um"),
+        ("--frequencies 10,300", "300 Hz"),
+        ("--periods 3", "periods: 3"),
+        ("--amplitude 50 --frequencies 215", "I117"),
+    ):
+        said = console("identify", "--sim", *too_much.split())
+        assert (said.code, said.out) == (1, "") and told in said.err
     assert not (data_folder / "trilobe" / "identified").exists()
-
-
-@pytest.mark.parametrize(
-    "arguments",
-    [
-        ("--strategy", "paper"),
-        ("--frequencies", "10,x"),
-        ("--frequencies", ""),
-        ("--amplitude", "nan"),
-        ("--periods", "2.5"),
-        ("--periods", "-4"),
-        ("--link", "tcp:127.0.0.1:1"),  # beside --sim
-    ],
-)
-def test_what_is_not_said_right_is_wrong_usage(console: Console, arguments: tuple[str, ...]) -> None:
-    said = console("identify", "--sim", *arguments)
-    assert (said.code, len(said.err.splitlines())) == (2, 1)
-
-
-def test_without_an_address_nothing_is_started(console: Console) -> None:
+    beside_sim = ("--link", "tcp:127.0.0.1:1")
+    wrong = ("--strategy paper", "--frequencies 10,x", "--amplitude nan", "--periods 2.5", "--periods -4")
+    for arguments in (*(each.split() for each in wrong), ("--frequencies", ""), beside_sim):
+        said = console("identify", "--sim", *arguments)
+        assert (said.code, len(said.err.splitlines())) == (2, 1)
     said = console("identify")
-    assert (said.code, said.out) == (1, "")
-    assert "--sim" in said.err
+    assert (said.code, said.out) == (1, "") and "--sim" in said.err
 
 
 def test_iron_is_not_moved_unnamed(console: Console, monkeypatch: MonkeyPatch, data_folder: Path) -> None:
@@ -299,23 +272,18 @@ def test_iron_is_moved_when_it_is_named(console: Console, monkeypatch: MonkeyPat
     assert not made.drives_on
 
 
-@pytest.mark.parametrize("device", SAFETY_DEVICES)
-def test_an_unknown_device(console: Console, monkeypatch: MonkeyPatch, data_folder: Path, device: str) -> None:
-    changed: dict[str, Any] = {device: "unknown"}
+@pytest.mark.parametrize("why", [*SAFETY_DEVICES, "drives"])
+def test_iron_with_an_unknown_safety_device_or_enabled_drives_is_left_alone(
+    console: Console, monkeypatch: MonkeyPatch, data_folder: Path, why: str
+) -> None:
+    changed: dict[str, Any] = {why: "unknown"} if why != "drives" else {}
     made = true_position(replace(MACHINE, safety=replace(MACHINE.safety, **changed)), monkeypatch, data_folder)
+    if why == "drives":
+        made.tell("#3J/")
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
-    assert (said.code, device in said.err) == (1, True)
-    assert not made.drives_on
-    assert not any(re.search(r"#\d+(J|HM)|OPEN|DEFINE", line) for line in made.lines)
-
-
-def test_drives_that_are_on_stay_on(console: Console, monkeypatch: MonkeyPatch, data_folder: Path) -> None:
-    made = true_position(MACHINE, monkeypatch, data_folder)
-    made.tell("#3J/")
-    said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
-    assert (said.code, said.out.count("\n") < 7) == (1, True)
-    assert made.drives_on and "Hz" not in said.out, "no head of a table without a row"
-    assert not any(re.search(r"#\d+HM|OPEN", line) for line in made.lines)
+    assert said.code == 1 and (why in said.err or (why == "drives" and made.drives_on))
+    assert made.drives_on is (why == "drives") and "Hz" not in said.out, "no head of a table without a row"
+    assert not any(re.search(r"#\d+(J[^/]|HM)|OPEN|DEFINE", line) for line in made.lines)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

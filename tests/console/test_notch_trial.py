@@ -32,19 +32,8 @@ from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import gains_from_variables, notch_settings, with_variables
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, WithStation, cabled, station_of, until_back
-from tests.console.test_gain_trial import BEFORE, cut_after, record, stands
+from tests.console.test_gain_trial import BEFORE, LATHE, PUBLISHED, cut_after, fill, record, stands
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
-
-LATHE = load_machine(MACHINE).machine
-PUBLISHED = {name: value for name, value in LATHE.controller.variables.items() if "I130" <= name <= "I135"}
-
-
-def fill(data: Path) -> None:
-    """Keep the response of a tool that bends at 300 Hz by 40 % of its motion, with the published gains.
-
-    It names Ix30 to Ix35 alone, as before there was a filter.
-    """
-    store(data, identified(swept(bending(), 0.0002), PUBLISHED, simulated=False))
 
 
 def station_with(data: Path, reading: Reading, friction_n: float = 0.0) -> WithStation:

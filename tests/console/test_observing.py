@@ -145,20 +145,17 @@ def armed(sim: SimulatedLathe, owner: WithStation) -> Armed:
     return Armed(job=JOB, strategy=Strategy.PVT, plan=plan, alignment=alignment, until_s=until_s, made=made)
 
 
-def test_the_second_console_looks_on_and_says_why(owner: WithStation, observer: WithStation) -> None:
+def test_a_second_console_looks_on_and_says_why(
+    sim: SimulatedLathe, owner: WithStation, observer: WithStation, tmp_path: Path
+) -> None:
     assert (owner.state.standing, owner.alarms) == (Standing.OWNER, [])
-    assert (observer.state.standing, observer.state.holder) == (Standing.OBSERVER, owner.number)
-    assert observer.alarms == ["owner.held"]
-    state = observer.look()
-    assert state.activity is Activity.READY and state.snapshot is not None
-    assert state.alignment.settings == (), "an observer compares the controller with its profile, too"
-
-
-def test_a_second_console_beside_it_looks_on(sim: SimulatedLathe, owner: WithStation, tmp_path: Path) -> None:
-    beside = station_of(sim, tmp_path / "here")
-    assert (beside.state.standing, beside.alarms) == (Standing.OBSERVER, ["owner.beside"])
-    beside.look()
-    assert beside.state.holder == owner.number
+    beside = station_of(sim, tmp_path / "here")  # of the same computer
+    for each, why in ((observer, "owner.held"), (beside, "owner.beside")):
+        assert (each.state.standing, each.alarms) == (Standing.OBSERVER, [why])
+        state = each.look()
+        assert state.holder == owner.number
+        assert state.activity is Activity.READY and state.snapshot is not None
+        assert state.alignment.settings == (), "an observer compares the controller with its profile, too"
 
 
 def test_every_order_but_four_is_refused_to_an_observer(owner: WithStation, observer: WithStation) -> None:
@@ -173,19 +170,30 @@ def test_every_order_but_four_is_refused_to_an_observer(owner: WithStation, obse
     assert owner.look().snapshot is not None and owner.alarms == []
 
 
-def test_an_observer_sees_what_the_owner_does(ready: WithStation, observer: WithStation) -> None:
+@pytest.mark.parametrize("reason", ["quit", "SIGHUP"])
+def test_an_observer_sees_what_the_owner_does_and_disturbs_it_neither_silent_nor_by_leaving(
+    ready: WithStation, observer: WithStation, reason: str
+) -> None:
     seen: list[bool] = []
 
-    def look() -> None:
+    def look(_: Snapshot) -> None:
         state = observer.look()
         assert state.snapshot is not None
         seen.append(state.snapshot.moving)
         # It moves, but not for this console: leaving it needs no stop, and no key is one by chance.
         assert not state.may_move and not state.controls
 
-    in_a_jog(ready, look)
-    assert seen == [True]
-    assert observer.alarms == ["owner.held"]
+    observer.station.beat()  # from now on its screen is silent
+    ready.looks.append(look)
+    in_a_jog(ready, observer.hear, way_mm=30.0)
+    assert True in seen and not set(observer.hear()) & set(STOPS)
+    assert observer.alarms == ["owner.held"] and ready.alarms == []
+    ready.looks.remove(look)
+    in_a_jog(ready, lambda: observer.station.close(reason))
+    assert observer.hear() == b""
+    assert ready.refusals == [] and ready.alarms == []
+    snapshot = ready.lathe.snapshot()
+    assert snapshot.loops_closed and snapshot.owner == ready.number
 
 
 def test_the_stop_of_an_observer_stops_and_it_may_go_on_looking(ready: WithStation, observer: WithStation) -> None:
@@ -222,28 +230,6 @@ def test_an_observer_that_stops_at_rest_changes_nothing(ready: WithStation, obse
     assert ready.refusals == [] and ready.alarms == []
 
 
-@pytest.mark.parametrize("reason", ["quit", "SIGHUP"])
-def test_an_observer_leaves_the_machine_as_it_is(ready: WithStation, observer: WithStation, reason: str) -> None:
-    observer.hear()
-    in_a_jog(ready, lambda: observer.station.close(reason))
-    assert observer.hear() == b""
-    assert ready.refusals == [] and ready.alarms == []
-    snapshot = ready.lathe.snapshot()
-    assert snapshot.loops_closed and snapshot.owner == ready.number
-
-
-def test_an_observer_whose_screen_is_silent_stops_nobody(ready: WithStation, observer: WithStation) -> None:
-    observer.station.beat()
-
-    def look(_: Snapshot) -> None:
-        observer.look()
-
-    ready.looks.append(look)
-    in_a_jog(ready, observer.hear, way_mm=30.0)
-    assert not set(observer.hear()) & set(STOPS)
-    assert observer.alarms == ["owner.held"] and ready.alarms == []
-
-
 def test_at_rest_the_machine_is_taken_over(ready: WithStation, observer: WithStation, tmp_path: Path) -> None:
     state = observer.do(TakeControl())
     assert (state.standing, state.holder) == (Standing.OWNER, observer.number)
@@ -258,30 +244,6 @@ def test_at_rest_the_machine_is_taken_over(ready: WithStation, observer: WithSta
     observer.do(EnableDrives())
     in_a_jog(observer, lambda: None)
     assert observer.refusals == [] and observer.alarms == []
-
-
-def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, observer: WithStation) -> None:
-    """The other one may have changed anything meanwhile: part, jaws, tool."""
-    on = ready.state.alignment.on
-    ready.context.tell(
-        alignment=replace(
-            ready.state.alignment,
-            clamping=clamping_of(JOB, at="08:40"),
-            jaw=JawAngle(angle_deg=12.0, jaws=JOB.jaws, at="08:45", on=on),
-            touch_off=TouchOff(zero_radius_mm=76.0, diameter_mm=JOB.diameter_mm, at="08:46", on=on),
-        )
-    )
-    assert [problem.code for problem in problems(ready.look().alignment, JOB)] == []
-    observer.do(TakeControl())
-    ready.look()
-    ready.do(TakeControl())
-    found = [problem.code for problem in problems(ready.state.alignment, JOB)]
-    assert found == [
-        "alignment.handed_over",
-        "alignment.no_clamping",
-        "alignment.no_jaw",
-        "alignment.no_touch_off",
-    ]
 
 
 def test_in_motion_a_take_over_is_refused(ready: WithStation, observer: WithStation) -> None:
@@ -328,11 +290,23 @@ def test_a_start_taken_over_does_not_go(sim: SimulatedLathe, ready: WithStation,
     assert not observer.lathe.snapshot().program_running
 
 
-def test_control_goes_back_and_forth(ready: WithStation, observer: WithStation) -> None:
+def test_who_takes_the_machine_back_finds_nothing_aligned(ready: WithStation, observer: WithStation) -> None:
+    """The other one may have changed anything meanwhile: part, jaws, tool."""
+    on = ready.state.alignment.on
+    found = {
+        "clamping": clamping_of(JOB, at="08:40"),
+        "jaw": JawAngle(angle_deg=12.0, jaws=JOB.jaws, at="08:45", on=on),
+        "touch_off": TouchOff(zero_radius_mm=76.0, diameter_mm=JOB.diameter_mm, at="08:46", on=on),
+    }
+    ready.context.tell(alignment=replace(ready.state.alignment, **found))  # type: ignore[arg-type]
+    assert [problem.code for problem in problems(ready.look().alignment, JOB)] == []
     observer.do(TakeControl())
     ready.look()
     ready.do(TakeControl())
     assert ready.state.standing is Standing.OWNER and "owner.ousted" not in ready.alarms
+    assert [problem.code.partition(".")[2] for problem in problems(ready.state.alignment, JOB)] == [
+        *("handed_over", "no_clamping", "no_jaw", "no_touch_off")
+    ]
     observer.look()
     assert observer.state.standing is Standing.OUSTED and observer.alarms == ["owner.ousted"]
     in_a_jog(ready, observer.look)

@@ -73,6 +73,11 @@ def jogs(console: OneConsole, meanwhile: list[object]) -> None:
 
 
 def test_who_comes_first_controls_and_leaves_it_free(sim: SimulatedLathe, tmp_path: Path) -> None:
+    """A simulated machine of one's own needs no lock, and nothing of it is kept."""
+    alone = console_of(sim, LATHE, tmp_path, locking=False)
+    alone.owning.claim()
+    alone.owning.release()
+    assert list(tmp_path.iterdir()) == []
     console = console_of(sim, LATHE, tmp_path)
     console.owning.claim()
     assert console.on_the_card == console.number
@@ -82,6 +87,21 @@ def test_who_comes_first_controls_and_leaves_it_free(sim: SimulatedLathe, tmp_pa
     after.owning.claim()
     assert after.on_the_card == after.number != console.number
     assert logged(tmp_path) == []
+
+
+def test_a_folder_that_takes_no_lock_lets_nobody_control_and_one_that_takes_no_log_does(
+    sim: SimulatedLathe, tmp_path: Path
+) -> None:
+    (tmp_path / "locks").write_text("", encoding="ascii")
+    console = console_of(sim, LATHE, tmp_path)
+    with pytest.raises(SessionError) as error:
+        console.owning.claim()
+    assert error.value.problems[0].code == "lock.unwritable" and console.on_the_card == 0
+    (tmp_path / "here" / "ownership.log").mkdir(parents=True)
+    first, second = (console_of(sim, LATHE, tmp_path / name) for name in ("there", "here"))
+    first.owning.claim()
+    second.owning.take_control()
+    assert second.on_the_card == second.number
 
 
 def test_a_second_console_looks_on_and_writes_nothing(sim: SimulatedLathe, tmp_path: Path) -> None:
@@ -105,14 +125,26 @@ def test_a_second_console_looks_on_and_writes_nothing(sim: SimulatedLathe, tmp_p
     assert first.on_the_card == first.number
 
 
-def test_a_console_of_another_computer_is_told_by_its_number(sim: SimulatedLathe, tmp_path: Path) -> None:
-    first, second = (console_of(sim, LATHE, tmp_path / name) for name in ("here", "there"))
+def test_a_console_of_another_computer_is_not_replaced_unasked_dead_or_not(
+    sim: SimulatedLathe, tmp_path: Path
+) -> None:
+    """Nobody here can tell a dead one there from one that is busy: it takes somebody who takes over."""
+    first = console_of(sim, LATHE, tmp_path / "there")
     first.owning.claim()
-    with pytest.raises(RefusedError) as error:
-        second.owning.claim()
-    assert refused(error) == ("owner.held", str(first.number))
-    second.owning.release()
-    assert first.on_the_card == first.number
+    for dead in (False, True):
+        if dead:
+            dies(first)
+        heir = console_of(sim, LATHE, tmp_path / "here")
+        with pytest.raises(RefusedError) as error:
+            heir.owning.claim()
+        assert refused(error) == ("owner.held", str(first.number))
+        heir.owning.release()
+        assert first.on_the_card == first.number
+    heir.owning.take_control()
+    assert heir.on_the_card == heir.number
+    assert logged(tmp_path / "here") == [
+        f"tcp:lathe:1025 taken over: console {first.number} -> console {heir.number}"
+    ]
 
 
 def test_the_place_of_a_dead_console_is_taken_and_logged(sim: SimulatedLathe, tmp_path: Path) -> None:
@@ -145,22 +177,6 @@ def test_a_dead_console_is_not_replaced_while_what_it_moved_still_moves(
     assert heir.on_the_card == heir.number
     snapshot = heir.lathe.snapshot()
     assert snapshot.at_rest and snapshot.lost
-
-
-def test_a_dead_console_of_another_computer_is_not_replaced_unasked(sim: SimulatedLathe, tmp_path: Path) -> None:
-    """Nobody here can tell a dead one there from one that is busy: it takes somebody who takes over."""
-    dead = console_of(sim, LATHE, tmp_path / "there")
-    dead.owning.claim()
-    dies(dead)
-    heir = console_of(sim, LATHE, tmp_path / "here")
-    with pytest.raises(RefusedError) as error:
-        heir.owning.claim()
-    assert refused(error)[0] == "owner.held"
-    heir.owning.take_control()
-    assert heir.on_the_card == heir.number
-    assert logged(tmp_path / "here") == [
-        f"tcp:lathe:1025 taken over: console {dead.number} -> console {heir.number}"
-    ]
 
 
 def test_a_third_that_took_it_is_not_taken_for_the_dead_one(sim: SimulatedLathe, tmp_path: Path) -> None:
@@ -234,30 +250,6 @@ def test_who_was_pushed_aside_says_nothing_but_a_stop(sim: SimulatedLathe, tmp_p
     first.hear()
     first.stop.stop("operator")
     assert first.hear() in STOP_CHARACTERS
-
-
-def test_without_a_lock_nothing_is_kept(sim: SimulatedLathe, tmp_path: Path) -> None:
-    console = console_of(sim, LATHE, tmp_path, locking=False)
-    console.owning.claim()
-    console.owning.release()
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_a_folder_that_takes_no_lock_lets_nobody_control(sim: SimulatedLathe, tmp_path: Path) -> None:
-    (tmp_path / "locks").write_text("", encoding="ascii")
-    console = console_of(sim, LATHE, tmp_path)
-    with pytest.raises(SessionError) as error:
-        console.owning.claim()
-    assert error.value.problems[0].code == "lock.unwritable"
-    assert console.on_the_card == 0
-
-
-def test_a_log_that_cannot_be_written_is_no_reason_not_to_take_over(sim: SimulatedLathe, tmp_path: Path) -> None:
-    (tmp_path / "ownership.log").mkdir()
-    first, second = (console_of(sim, LATHE, tmp_path / name) for name in ("there", ""))
-    first.owning.claim()
-    second.owning.take_control()
-    assert second.on_the_card == second.number
 
 
 def test_of_many_consoles_in_any_order_one_controls(tmp_path: Path) -> None:
@@ -373,11 +365,18 @@ def lock_file(data: Path) -> Path:
 
 
 def test_a_second_console_does_not_get_it_before_the_first_lets_go(tmp_path: Path) -> None:
+    """How a machine is spoken to makes no other machine of it; a shorter number leaves nothing of a longer one."""
     first = taken(tmp_path)
-    assert first.last_number == 0
-    assert take_lock(tmp_path, ADDRESS) is None
+    assert first.last_number == 0 and take_lock(tmp_path, ADDRESS) is None
+    for number in (2**31 - 1, 7):
+        first.keep(number)
     first.close()
-    taken(tmp_path).close()
+    second = taken(tmp_path)
+    assert second.last_number == 7
+    second.close()
+    lock = taken(tmp_path, "ethernet:lathe?stop=reserved")
+    assert take_lock(tmp_path, "ethernet:lathe") is None
+    lock.close()
 
 
 def test_a_console_that_was_killed_has_let_go_and_left_its_number(tmp_path: Path) -> None:
@@ -402,20 +401,6 @@ def test_machines_at_other_addresses_and_other_users_have_locks_of_their_own(tmp
         lock.close()
 
 
-def test_how_a_machine_is_spoken_to_makes_no_other_machine_of_it(tmp_path: Path) -> None:
-    lock = taken(tmp_path, "ethernet:lathe?stop=reserved")
-    assert take_lock(tmp_path, "ethernet:lathe") is None
-    lock.close()
-
-
-def test_a_shorter_number_leaves_nothing_of_a_longer_one(tmp_path: Path) -> None:
-    lock = taken(tmp_path)
-    for number in (2**31 - 1, 7):
-        lock.keep(number)
-    lock.close()
-    assert taken(tmp_path).last_number == 7
-
-
 @given(content=st.binary(max_size=40))
 def test_whatever_is_in_it_is_a_number_or_none(tmp_path_factory: pytest.TempPathFactory, content: bytes) -> None:
     data = tmp_path_factory.mktemp("data")
@@ -425,11 +410,6 @@ def test_whatever_is_in_it_is_a_number_or_none(tmp_path_factory: pytest.TempPath
     lock.close()
     assert lock.last_number >= 0
     assert lock.last_number == 0 or str(lock.last_number) in content.decode("latin-1")
-
-
-def test_the_file_is_the_users_alone(tmp_path: Path) -> None:
-    taken(tmp_path).close()
-    assert lock_file(tmp_path).stat().st_mode & 0o777 == 0o600
 
 
 @pytest.mark.parametrize("in_the_way", ["locks", f"locks/{ADDRESS.replace(':', '_')}.lock"])

@@ -37,7 +37,7 @@ from profiles.store import load_machine
 from tests.console.commands import Console
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
-from tests.console.test_notch_trial import LATHE, PUBLISHED, fill
+from tests.console.test_gain_trial import LATHE, PUBLISHED, fill
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
 JOB = experiment_1()
