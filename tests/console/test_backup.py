@@ -145,12 +145,19 @@ def test_a_link_is_left_out_and_said(console: Console, data: Path, tmp_path: Pat
     assert said.code == 0 and "not in the backup" in said.err
 
 
-def test_damaged_records_are_no_backup(data: Path, tmp_path: Path) -> None:
+def test_damaged_records_are_no_backup_and_those_of_a_newer_console_no_restore(data: Path, tmp_path: Path) -> None:
+    place, file = tmp_path / "place", tmp_path / "b.tar.gz"
+    place.mkdir()
     (data / FILE_NAME).write_bytes(b"no database" * 500)
     with pytest.raises(ProblemError) as refused:
-        back_up(data, tmp_path / "b.tar.gz")
-    assert refused.value.problems[0].code == "record.damaged"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["lathe"]
+        back_up(data, file)
+    assert refused.value.problems[0].code == "record.damaged" and not file.exists()
+    (data / FILE_NAME).unlink()
+    RunRecord(data, RUN).close()
+    with sqlite3.connect(data / FILE_NAME) as database:
+        database.execute(f"PRAGMA user_version = {SCHEMA + 1}")
+    back_up(data, file)
+    assert code_of(file, place) == "record.other_schema"
 
 
 def entries(file: Path) -> list[tuple[tarfile.TarInfo, bytes]]:
@@ -233,16 +240,29 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
     assert [code_of(tmp_path / name, place) for name in ("pipe", "nowhere")] == ["file.unreadable"] * 2
 
 
-def test_a_replaced_archive_is_not_restored(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
+def test_a_replaced_archive_or_a_full_disk_restores_nothing(
+    data: Path, tmp_path: Path, monkeypatch: MonkeyPatch
+) -> None:
     file, other, place = tmp_path / "b.tar.gz", tmp_path / "other.tar.gz", tmp_path / "place"
     place.mkdir()
     back_up(data, file)
+    found = json.loads(entries(file)[-1][1])
+    assert entries(file)[-1][0].name == MANIFEST
+    assert set(found["files"]["jobs/mine.toml"]) == {"bytes", "sha256"}
     learned = next((data / "learned").rglob("*.json"))
     learned.write_bytes(learned.read_bytes().replace(b"27.5", b"28.5"))
     back_up(data, other)
     manifest = checked(file)
-    monkeypatch.setattr(restore, "checked", lambda _: manifest)
-    assert code_of(other, place) == "restore.damaged"
+    with monkeypatch.context() as replaced:
+        replaced.setattr(restore, "checked", lambda _: manifest)
+        assert code_of(other, place) == "restore.damaged"
+    free = os.statvfs(place)
+
+    class Full:
+        f_bavail, f_frsize = 3, free.f_frsize
+
+    monkeypatch.setattr(os, "statvfs", lambda _: Full)
+    assert code_of(file, place) == "restore.no_space"
 
 
 def test_a_flipped_bit_anywhere_in_the_file_is_found_or_harmless(data: Path, tmp_path: Path) -> None:
@@ -279,16 +299,6 @@ def refused(archive: Path) -> str:
     return caught.value.problems[0].code
 
 
-def test_records_of_a_newer_console_are_refused(data: Path, tmp_path: Path) -> None:
-    place = tmp_path / "place"
-    place.mkdir()
-    RunRecord(data, RUN).close()
-    with sqlite3.connect(data / FILE_NAME) as database:
-        database.execute(f"PRAGMA user_version = {SCHEMA + 1}")
-    back_up(data, tmp_path / "b.tar.gz")
-    assert code_of(tmp_path / "b.tar.gz", place) == "record.other_schema"
-
-
 def test_a_killed_restore_leaves_no_half_folder(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     file, place = tmp_path / "b.tar.gz", tmp_path / "place"
     place.mkdir()
@@ -316,19 +326,6 @@ def test_a_killed_restore_leaves_no_half_folder(data: Path, tmp_path: Path, monk
     assert contents(place / "lathe") == contents(data)
 
 
-def test_a_full_disk_is_said_before_any_write(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
-    file, place = tmp_path / "b.tar.gz", tmp_path / "place"
-    place.mkdir()
-    back_up(data, file)
-    free = os.statvfs(place)
-
-    class Full:
-        f_bavail, f_frsize = 3, free.f_frsize
-
-    monkeypatch.setattr(os, "statvfs", lambda _: Full)
-    assert code_of(file, place) == "restore.no_space"
-
-
 @pytest.mark.long
 def test_what_git_would_keep_is_written_in_the_same_order_each_time(data: Path, tmp_path: Path) -> None:
     """Another console, with another hash seed, writes the same bytes, one value a line."""
@@ -340,11 +337,3 @@ def test_what_git_would_keep_is_written_in_the_same_order_each_time(data: Path, 
     )
     assert first == second and len([each for each in first.values() if each is not None]) == 6
     assert all(content.count(b"\n") > 5 for path, content in first.items() if content and path.endswith(".json"))
-
-
-def test_the_manifest_is_for_people_too(data: Path, tmp_path: Path) -> None:
-    file = tmp_path / "b.tar.gz"
-    back_up(data, file)
-    found = json.loads(entries(file)[-1][1])
-    assert entries(file)[-1][0].name == MANIFEST
-    assert set(found["files"]["jobs/mine.toml"]) == {"bytes", "sha256"}

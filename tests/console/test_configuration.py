@@ -46,6 +46,8 @@ def read(site: Path, own: Path, **variables: str) -> Configuration:
 
 
 def test_later_ones_win_and_each_value_has_its_place(site: Path, own: Path) -> None:
+    nothing = read(site, own)
+    assert (nothing.settings, nothing.problems, set(nothing.files.values())) == ({}, (), {State.MISSING})
     site.write_text('schema = 1\ndata = "/var/lib/trilobe"\nmachine = "a"\nlanguage = "ko"\noperator = "line 3"\n')
     own.write_text('machine = "b"\noperator = "kim"\n')
     found = read(site, own, OPERATOR="lee", LANGUAGE="")
@@ -57,12 +59,12 @@ def test_later_ones_win_and_each_value_has_its_place(site: Path, own: Path) -> N
     }
     assert (found.problems, found.unknown) == ((), ())
     assert found.files == {site: State.READ, own: State.READ}
-
-
-def test_without_files_and_variables_nothing_is_set(tmp_path: Path) -> None:
-    nowhere = tmp_path / "nowhere" / "config.toml"
-    found = read(nowhere, tmp_path / "home" / "trilobe" / "config.toml")
-    assert (found.settings, found.problems, set(found.files.values())) == ({}, (), {State.MISSING})
+    site.unlink()
+    own.unlink()
+    site.mkdir()
+    os.mkfifo(own)
+    unreadable = [(each.code, each.where) for each in read(site, own).problems]
+    assert unreadable == [("config.unreadable", str(path)) for path in (site, own)]
 
 
 REFUSED = {
@@ -98,16 +100,6 @@ def test_a_wrong_variable_is_named_and_one_that_means_nothing_is_noted(site: Pat
     ]
     assert found.unknown == ("TRILOBE_MACHIN",)
     assert found.value("link") == "tcp:lathe:1025"
-
-
-def test_a_file_that_cannot_be_read_is_said(site: Path, own: Path) -> None:
-    site.mkdir()
-    os.mkfifo(own)
-    found = read(site, own)
-    assert [(each.code, each.where) for each in found.problems] == [
-        ("config.unreadable", str(site)),
-        ("config.unreadable", str(own)),
-    ]
 
 
 def test_a_link_does_not_follow_to_another_machine(site: Path, own: Path) -> None:
@@ -250,34 +242,24 @@ def test_only_the_line_of_the_setting_changes(tmp_path: Path) -> None:
         assert path.read_text(encoding="utf-8") == after, (before, key)
         assert path.stat().st_mode & 0o777 == 0o640
         assert [each.name for each in path.parent.iterdir()] == ["config.toml"], "a temporary file was left"
-
-
-def test_a_missing_file_is_made_with_its_folder_and_a_link_stays_one(tmp_path: Path) -> None:
     path, target = tmp_path / "a" / "b" / "config.toml", tmp_path / "dotfiles.toml"
     keep_settings(path, {"theme": "light"})
-    assert path.read_text() == 'theme = "light"\n'
+    assert path.read_text() == 'theme = "light"\n', "a missing file is made with its folder"
     target.write_text('theme = "dark"\n')
     path.unlink()
     path.symlink_to(target)
     keep_settings(path, {"theme": "contrast"})
     assert path.is_symlink() and target.read_text() == 'theme = "contrast"\n'
-
-
-@pytest.mark.parametrize(
-    ("content", "code"),
-    [
+    for content, code in (
         ('theme = """\ndark"""\n', "config.not_kept"),  # over two lines
         ('"theme" = "dark"\n', "config.not_kept"),  # a second line for the same key
         ("theme = [", "file.not_toml"),
-    ],
-)
-def test_what_cannot_be_replaced_is_refused_and_stays(content: str, code: str, tmp_path: Path) -> None:
-    path = tmp_path / "config.toml"
-    path.write_text(content)
-    with pytest.raises(ProfileError) as refused:
-        keep_settings(path, {"theme": "light"})
-    assert [problem.code for problem in refused.value.problems] == [code]
-    assert path.read_text() == content
+    ):
+        target.write_text(content)
+        with pytest.raises(ProfileError) as refused:
+            keep_settings(target, {"theme": "light"})
+        assert [problem.code for problem in refused.value.problems] == [code]
+        assert target.read_text() == content
 
 
 def test_every_setting_is_a_key_with_its_choices_and_later_places_win(tmp_path: Path) -> None:

@@ -207,25 +207,6 @@ def test_what_is_assumed_is_said_to_people_and_programs(console: Console, job_fi
         assert line.endswith(f"{said[code]['um']:.2f}")
 
 
-def test_jobs_lists_what_is_bundled_with_its_conditions(console: Console) -> None:
-    jobs = {job["name"]: job for job in console("jobs", "--json").json["jobs"]}
-    one = jobs["lee-2001-experiment-1"]
-    assert (one["diameter_mm"], one["wall_thickness_mm"], one["lobe_error_um_pp"]) == (52, 2.5, 55)
-    assert {"chucking_force_n", "feed_mm_per_rev", "cut_length_mm"} <= set(one["assumed"])
-    assert "lee-2001-experiment-2" in console("jobs").out
-
-
-def test_a_job_in_the_own_folder_is_listed_and_a_broken_one_says_why(console: Console, data_folder: Path) -> None:
-    folder = data_folder / "trilobe" / "jobs"
-    folder.mkdir(parents=True)
-    (folder / "broken.toml").write_text("name = 3")
-    said = console("jobs")
-    assert said.code == 0
-    assert "broken" in said.out
-    listed = {job["name"]: job for job in console("jobs", "--json").json["jobs"]}
-    assert listed["broken"]["problems"]
-
-
 def test_preview_states_the_servo_of_the_paper_and_the_sampled_loop(console: Console) -> None:
     seen = console("preview", "lee-2001-experiment-1", "--json").json
     assert seen["eq9"]["gain"] == pytest.approx(0.7455, abs=1e-3)
@@ -295,13 +276,24 @@ def test_a_bad_trace_names_its_line(console: Console, tmp_path: Path, text: str,
         assert word in said.err
 
 
+def test_jobs_lists_what_is_bundled_with_its_conditions_and_why_one_is_broken(
+    console: Console, data_folder: Path
+) -> None:
+    folder = data_folder / "trilobe" / "jobs"
+    folder.mkdir(parents=True)
+    (folder / "broken.toml").write_text("name = 3")
+    jobs = {job["name"]: job for job in console("jobs", "--json").json["jobs"]}
+    one = jobs["lee-2001-experiment-1"]
+    assert (one["diameter_mm"], one["wall_thickness_mm"], one["lobe_error_um_pp"]) == (52, 2.5, 55)
+    assert {"chucking_force_n", "feed_mm_per_rev", "cut_length_mm"} <= set(one["assumed"])
+    assert jobs["broken"]["problems"]
+    said = console("jobs")
+    assert said.code == 0 and "lee-2001-experiment-2" in said.out and "broken" in said.out
+    assert console("--json", "jobs").json == console("jobs", "--json").json, "it may stand before the command"
+
+
 def test_the_version_is_stated(console: Console) -> None:
     said = console("--version")
-    assert said.code == 0
-    assert said.out.startswith("trilobe 0.")
+    assert said.code == 0 and said.out.startswith("trilobe 0.")
     stated = console("--version", "--json").json
     assert stated == {"schema": 1, "name": "trilobe", "version": said.out.split()[1]}
-
-
-def test_json_may_stand_before_the_command(console: Console) -> None:
-    assert console("--json", "jobs").json == console("jobs", "--json").json

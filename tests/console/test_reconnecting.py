@@ -74,11 +74,23 @@ def harmless(said: bytes) -> bool:
     return not any(word in said for word in READ_ONLY)
 
 
+def home(console: WithStation) -> None:
+    console.do(EnableDrives())
+    console.do(Home())
+
+
+def back(console: WithStation, cable: Cable) -> tuple[StationState, bytes]:
+    """Mend the cable, and return the state and what was said on the way back."""
+    console.hear()
+    cable.mend()
+    until_back(console)
+    return console.state, console.hear()
+
+
 def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
     """Rule R3: the true state, with what happened; rule A10: how old what is shown is."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    home(console)
     cable.cut()
     console.look()
     assert activity(console) is Activity.LOST and "link.lost" in console.alarms
@@ -89,25 +101,31 @@ def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
     assert lost is not None and lost.attempts >= 2 and lost.problem is not None
     assert lost.problem.code == "link.refused" and lost.back_s is None
     assert not console.station.post(Home()) and console.refusals == ["session.lost"]
-    console.hear()
-    cable.mend()
-    until_back(console)
-    state, said = console.state, console.hear()
+    state, said = back(console, cable)
     assert state.activity is Activity.STOPPED and state.standing is Standing.OWNER
     assert harmless(said), said
     assert state.snapshot is not None and state.snapshot.loops_open and state.snapshot.homed
-    assert held(state) == {
-        "home": (True, "home_kept"),
-        "jaw": (False, "none"),
-        "touch_off": (False, "none"),
-        "clamping": (False, "none"),
-    }
+    none = dict.fromkeys(("jaw", "touch_off", "clamping"), (False, "none"))
+    assert held(state) == {"home": (True, "home_kept"), **none}
     assert "link.lost" not in console.alarms
     console.do(Recover())
     assert activity(console) is Activity.READY and console.state.lost_link is None
     console.do(EnableDrives())
     console.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
     assert console.state.activity is Activity.READY
+
+
+def test_what_is_gone_for_ever_is_not_tried_again(site: Site) -> None:
+    sim, console, cable = site
+    assert console.context.reopening is not None
+    console.context.reopening._over = lambda: True
+    cable.cut()
+    console.look()
+    for _ in range(3):
+        sim.wait(2.0)
+        console.look()
+    lost = console.state.lost_link
+    assert lost is not None and lost.for_ever and lost.attempts == 0
 
 
 @pytest.mark.parametrize("moving", [AxisName.TOOL, AxisName.CARRIAGE])
@@ -118,10 +136,7 @@ def test_in_mid_homing_the_controller_ends_it_and_home_is_void(site: Site, movin
     console.station.post(Home())
     console.station.step()
     assert console.state.activity is Activity.LOST and console.state.stop is not None
-    console.hear()
-    cable.mend()
-    until_back(console)
-    state, said = console.state, console.hear()
+    state, said = back(console, cable)
     assert state.activity is Activity.STOPPED and harmless(said), said
     holds, why = held(state)["home"]
     assert not holds and why in ("home_lost", "home_none")
@@ -153,35 +168,30 @@ def test_a_cable_that_is_back_at_once_does_not_let_the_motion_go_on(site: Site) 
 
 def test_a_stop_that_was_pressed_meanwhile_is_delivered_first(site: Site) -> None:
     _, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    home(console)
     cable.cut()
     console.look()
     console.look()
     console.stop.stop("space")
     assert not console.stop.delivered
-    console.hear()
-    cable.mend()
-    until_back(console)
-    assert b"\x0b" in console.hear()
-    assert console.state.activity is Activity.STOPPED
+    state, said = back(console, cable)
+    assert b"\x0b" in said and state.activity is Activity.STOPPED
+    cable.cut()  # a link that is lost at rest after a stop comes back, too
+    assert console.look().activity is Activity.LOST
+    assert back(console, cable)[0].activity is Activity.STOPPED
 
 
 @pytest.mark.parametrize("forgets", [False, True])
 def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forgets: bool) -> None:
     """P-variables are kept by a battery in some controllers: then the machine is still this console's."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    home(console)
     cable.cut()
     console.look()
     sim.power_cycle()
     if forgets:
         sim.controller.variables.set(VariableKind.P, OWNER, 0.0)
-    console.hear()
-    cable.mend()
-    until_back(console)
-    state, said = console.state, console.hear()
+    state, said = back(console, cable)
     assert "controller.was_reset" in console.alarms
     assert held(state)["home"] == (False, "home_reset")
     assert harmless(said), said
@@ -191,9 +201,8 @@ def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forget
     else:
         assert not state.controls and state.holder == NOBODY, "nobody is claimed for in silence"
         assert b"\x0b" not in said and state.activity is Activity.READY
-        assert "owner.restarted" in console.alarms and "owner.ousted" not in console.alarms, (
-            "no other console had it"
-        )
+        alarms = console.alarms
+        assert "owner.restarted" in alarms and "owner.ousted" not in alarms, "no other console had it"
         console.do(TakeControl())
         assert "owner.restarted" not in console.alarms
     assert console.state.controls and console.state.lost_link is None
@@ -235,37 +244,10 @@ def test_an_observer_looks_on_again(site: Site, tmp_path: Path) -> None:
     cable.cut()
     observer.look()
     assert activity(observer) is Activity.LOST
-    observer.hear()
-    cable.mend()
-    until_back(observer)
-    assert observer.state.activity is Activity.READY and observer.state.lost_link is None
-    assert harmless(observer.hear()) and observer.state.stop is None
+    state, said = back(observer, cable)
+    assert state.activity is Activity.READY and state.lost_link is None
+    assert harmless(said) and state.stop is None
     assert console.look().activity is Activity.READY
-
-
-def test_what_is_gone_for_ever_is_not_tried_again(tmp_path: Path) -> None:
-    sim = SimulatedLathe(compact_machine().machine)
-    console, cable = cabled(sim, tmp_path)
-    assert console.context.reopening is not None
-    console.context.reopening._over = lambda: True
-    cable.cut()
-    console.look()
-    for _ in range(3):
-        sim.wait(2.0)
-        console.look()
-    lost = console.state.lost_link
-    assert lost is not None and lost.for_ever and lost.attempts == 0
-
-
-def test_a_link_that_is_lost_at_rest_after_a_stop_comes_back_too(site: Site) -> None:
-    _, console, cable = site
-    console.stop.kill("f9")
-    assert console.look().activity is Activity.STOPPED
-    cable.cut()
-    assert console.look().activity is Activity.LOST
-    cable.mend()
-    until_back(console)
-    assert console.state.activity is Activity.STOPPED
 
 
 def armed(console: WithStation) -> None:

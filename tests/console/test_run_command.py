@@ -156,28 +156,15 @@ def test_any_permitted_speed_is_compensated(
     assert result["after"]["RONt_um"] < 1.0
 
 
-def test_people_are_told_steps_and_result(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
-    said = console("run", str(job_file(cut_length_mm=SHORT_MM, roundness_tolerance_um="10.0")), "--sim", *close)
-    assert said.code == 0
-    assert said.err == ""
-    for word in ("load program", "home and align", "arm", "cut", "retract", "measure", "um", "rpm", "LSC", "free"):
-        assert word in said.out
-    assert "not machined" in said.out
-
-
-@pytest.mark.long
-def test_people_are_told_in_korean(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
-    job = str(job_file(cut_length_mm=SHORT_MM))
-    said = console("run", job, "--sim", *close, "--lang", "ko", "--strategy", "paper")
-    assert "보상 전" in said.out
-    assert "경고" in said.err
-
-
-def test_the_same_command_gives_the_same_numbers_and_every_run_is_recorded_so_that_no_line_can_be_changed(
+def test_the_same_command_tells_people_the_same_and_no_line_of_its_record_can_be_changed(
     console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path
 ) -> None:
-    words = ("run", str(job_file(cut_length_mm="0.5")), "--sim", *close, "--json")
-    assert console(*words).out == console(*words).out
+    words = ("run", str(job_file(cut_length_mm=SHORT_MM, roundness_tolerance_um="10.0")), "--sim", *close)
+    said, again = console(*words), console(*words)
+    assert (said.code, said.err) == (0, "")
+    for word in ("load program", "home and align", "arm", "cut", "retract", "measure", "um", "rpm", "LSC", "free"):
+        assert word in said.out
+    assert "not machined" in said.out and again.out == said.out
     database = sqlite3.connect(data_folder / "trilobe" / "records.sqlite3")
     row = database.execute("SELECT job, simulated, strategy, length(job_sha256), program FROM runs").fetchone()
     assert row[:4] == ("lee-2001-experiment-1", 1, "pvt", 64)
@@ -190,6 +177,14 @@ def test_the_same_command_gives_the_same_numbers_and_every_run_is_recorded_so_th
         with pytest.raises(sqlite3.IntegrityError, match="append only"):
             database.execute(change)
     database.close()
+
+
+@pytest.mark.long
+def test_people_are_told_in_korean(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
+    job = str(job_file(cut_length_mm=SHORT_MM))
+    said = console("run", job, "--sim", *close, "--lang", "ko", "--strategy", "paper")
+    assert "보상 전" in said.out
+    assert "경고" in said.err
 
 
 def test_without_a_record_nothing_is_started(console: Console, job_file: JobFile, tmp_path: Path) -> None:
@@ -286,12 +281,15 @@ def test_a_job_is_traced_from_the_first_flush_to_the_end(
     assert any(line.endswith("< [ACK]") for line in lines)
 
 
-def test_without_room_for_it_nothing_begins(console: Console, job_file: JobFile, tmp_path: Path) -> None:
-    job = str(job_file(cut_length_mm="0.5"))
-    said = console("run", job, "--sim", "--trace", str(tmp_path))
-    assert said.code == 1
-    assert said.out == ""
-    assert "Is a directory" in said.err.splitlines()[-1]
+def test_without_room_for_a_trace_nothing_begins_and_no_controller_is_met(
+    console: Console, job_file: JobFile, tmp_path: Path, monkeypatch: MonkeyPatch
+) -> None:
+    opened: list[object] = []
+    monkeypatch.setattr("console.cli.machine.card_access.open_link", opened.append)
+    for words in (("run", str(job_file(cut_length_mm="0.5")), "--sim"), ("doctor", "--link", "tcp:lathe:1")):
+        said = console(*words, "--trace", str(tmp_path))
+        assert (said.code, said.out, opened) == (1, "", [])
+        assert "Is a directory" in said.err.splitlines()[-1]
 
 
 @pytest.mark.long
@@ -336,11 +334,3 @@ def test_what_looks_at_a_controller_is_traced_as_well(
     assert [line for line in lines if not LINE.fullmatch(line)] == []
     assert any(" > " in line and asked in line for line in lines)
     assert any(line.endswith("< [ACK]") for line in lines)
-
-
-def test_without_room_no_controller_is_met(console: Console, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
-    opened: list[object] = []
-    monkeypatch.setattr("console.cli.machine.card_access.open_link", opened.append)
-    said = console("doctor", "--link", "tcp:lathe:1", "--trace", str(tmp_path))
-    assert (said.code, said.out, opened) == (1, "", [])
-    assert "Is a directory" in said.err

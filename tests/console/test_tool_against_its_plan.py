@@ -98,22 +98,14 @@ def test_neighbours_that_are_alike_count_as_fewer_polls() -> None:
     assert alone.independent > 2700
 
 
-def test_what_is_only_scatter_is_no_roundness() -> None:
+def test_what_is_only_scatter_is_no_roundness_and_too_few_polls_tell_nothing() -> None:
+    """A poll a turn is always at the same angle: a mean and a lobe are the same there."""
     turns, past_mm = polls_of(160)
     found = fit_tool_error(turns, past_mm, np.zeros(160), 3)
-    assert found is not None
-    assert (found.roundness_um, found.size_um) == (0.0, 0.0)
+    assert found is not None and (found.roundness_um, found.size_um) == (0.0, 0.0)
     assert known_error(0.3).roundness_um == pytest.approx(9.5, abs=0.5), "4 and 0.8 um: 8 to 9.6 peak to peak"
-
-
-@pytest.mark.parametrize("count", [0, 1, 15])
-def test_too_few_polls_tell_nothing(count: int) -> None:
-    turns, past_mm = polls_of(count)
-    assert fit_tool_error(turns, past_mm, np.zeros(count), 3) is None
-
-
-def test_a_poll_a_turn_tells_no_harmonic() -> None:
-    """Always at the same angle: a mean and a lobe are the same there."""
+    for count in (0, 1, 15):
+        assert fit_tool_error(turns[:count], past_mm[:count], np.zeros(count), 3) is None
     turns = np.arange(100.0)
     assert fit_tool_error(turns, 0.05 * turns, np.zeros(100), 3) is None
 
@@ -186,38 +178,27 @@ def test_the_polls_of_a_cut_without_a_hold_are_what_the_following_error_of_its_w
     assert verdict(witness=report, unheld=False).changes == ()
 
 
-def test_a_tool_on_its_path_is_as_planned() -> None:
-    found = verdict()
-    assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
-
-
-@pytest.mark.parametrize("from_turn", [0, 2000])
-def test_a_cut_is_judged_the_same_however_far_its_spindle_has_turned_before(from_turn: int) -> None:
+def test_a_tool_on_its_path_is_as_planned_however_far_its_spindle_has_turned_before() -> None:
     """At 1000 rpm a servo cycle is 2.7 degrees: counted from the wrong turn it would be a disturbance."""
-    found = verdict(strategy=Strategy.CAM, from_turn=from_turn)
-    assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
+    for found in (verdict(), *(verdict(strategy=Strategy.CAM, from_turn=turn) for turn in (0, 2000))):
+        assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
 
 
-@pytest.mark.parametrize("order", [2, 3, 9])
-def test_a_command_that_is_off_all_along_is_a_disturbance(order: int) -> None:
-    """Every turn is like the others: only the plan tells."""
-    found = verdict(command=0.7 + 0j, tool=0.7 + 0j, order=order)
-    assert found.judgement is CutJudgement.DISTURBED
-    assert [(each.code, each.where) for each in found.problems] == [("cut.command_off_plan", f"{order}/rev")]
-    assert found.judgement.exit_code == 1
-
-
-def test_the_least_change_of_a_command_is_half_a_micrometre() -> None:
-    assert verdict(command=0.45 + 0j).judgement is not CutJudgement.DISTURBED
-    assert verdict(command=0.55 + 0j).judgement is CutJudgement.DISTURBED
-
-
-def test_a_command_that_is_off_for_a_moment_is_a_disturbance() -> None:
-    """In a mean over 160 polls three of them are nothing."""
+def test_a_command_that_is_off_by_half_a_micrometre_is_a_disturbance() -> None:
+    """All along every turn is like the others: only the plan tells. In a mean three polls of 160 are nothing."""
+    for order in (2, 3, 9):
+        found = verdict(command=0.7 + 0j, tool=0.7 + 0j, order=order)
+        assert found.judgement is CutJudgement.DISTURBED and found.judgement.exit_code == 1
+        assert [(each.code, each.where) for each in found.problems] == [("cut.command_off_plan", f"{order}/rev")]
     found = verdict(brief_um=0.8)
     assert found.judgement is CutJudgement.DISTURBED
     assert [each.code for each in found.problems] == ["cut.off_path"]
-    assert verdict(brief_um=0.4).judgement is not CutJudgement.DISTURBED
+    for found, disturbed in (
+        (verdict(command=0.45 + 0j), False),
+        (verdict(command=0.55 + 0j), True),
+        (verdict(brief_um=0.4), False),
+    ):
+        assert (found.judgement is CutJudgement.DISTURBED) is disturbed
 
 
 def test_a_spindle_of_uneven_speed_is_an_error_of_the_tool_and_no_disturbance() -> None:
@@ -237,48 +218,33 @@ def test_a_tool_that_does_not_follow_has_an_error_of_its_own() -> None:
     assert found.judgement.exit_code == 0, "the measured part decides"
 
 
-def test_the_mean_is_judged_by_the_tolerance_of_the_diameter() -> None:
+def test_the_mean_is_judged_by_the_tolerance_of_the_diameter_or_only_told() -> None:
     """The bundled job allows 60 um of diameter either way, 42 of them to the tool: 21 um of radius."""
     assert verdict(deeper_um=-19.0).judgement is CutJudgement.AS_PLANNED
-    assert [each.code for each in verdict(deeper_um=-23.0).problems] == ["cut.tool_off_size"]
-
-
-def test_without_a_tolerance_the_diameter_is_told_and_not_judged() -> None:
     judged = verdict(deeper_um=-23.0)
+    assert [each.code for each in judged.problems] == ["cut.tool_off_size"]
     told = replace(judged, size_limit_um=None)
     assert told.judgement is CutJudgement.AS_PLANNED
-    assert told.tool is not None
-    assert told.tool.size_um == pytest.approx(46.0, abs=1.0)
+    assert told.tool is not None and told.tool.size_um == pytest.approx(46.0, abs=1.0)
 
 
-def test_a_tool_at_its_limit_is_not_proven() -> None:
+def test_a_tool_at_its_limit_or_a_cut_without_polls_is_not_proven() -> None:
     found = verdict(tool=1.75 + 0j, scatter_um=1.0)
-    assert found.judgement is CutJudgement.NOT_PROVEN
-    assert found.judgement.exit_code == 4
-
-
-def test_a_cut_without_polls_is_not_proven() -> None:
+    assert found.judgement is CutJudgement.NOT_PROVEN and found.judgement.exit_code == 4
     found = ToolPolls(plan(), MACHINE, JOB).verdict()
     assert [each.code for each in found.problems] == ["cut.too_few_polls"]
+    assert sum(BUDGET.values()) == pytest.approx(1.0), "the whole tolerance"
 
 
-def test_the_budget_is_the_whole_tolerance() -> None:
-    assert sum(BUDGET.values()) == pytest.approx(1.0)
-
-
-def test_the_event_is_plain_json() -> None:
-    said = json.loads(json.dumps(verdict(tool=2.5 + 0j).event(), allow_nan=False))
-    assert said["cut_verdict"] == "tool_error"
-    wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
-    assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
-    assert wave["crest_deg"] == pytest.approx(0.0, abs=2.0)
-
-
-def test_the_crest_of_a_wave_is_told_in_degrees_of_the_spindle() -> None:
+def test_the_event_is_plain_json_with_the_crest_of_a_wave_in_degrees_of_the_spindle() -> None:
     """A third of a turn is a lobe: 60 degrees of its phase are 20 of the spindle."""
-    said = verdict(tool=2.5 * np.exp(-1j * np.pi / 3.0)).event()
-    (wave,) = (each for each in said["tool"]["orders"] if each["n"] == 3)  # type: ignore[index]
-    assert wave["crest_deg"] == pytest.approx(20.0, abs=2.0)
+    for turned, crest_deg in ((0.0, 0.0), (np.pi / 3.0, 20.0)):
+        event = verdict(tool=2.5 * np.exp(-1j * turned)).event()
+        said = json.loads(json.dumps(event, allow_nan=False))
+        assert said["cut_verdict"] == "tool_error"
+        wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
+        assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
+        assert wave["crest_deg"] == pytest.approx(crest_deg, abs=2.0)
 
 
 def test_a_poll_that_was_interrupted_is_not_judged() -> None:

@@ -9,6 +9,7 @@ import sqlite3
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -171,7 +172,7 @@ def test_what_the_file_does_not_state_is_asked_and_the_answer_recorded(outside: 
 
 
 @pytest.mark.long
-def test_a_file_that_changed_since_it_was_seen_is_not_taken(outside: Outside) -> None:
+def test_a_file_that_changed_is_not_taken_and_one_without_a_mark_teaches_nothing(outside: Outside) -> None:
     outside.cut()
     path = outside.gauge(**STATED)
     seen = outside.order(path)
@@ -183,14 +184,8 @@ def test_a_file_that_changed_since_it_was_seen_is_not_taken(outside: Outside) ->
     state = outside.floor.do(seen)
     assert [problem.code for problem in state.refusals] == ["trace.unreadable"]
     assert state.stop is None and state.alarms == (), "a bad file is nothing that stops a machine"
-
-
-@pytest.mark.long
-def test_without_a_mark_a_part_is_judged_and_teaches_nothing(outside: Outside) -> None:
-    outside.cut()
     part = outside.taken(outside.gauge(state="free"), start_mark="unknown")
-    assert not part.phase_known
-    assert part.result.ront_um > 0.0
+    assert not part.phase_known and part.result.ront_um > 0.0
     assert part.learning is not None and part.learning.reasons
 
 
@@ -237,13 +232,30 @@ def test_no_part_in_the_record_is_no_part(outside: Outside) -> None:
 
 
 @pytest.mark.parametrize(
-    ("cut_on", "codes"),
-    [("steady, seed 11", []), ("", []), ("steady, seed 12", ["trace.other_lathe"])],
+    ("stated", "cut_on", "codes"),
+    [
+        *(
+            ({"simulated": "yes", "lathe": "steady, seed 11"}, cut_on, codes)
+            for cut_on, codes in (
+                ("steady, seed 11", []),
+                ("", []),
+                ("steady, seed 12", ["trace.other_lathe"]),
+                (None, ["trace.simulated_part"]),
+            )
+        ),
+        ({"method": "two_point"}, None, ["trace.two_point"]),
+        ({"method": "v_block"}, None, ["trace.v_block_part"]),
+        ({"state": "clamped"}, None, ["trace.not_released"]),
+    ],
 )
-def test_a_part_of_another_lathe(cut_on: str, codes: list[str], tmp_path: Path, outside_job: LoadedJob) -> None:
-    stated = {**STATED, "simulated": "yes", "lathe": "steady, seed 11"}
-    path = written(tmp_path, outside_job, **stated).path
-    found = examined(path, outside_job.job, {}, simulated=True, lathe=cut_on)
+def test_a_trace_of_another_lathe_or_of_no_shape_of_this_part_is_refused(
+    stated: dict[str, str], cut_on: str | None, codes: list[str], tmp_path: Path, outside_job: LoadedJob
+) -> None:
+    path = written(tmp_path, outside_job, **{**STATED, **stated}).path
+    simulated: dict[str, Any] = (
+        {"simulated": True, "lathe": cut_on} if cut_on is not None else {"simulated": False}
+    )
+    found = examined(path, outside_job.job, {}, **simulated)
     assert [problem.code for problem in found.problems] == codes
     assert found.ready is (not codes)
 
@@ -263,21 +275,6 @@ def test_inspect_takes_a_trace_only_of_the_simulated_lathe_that_has_cut_the_part
     assert [problem.code for problem in again.do(outside.order(other)).refusals] == ["trace.other_lathe"]
     state = again.do(outside.order(own))
     assert state.measured is not None, "the part that was cut before the restart, whatever lathe is here now"
-
-
-@pytest.mark.parametrize(
-    ("stated", "code"),
-    [
-        ({"simulated": "yes"}, "trace.simulated_part"),
-        ({"method": "two_point"}, "trace.two_point"),
-        ({"method": "v_block"}, "trace.v_block_part"),
-        ({"state": "clamped"}, "trace.not_released"),
-    ],
-)
-def test_what_is_no_shape_of_it(stated: dict[str, str], code: str, tmp_path: Path, outside_job: LoadedJob) -> None:
-    found = written(tmp_path, outside_job, **{**STATED, **stated})
-    assert [problem.code for problem in found.problems] == [code]
-    assert not found.ready
 
 
 @pytest.fixture(scope="session")
