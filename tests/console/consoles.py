@@ -77,10 +77,11 @@ class WithStation(OneConsole):
     def state(self) -> StationState:
         return self.station.state
 
-    def do(self, intent: Command) -> StationState:
-        """Order something and have it carried out; it must be taken."""
-        assert self.station.post(intent), self.state.refusals
-        self.station.step()
+    def do(self, *commands: Command) -> StationState:
+        """Order one thing after the other and have each carried out; it must be taken."""
+        for command in commands:
+            assert self.station.post(command), self.state.refusals
+            self.station.step()
         return self.state
 
     def look(self) -> StationState:

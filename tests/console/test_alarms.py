@@ -42,6 +42,7 @@ from console.session.station.state import StationState
 from console.session.station.watches import KEPT_S, LinkTime, rounded_up_ms
 from console.tui.application.logged_control import LoggedControl
 from profiles.problem import Problem
+from tests.console.floor import known
 from tests.tui.stage import FixedControl
 
 FAULT, LINK = Problem(code="machine.fault"), Problem(code="link.lost")
@@ -79,8 +80,7 @@ def test_only_what_was_on_the_screen_is_acknowledged_one_after_the_other() -> No
     """The number beside the row counts down to none; an alarm may come between the row and the key."""
     alarms, fronts = both(), []
     while waiting := unseen(alarms):
-        front = foremost(alarms)
-        assert front is not None
+        front = known(foremost(alarms))
         fronts.append((front.problem.code, len(waiting)))
         alarms = seen(alarms)
     assert fronts == [("machine.fault", 2), ("link.lost", 1)] and seen(()) == ()

@@ -146,13 +146,9 @@ def test_what_json_says_is_what_it_was_and_steers_nothing(text: str) -> None:
         assert steering(found) == set() and json.loads(found) == {"schema": 1, text: [text]}
 
 
-@pytest.mark.parametrize("text", ["plain", "µm ± 3 °", "한국어 보상", "a\nb\tc", "a\u3000b\xa0c"])
-def test_what_is_harmless_stays_as_it_is(text: str) -> None:
-    assert escaped(text) == text
-    assert encodable(text, "utf-8") == text and encodable(text, None) == text
-
-
-def test_on_its_line_a_text_stays() -> None:
+def test_what_is_harmless_stays_as_it_is() -> None:
+    for text in ("plain", "µm ± 3 °", "한국어 보상", "a\nb\tc", "a\u3000b\xa0c"):
+        assert escaped(text) == encodable(text, "utf-8") == encodable(text, None) == text
     assert escaped_line("a\nb\tc\x1b") == "a\\nb\\tc\\x1b"
 
 
@@ -220,16 +216,11 @@ GLOSSARY = {
 """The word of each thing, and the words that were or might be used beside it."""
 
 
-def sentences() -> dict[str, str]:
-    return dict(words_of("ko"))
-
-
-@pytest.mark.parametrize("thing", GLOSSARY)
-def test_one_thing_has_one_name(thing: str) -> None:
-    name, others = GLOSSARY[thing]
-    said = sentences()
-    assert {key: s for key, s in said.items() if re.search(others, s)} == {}
-    assert any(name in s for s in said.values())
+def test_one_thing_has_one_name() -> None:
+    said = dict(words_of("ko"))
+    for name, others in GLOSSARY.values():
+        assert {key: s for key, s in said.items() if re.search(others, s)} == {}
+        assert any(name in s for s in said.values()), name
 
 
 HEDGED = re.compile(r"\([은는이가을를으]\)")
@@ -241,22 +232,14 @@ def test_no_particle_hangs_on_a_value() -> None:
     assert hanging == {}
 
 
-@pytest.mark.parametrize(
-    ("language", "count", "said"),
-    [
-        ("en", 0, "0 alarms"),
-        ("en", 1, "1 alarm"),
-        ("en", 2, "2 alarms"),
-        ("ko", 1, "경보 (1)"),
-        ("ko", 2, "경보 (2)"),
-    ],
-)
-def test_one_alarm_is_no_plural(language: str, count: int, said: str) -> None:
-    assert load(language)("messages.alarms", count=count) == said
-
-
-def test_a_sentence_without_a_singular_is_said_of_one_too() -> None:
-    assert load("en")("roundness.left_out", count=1) == "outliers excluded: 1"
+def test_one_alarm_is_no_plural() -> None:
+    for count, english, korean in (
+        (0, "0 alarms", "경보 (0)"),
+        (1, "1 alarm", "경보 (1)"),
+        (2, "2 alarms", "경보 (2)"),
+    ):
+        assert [load(language)("messages.alarms", count=count) for language in ("en", "ko")] == [english, korean]
+    assert load("en")("roundness.left_out", count=1) == "outliers excluded: 1", "it has no singular"
 
 
 INCH = Units("inch")

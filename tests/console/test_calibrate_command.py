@@ -289,9 +289,7 @@ class Shop:
     def cut(self, strategy: Strategy) -> MeasuredPart:
         """Clamp a blank, cut it to its end, and measure it."""
         job, floor = self.job, self.floor
-        floor.do(DisableDrives())
-        floor.do(ConfirmClamping(job=job.job))
-        floor.do(EnableDrives())
+        floor.do(DisableDrives(), ConfirmClamping(job=job.job), EnableDrives())
         armed = floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=strategy, loaded=job))
         assert armed.armed is not None, armed.refusals
         assert floor.do(Start()).cut_done, floor.state.refusals

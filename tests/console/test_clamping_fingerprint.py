@@ -73,12 +73,16 @@ def test_readings_are_kept_with_the_clamping_and_lost_with_it(tmp_path: Path, in
     assert aired is not None and aired.made.fingerprint == ""
 
 
-def test_another_clamping_and_another_console_lose_the_readings() -> None:
-    job = experiment_1()
+def test_the_indicator_reads_from_jaw_1_on_and_another_clamping_or_console_loses_it(
+    tmp_path: Path, in_copies: None
+) -> None:
+    floor, job = set_up_once(tmp_path), experiment_1()
+    found = floor.do(Indicate(places=12)).indicated
+    assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12
+    assert found.full_um[0] == pytest.approx(min(found.full_um)), "the jaws press it in"
     felt = replace(clamped(Alignment(), job, "08:00"), readings=readings(job, 1.0))
-    assert clamped(felt, job, "09:00").readings is None
-    assert unclamped(felt, "09:00").readings is None
-    assert handed_over(felt, "09:00").readings is None
+    for after in (clamped(felt, job, "09:00"), unclamped(felt, "09:00"), handed_over(felt, "09:00")):
+        assert after.readings is None
 
 
 def test_what_is_no_fingerprint_of_this_lobe_is_refused(tmp_path: Path, in_copies: None) -> None:
@@ -97,13 +101,6 @@ def test_what_is_no_fingerprint_of_this_lobe_is_refused(tmp_path: Path, in_copie
     assert (refused.code, refused.key) == ("clamping.not_like", "60 deg"), "turned over: half a lobe"
     assert floor.do(TakeFingerprint(job=job, readings=None)).alignment.readings is None
     assert floor.arm(job, Strategy.CAM).armed is not None
-
-
-def test_the_indicator_of_the_simulated_lathe_reads_from_jaw_1_on(tmp_path: Path, in_copies: None) -> None:
-    floor = set_up_once(tmp_path)
-    found = floor.do(Indicate(places=12)).indicated
-    assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12
-    assert found.full_um[0] == pytest.approx(min(found.full_um)), "the jaws press it in"
 
 
 @pytest.fixture
@@ -143,40 +140,29 @@ def test_a_file_of_readings_is_learned(
     assert said.code == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--strategy", "none"), "follows no compensation"),
-        (("--strategy", "cam", "--stage", "air"), "follows no compensation"),
-        (("--strategy", "cam", "--learn", "2"), "--fingerprint FILE"),
-    ],
-)
-def test_a_cut_without_a_path_of_its_own_takes_no_file(
-    console: Console, close: tuple[str, str], short: str, tmp_path: Path, words: tuple[str, ...], said: str
+def test_what_takes_no_file_of_readings(
+    console: Console, close: tuple[str, str], short: str, tmp_path: Path
 ) -> None:
-    file = tmp_path / "f.csv"
+    """A cut without a path of its own, a real lathe of simulated ones; and wrong usage."""
+    file, there = tmp_path / "f.csv", tmp_path / "there.csv"
     file.write_text(readings_text(readings(experiment_1(), 1.0)))
-    found = console("run", short, *close, "--sim", *words, "--fingerprint", str(file))
-    assert found.code == 1 and said in found.err
-
-
-def test_simulated_readings_are_none_of_a_real_lathe(console: Console, short: str, tmp_path: Path) -> None:
+    for words, told in (
+        ("--strategy none", "follows no compensation"),
+        ("--strategy cam --stage air", "follows no compensation"),
+        ("--strategy cam --learn 2", "--fingerprint FILE"),
+    ):
+        found = console("run", short, *close, "--sim", *words.split(), "--fingerprint", str(file))
+        assert found.code == 1 and told in found.err
     simulated = replace(readings(experiment_1(), 1.0), simulated=True)
     assert parse_readings(readings_text(simulated).encode()).simulated
-    file = tmp_path / "f.csv"
     file.write_text(readings_text(simulated))
     assert read_readings(file) == simulated
-    found = console(
-        "run", short, "--link", "tcp:127.0.0.1:9", "--yes", "--strategy", "cam", "--fingerprint", str(file)
-    )
+    real = ("--link", "tcp:127.0.0.1:9", "--yes", *CAM)
+    found = console("run", short, *real, "--fingerprint", str(file))
     assert found.code == 1 and "simulated" in found.err
-
-
-def test_usage(console: Console, short: str, tmp_path: Path) -> None:
     assert console("fingerprint", short).code == 2
-    assert console("fingerprint", short, "--out", str(tmp_path / "f.csv")).code == 2
+    assert console("fingerprint", short, "--out", str(tmp_path / "new.csv")).code == 2
     assert console("fingerprint", short, str(tmp_path / "none.csv"), *CAM).code == 1
-    there = tmp_path / "there.csv"
     there.write_text("")
     assert console("fingerprint", short, "--sim", "--out", str(there)).code == 1
     assert there.read_text() == ""

@@ -17,6 +17,7 @@ from drivers.errors import LinkError
 from profiles.problem import Problem
 from tests.console.commands import Console, answers, occupied, on_one, real
 from tests.console.consoles import logged
+from tests.console.floor import known
 from tests.drivers.commissioned import Commissioned
 
 LIMITS = "#define SPEED 20\n#define READY P50\n"
@@ -361,8 +362,7 @@ def command(
 
 def left_by(number: int, data: Path, *, dead: bool) -> Any:
     """What a console leaves in the lock of its computer; its lock too, unless it is dead."""
-    lock = take_lock(data, ADDRESS)
-    assert lock is not None
+    lock = known(take_lock(data, ADDRESS))
     lock.keep(number)
     if dead:
         lock.close()

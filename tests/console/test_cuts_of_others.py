@@ -15,7 +15,7 @@ from console.session.cut.in_process import simulated_context
 from console.session.cut.run import cut_part, plan_run
 from console.session.data.record_file import FILE_NAME
 from console.session.learning.learning import learn
-from console.session.station.commands import EnableDrives, EndCut, Home, Jog, Measure, Recover, Retract, Start
+from console.session.station.commands import EnableDrives, Home, Jog, Measure, Recover, Retract, Start
 from console.session.station.state import Activity, StationState
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.heartbeat import cut_condition
@@ -26,7 +26,7 @@ from profiles.axis.servo import sampled_response
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
-from tests.console.floor import Floor, experiment_1, in_turn, open_floor, set_up_once
+from tests.console.floor import Floor, experiment_1, in_turn, known, open_floor, set_up_once
 from tests.drivers.test_disturbed_measurements import disturb
 from tests.system.lathe_sites import compact
 
@@ -138,8 +138,7 @@ def test_a_cut_that_another_host_ends_is_not_measured(floor: Floor, line: str, r
     early = next(alarm.problem for alarm in state.alarms if alarm.problem.code == "cut.ended_early")
     assert float(early.value) < float(early.limit)
     assert state.activity is Activity.STOPPED and not state.cut_done
-    floor.do(Recover())
-    refused = floor.do(Measure())
+    refused = floor.do(Recover(), Measure())
     assert [problem.code for problem in refused.refusals] == ["session.nothing_cut"]
     assert (floor.context.records / FILE_NAME).exists()
 
@@ -158,19 +157,6 @@ def test_a_cut_with_fewer_turns_than_planned_is_ended_early(floor: Floor) -> Non
     state, _ = cut_with(floor, "P23=11")
     assert {"cut.ended_early", "cut.constant_differs"} & set(told(state))
     assert not state.cut_done
-
-
-def test_a_hold_of_this_console_is_a_hold(floor: Floor) -> None:
-    def hold() -> None:
-        assert floor.station.post(EndCut())
-
-    floor.arm(experiment_1(LONG_MM))
-    floor.when(
-        lambda _: floor.state.cut is not None and floor.state.cut.turn > 10.0,
-        hold,
-    )
-    state = floor.do(Start())
-    assert told(state) == [] and state.cut is not None and state.cut.stage.value == "held" and not state.cut_done
 
 
 @pytest.mark.parametrize(
@@ -193,19 +179,25 @@ def test_what_changes_before_the_start_is_refused(floor: Floor, strategy: Strate
     assert state.cut is not None and state.cut.turn == 0.0
 
 
-def test_a_reset_while_nothing_moves_is_an_alarm_at_the_next_look(floor: Floor) -> None:
-    another_host(floor, "$$$")
-    state = floor.idle()
-    assert "controller.was_reset" in told(state) and not state.alignment.homed
-
-
-def test_a_reset_in_a_jog_stops_it_and_says_so(floor: Floor) -> None:
-    floor.when(lambda seen: seen.moving, lambda: another_host(floor, "$$$"))
-    state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
-    assert told(state)[0] == "controller.was_reset" and state.activity is Activity.STOPPED
-    floor.do(Recover())
-    floor.do(EnableDrives())
-    assert floor.do(Home()).alignment.homed
+@pytest.mark.parametrize("meanwhile", ["at rest", "jog", "stopping"])
+def test_a_reset_is_an_alarm_whenever_it_comes_and_stops_a_jog(floor: Floor, meanwhile: str) -> None:
+    """While the machine comes to rest nobody waits for the jog any more, and nothing can be compared behind it."""
+    if meanwhile == "at rest":
+        another_host(floor, "$$$")
+        state = floor.idle()
+    elif meanwhile == "jog":
+        floor.when(lambda seen: seen.moving, lambda: another_host(floor, "$$$"))
+        state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
+        assert state.activity is Activity.STOPPED
+    else:
+        floor.when(lambda seen: seen.moving, lambda: floor.stop.stop("space"))
+        floor.when(lambda _: floor.state.activity is Activity.STOPPING, lambda: another_host(floor, "$$$"))
+        state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
+        assert state.activity is Activity.STOPPED and told(state) == ["controller.was_reset"]
+    assert "controller.was_reset" in told(state)[:1] and not state.alignment.homed
+    if meanwhile == "jog":
+        floor.do(Recover(), EnableDrives())
+        assert floor.do(Home()).alignment.homed
 
 
 @pytest.mark.parametrize(
@@ -213,22 +205,12 @@ def test_a_reset_in_a_jog_stops_it_and_says_so(floor: Floor) -> None:
     [("#3J+", "machine.jog_astray"), ("#3J-", "machine.jog_astray"), ("#1J:-3000", "machine.unexpected_motion")],
 )
 def test_a_jog_that_goes_elsewhere_is_stopped_on_its_way(floor: Floor, line: str, code: str) -> None:
-    before = floor.idle().snapshot
-    assert before is not None
+    before = known(floor.idle().snapshot)
     floor.when(lambda seen: seen.moving, lambda: another_host(floor, line))
     state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
     assert code in told(state) and state.snapshot is not None
     gone = state.snapshot.carriage.position - before.carriage.position
     assert -1500.0 < gone < 2500.0, "1 mm is 1000 counts; the rest is what a stop takes"
-
-
-def test_a_reset_while_the_machine_comes_to_rest_is_an_alarm(floor: Floor) -> None:
-    """Nobody waits for the jog any more, and behind the reset there is nothing to compare with."""
-    floor.when(lambda seen: seen.moving, lambda: floor.stop.stop("space"))
-    floor.when(lambda _: floor.state.activity is Activity.STOPPING, lambda: another_host(floor, "$$$"))
-    state = floor.do(Jog(axis=AxisName.CARRIAGE, distance=-3.0))
-    assert state.activity is Activity.STOPPED and not state.alignment.homed
-    assert told(state) == ["controller.was_reset"]
 
 
 def test_a_home_search_that_is_stopped_has_lost_no_position_to_another_host(floor: Floor) -> None:
@@ -256,8 +238,7 @@ def test_a_blank_that_is_cut_again_after_a_stop_is_no_disturbed_cut(tmp_path: Pa
     floor.when(lambda _: in_turn(floor, 5.0), lambda: floor.stop.stop("space"))
     stopped = floor.do(Start())
     assert stopped.touched is not None and 0.0 < stopped.touched.to_mm < 1.5
-    floor.do(Recover())
-    floor.do(Retract())
+    floor.do(Recover(), Retract())
     floor.arm(job)
     assert floor.do(Start()).cut_done, told(floor.state)
 

@@ -35,7 +35,7 @@ from profiles.problem import Problem
 from profiles.store import LoadedMachine, load_job, load_machine
 from tests.compact import close_together, compact_machine
 from tests.console.commands import Console, JobFile
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, known, open_floor
 from tests.system.lathe_sites import compact_text
 
 
@@ -59,8 +59,7 @@ def cut(
 
 
 def said(*args: Any, **more: Any) -> ForceNull:
-    found = cut(*args, **more).force
-    assert found is not None
+    found = known(cut(*args, **more).force)
     return found
 
 
@@ -98,25 +97,24 @@ def test_only_the_half_stage_is_checked(stage: Stage) -> None:
     assert cut(stage=stage).force is None
 
 
-def test_a_controller_that_does_not_gather_cuts_the_same_part(monkeypatch: MonkeyPatch) -> None:
+@pytest.mark.parametrize("lost", [False, True])
+def test_a_controller_that_does_not_gather_or_a_lost_line_costs_the_check_alone(
+    monkeypatch: MonkeyPatch, lost: bool
+) -> None:
+    request = DataGathering.start
+
     def refuse(*_: Any) -> None:
         raise GatherError("no room")
 
-    monkeypatch.setattr(DataGathering, "prepare", refuse)
-    result = cut()
-    assert result.force is not None and result.force.why is Why.NOT_GATHERED
-    assert result.after is not None
-
-
-def test_a_line_that_loses_the_samples_costs_the_check_alone(monkeypatch: MonkeyPatch) -> None:
-    request = DataGathering.start
-
-    def lost(self: DataGathering, plan: Any) -> None:
+    def lose(self: DataGathering, plan: Any) -> None:
         client: Controller = self.client
         request(self, plan)
         raise LinkTimeoutError(Problem(code="link.no_answer", where=client.link.address))
 
-    monkeypatch.setattr(DataGathering, "start", lost)
+    if lost:
+        monkeypatch.setattr(DataGathering, "start", lose)
+    else:
+        monkeypatch.setattr(DataGathering, "prepare", refuse)
     result = cut()
     assert result.force is not None and result.force.why is Why.NOT_GATHERED
     assert result.after is not None
@@ -213,8 +211,7 @@ def test_after_a_restart_arming_the_whole_says_it_from_the_record(tmp_path: Path
     floor = open_floor(tmp_path / "data", plant=plant_file(tmp_path, 60.0))
     floor.set_up(job.job)
     order: dict[str, Any] = {"job": job.job, "job_sha256": job.sha256, "strategy": Strategy.PVT, "loaded": job}
-    floor.do(Arm(**order, stage=Stage.PARTIAL))
-    floor.do(Start())
+    floor.do(Arm(**order, stage=Stage.PARTIAL), Start())
     floor.station.close("restart")
     again = open_floor(tmp_path / "data", plant=plant_file(tmp_path, 60.0))
     assert again.state.force is None
@@ -265,16 +262,11 @@ TURNED = ForceNull(
 )
 
 
-@pytest.mark.parametrize("found", [TURNED, replace(TURNED, sign=Sign.AGREES), unknown(3, Why.ROUND)])
-def test_what_is_written_is_read_again(found: ForceNull) -> None:
-    assert force_of(json.dumps({"strategy": "cam", **force_event(found)})) == found
-
-
-@pytest.mark.parametrize(
-    "data", ["{}", "[]", "{", '{"force_null": 1}', '{"force_null": {"sign": "agrees"}}', '{"force_null": null}']
-)
-def test_what_another_version_wrote_is_nothing(data: str) -> None:
-    assert force_of(data) is None
+def test_what_is_written_is_read_again_and_what_another_version_wrote_is_nothing() -> None:
+    for found in (TURNED, replace(TURNED, sign=Sign.AGREES), unknown(3, Why.ROUND)):
+        assert force_of(json.dumps({"strategy": "cam", **force_event(found)})) == found
+    nothing = ('{"force_null": 1}', '{"force_null": {"sign": "agrees"}}', '{"force_null": null}')
+    assert [force_of(data) for data in ("{}", "[]", "{", *nothing)] == [None] * 6
     assert force_event(None) == {}
 
 

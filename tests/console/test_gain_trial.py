@@ -106,10 +106,7 @@ def test_gains_are_applied_read_back_kept_on_disk_and_taken_back(owner: WithStat
 
 
 def test_a_test_with_gains_on_trial_finds_what_the_model_says_of_them(owner: WithStation, tmp_path: Path) -> None:
-    owner.do(order(HALF_KP))
-    owner.do(EnableDrives())
-    owner.do(Home())
-    state = owner.do(CheckHealth(step_um=25.0))
+    state = owner.do(order(HALF_KP), EnableDrives(), Home(), CheckHealth(step_um=25.0))
     assert (owner.refusals, state.activity) == ([], Activity.READY)
     (kept,) = kept_tests(tmp_path, MACHINE, 5)
     result = kept.result
@@ -122,8 +119,7 @@ def test_a_test_with_gains_on_trial_finds_what_the_model_says_of_them(owner: Wit
     assert owner.refusals == ["trial.active"], "nothing is cut with gains on trial"
     owner.do(RevertGains())
     assert owner.refusals == ["controller.drives_on"] and stands(owner) == HALF_KP
-    owner.do(DisableDrives())
-    owner.do(RevertGains())
+    owner.do(DisableDrives(), RevertGains())
     assert owner.refusals == [] and stands(owner) == BEFORE
 
 
@@ -162,8 +158,7 @@ def test_gains_are_refused_where_controller_model_or_disk_is_another(owner: With
     owner.do(order(HALF_KP))
     assert owner.refusals == ["trial.unmodelled"]
     owner.client.request("I168=0", lines=0)
-    owner.do(EnableDrives())
-    owner.do(order(HALF_KP))
+    owner.do(EnableDrives(), order(HALF_KP))
     assert owner.refusals == ["controller.drives_on"]
     assert stands(owner) == BEFORE and not (tmp_path / "trials").exists()
     owner.do(DisableDrives())
@@ -244,8 +239,7 @@ def cut_after(owner: WithStation, cable: Cable, line: bytes) -> None:
 def test_further_gains_continue_the_trial_a_restart_knows_them_and_power_up_ends_it(
     owner: WithStation, tmp_path: Path
 ) -> None:
-    owner.do(order(HALF_KP))
-    owner.do(order({**BEFORE, "I130": 400.0}, HALF_KP))
+    owner.do(order(HALF_KP), order({**BEFORE, "I130": 400.0}, HALF_KP))
     assert owner.refusals == [] and stands(owner)["I130"] == 400.0
     owner.do(RevertGains())
     assert stands(owner) == BEFORE and len(list((tmp_path / "trials" / MACHINE).iterdir())) == 1
@@ -307,9 +301,7 @@ def test_adopted_gains_stay_on_trial_until_a_health_test_with_them(tmp_path: Pat
     place = TrialPlace(client=owner.client, machine=adopted, data=tmp_path, simulated=False)
     trial = standing_trial(place, settle=True)
     assert trial is not None and [problem.code for problem in trial.problems] == ["trial.unproven"]
-    owner.do(EnableDrives())
-    owner.do(Home())
-    owner.do(CheckHealth(step_um=25.0))
+    owner.do(EnableDrives(), Home(), CheckHealth(step_um=25.0))
     assert standing_trial(place, settle=True) is None
     assert record(tmp_path)["events"][-1]["what"] == "adopted"
 
@@ -436,9 +428,7 @@ def test_once_measured_it_gets_steadier_gains(console: Console, plant: Path, dat
     settings = {name: float(value) for name, value in facts.proposal.settings.items()}
     owner.do(ApplyGains(settings=tuple(settings.items()), shown=tuple(BEFORE.items())))
     assert owner.refusals == [] and stands(owner) == settings
-    owner.do(EnableDrives())
-    owner.do(Home())
-    state = owner.do(CheckHealth(step_um=25.0))
+    state = owner.do(EnableDrives(), Home(), CheckHealth(step_um=25.0))
     assert (owner.refusals, state.activity) == ([], Activity.READY)
     at_rest = []
     for _ in range(30):

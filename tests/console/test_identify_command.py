@@ -35,7 +35,7 @@ from profiles.store import load_machine
 from tests.console.commands import Console, answers
 from tests.console.consoles import MACHINE as MACHINE_NAME
 from tests.console.consoles import station_of
-from tests.console.floor import open_floor
+from tests.console.floor import known, open_floor
 from tests.drivers.identification_bench import Stand, stand
 from tests.drivers.test_disturbed_measurements import disturb
 from tests.signed_profile import signed_copy
@@ -321,8 +321,7 @@ def test_the_gains_are_those_of_the_controller_whoever_has_written_them(tmp_path
     owner.client.request("I130=600", lines=0)
     owner.client.request("I136=-1.5", lines=0)
     owner.client.request("I168=40", lines=0)
-    loop = owner.do(ReadLoop()).tool_loop
-    assert loop is not None
+    loop = known(owner.do(ReadLoop()).tool_loop)
     assert (loop.gains["I130"], loop.gains["I131"], loop.unmodelled) == (600.0, 4905.0, ("I168",))
     assert loop.gains["I136"] == -1.5, "the model has the notch filter"
     assert loop.servo_period_ms == pytest.approx(0.4427083730697632)
@@ -339,9 +338,7 @@ def test_the_tool_is_tested_and_identified_from_the_screen_as_by_the_commands(tm
     owner = station_of(SimulatedLathe(load_machine(MACHINE_NAME).machine), tmp_path)
     owner.do(CheckHealth(step_um=25.0))
     assert (owner.refusals, owner.state.tested) == (["machine.not_enabled", "machine.not_homed"], "")
-    owner.do(EnableDrives())
-    owner.do(Home())
-    owner.do(CheckHealth(step_um=60.0))
+    owner.do(EnableDrives(), Home(), CheckHealth(step_um=60.0))
     assert owner.refusals == ["identify.amplitude"] and owner.state.activity is Activity.READY
     state = owner.do(CheckHealth(step_um=25.0))
     assert (owner.refusals, owner.alarms, state.activity) == ([], [], Activity.READY)
@@ -353,8 +350,7 @@ def test_the_tool_is_tested_and_identified_from_the_screen_as_by_the_commands(tm
 
 def test_a_stop_ends_a_test_and_leaves_the_machine_stopped_with_its_drives_off(tmp_path: Path) -> None:
     owner = station_of(SimulatedLathe(load_machine(MACHINE_NAME).machine), tmp_path)
-    owner.do(EnableDrives())
-    owner.do(Home())
+    owner.do(EnableDrives(), Home())
     begun_s = owner.sim.now_s()
     seen: list[Activity] = []
 
@@ -378,8 +374,7 @@ def test_a_stop_ends_a_test_and_leaves_the_machine_stopped_with_its_drives_off(t
 @pytest.mark.parametrize("command", [CheckHealth(step_um=25.0), IdentifyTool(path=Strategy.PVT)])
 def test_nothing_is_kept_of_a_gain_that_changed(tmp_path: Path, command: CheckHealth | IdentifyTool) -> None:
     floor = open_floor(tmp_path, 1, "ideal", load_machine("lee-2001-lathe"), owned=True)
-    floor.do(EnableDrives())
-    floor.do(Home())
+    floor.do(EnableDrives(), Home())
     disturb(floor.sim, (1.0, "I132=2452"))
     state = floor.do(command)
     (alarm,) = state.alarms

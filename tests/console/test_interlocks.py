@@ -153,14 +153,12 @@ def test_one_turn_after_the_other_may_be_cut(aligned: Floor) -> None:
     assert [b - a for a, b in itertools.pairwise(turns)] == pytest.approx([1.0, 1.0], abs=0.01)
 
 
-def test_f7_ends_a_held_cut_with_the_tool_out(aligned: Floor) -> None:
+def test_f7_ends_a_held_cut_with_the_tool_out_and_a_stop_leaves_no_mark_and_is_not_resumed(aligned: Floor) -> None:
     state = held(aligned, lambda: order(aligned, EndCut()))
     assert state.activity is Activity.READY and codes(state) == []
     assert state.cut is not None and state.cut.stage is CutStage.HELD and not state.cut_done
     assert state.snapshot is not None and state.snapshot.at_rest
-
-
-def test_a_stop_while_held_leaves_no_mark_and_is_not_resumed(aligned: Floor) -> None:
+    aligned.looks.clear()
     state = held(aligned, lambda: aligned.stop.stop("space"))
     assert state.activity is Activity.STOPPED and state.stop is not None
     assert (state.stop.tool_in_part, state.stop.mark_mm, state.marks_mm) == (False, None, ())

@@ -81,9 +81,7 @@ class Shop:
         return measured
 
     def clamp(self) -> None:
-        self.floor.do(DisableDrives())
-        self.floor.do(ConfirmClamping(job=self.job.job))
-        self.floor.do(EnableDrives())
+        self.floor.do(DisableDrives(), ConfirmClamping(job=self.job.job), EnableDrives())
 
     def refused(self, **more: Any) -> list[str]:
         state = self.order(**more)

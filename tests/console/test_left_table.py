@@ -35,7 +35,7 @@ from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.dialect import DIALECTS
 from profiles.words.sentences import LANGUAGES
-from tests.console.floor import Floor, experiment_1, floor_at, open_floor, set_up_once
+from tests.console.floor import Floor, experiment_1, floor_at, known, open_floor, set_up_once
 from tests.tui.stage import experiment, ui_for
 
 JOB = experiment_1()
@@ -64,8 +64,7 @@ def test_after_a_stop_in_a_cut_by_a_table_arming_names_the_table_and_f8_switches
     floor.set_up(JOB)
     assert floor.arm(JOB, Strategy.CAM).armed is not None
     floor.when(lambda _: in_the_cut(floor), lambda: floor.stop.stop("space"))
-    floor.do(Start())
-    floor.do(Recover())
+    floor.do(Start(), Recover())
     refused = floor.do(Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.CAM)).refusals
     assert [problem.code for problem in refused] == ["cut.table_on"]
     floor.do(Retract())
@@ -209,8 +208,8 @@ def test_by_keys_the_tool_comes_out_and_the_table_off(tmp_path: Path, in_copies:
     assert floor.lathe.program.tables_left() == ()
     assert keys.press(keys.align, "align.step") == "" and not drives_are_on(floor)
     assert keys.press(keys.align, "align.take") == "" and is_clamped(floor)
-    checks = floor.context.commissioned
-    assert checks is not None and checks.problems(floor.lathe.snapshot()) == (), "no other host is blamed for it"
+    checks = known(floor.context.commissioned)
+    assert checks.problems(floor.lathe.snapshot()) == (), "no other host is blamed for it"
 
 
 def test_until_the_table_is_off_nothing_else_moves_and_nothing_is_clamped(tmp_path: Path, in_copies: None) -> None:
@@ -230,8 +229,7 @@ def test_a_table_that_is_on_with_the_tool_out_is_switched_off_by_f8_too(tmp_path
         lambda seen: floor.sim.controller.variables.i(51) == 1.0 and seen.program_running,
         lambda: floor.stop.stop("space"),
     )
-    floor.do(Start())
-    floor.do(Recover())
+    floor.do(Start(), Recover())
     keys = Keys(floor)
     assert keys.state.alignment.tables != ()
     assert keys.press(keys.run, "run.retract") == ""
@@ -254,8 +252,7 @@ def without_home(records: Path) -> Floor:
 
 def lose_home(floor: Floor) -> None:
     """Begin and abort the homing of the tool from another host, with the drives killed before and after."""
-    client = floor.context.client
-    assert client is not None
+    client = known(floor.context.client)
     for line in ("#1HM", "#1K"):
         client.request(line)
     floor.idle()

@@ -344,24 +344,18 @@ def holding(floor: Floor, held_s: list[float]) -> None:
     floor.sim.look = held  # type: ignore[method-assign]
 
 
-def test_time_that_is_held_in_a_cut_is_told_once_and_the_part_is_good(aligned: Floor) -> None:
-    held_s = [0.0]
-    holding(aligned, held_s)
-    aligned.arm(experiment_1())
-    aligned.when(lambda _: in_turn(aligned, 5.0), lambda: held_s.__setitem__(0, 1.2))
-    aligned.do(Start())
-    assert aligned.state.cut_done
-    (alarm,) = aligned.idle().alarms
-    assert (alarm.problem.code, alarm.problem.value) == ("simulator.held", "1.2 s")
-    assert (alarm.priority, alarm.count) == (Priority.LOW, 1)
-
-
-def test_time_that_is_held_at_rest_is_not_mentioned(aligned: Floor) -> None:
+def test_time_that_is_held_in_a_cut_is_told_once_and_at_rest_not_at_all(aligned: Floor) -> None:
     held_s = [0.0]
     holding(aligned, held_s)
     aligned.idle(2.0)
     held_s[0] = 3.0
     assert aligned.idle(2.0).alarms == ()
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_turn(aligned, 5.0), lambda: held_s.__setitem__(0, 4.2))
+    assert aligned.do(Start()).cut_done
+    (alarm,) = aligned.idle().alarms
+    assert (alarm.problem.code, alarm.problem.value) == ("simulator.held", "1.2 s")
+    assert (alarm.priority, alarm.count) == (Priority.LOW, 1)
 
 
 @pytest.mark.parametrize("held", [True, False])

@@ -23,6 +23,7 @@ from profiles.problem import ProfileError
 from profiles.store import BUNDLED_MACHINES, load_machine
 from tests.console.commands import Console
 from tests.console.conftest import Said
+from tests.console.floor import known
 from tests.signed_profile import signed
 
 
@@ -91,8 +92,7 @@ def test_a_plain_copy_or_a_bad_profile_is_listed_with_why_it_is_refused(
 def test_who_is_refused_is_told_of_options_that_exist(console: Console, command: str, rest: str) -> None:
     """turbo-ethernet-lathe has a link, and is signed for the simulator."""
     words = (*command.split(), *rest.split(), "--machine", "turbo-ethernet-lathe")
-    told = re.search(r"use the simulated machine \((.*?)\)", console(*words).err)
-    assert told is not None
+    told = known(re.search(r"use the simulated machine \((.*?)\)", console(*words).err))
     taken, named = console(*command.split(), "--help").out, re.findall(r"--\w+", told[1])
     assert named and all(re.search(rf"^ +{name}\b", taken, re.MULTILINE) for name in named)
     assert told[1] in console(*words, "--lang", "ko").err

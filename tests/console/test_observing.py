@@ -64,7 +64,7 @@ from drivers.lathe.standing import BY_SSH, Standing
 from drivers.simulator.machine import SimulatedLathe
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE, STOPS, WithStation, logged, station_of
-from tests.console.floor import experiment_1
+from tests.console.floor import experiment_1, known
 from tests.console.test_link_thread import SOON_S, wait_until
 
 JOB = experiment_1()
@@ -118,8 +118,7 @@ def observer(owner: WithStation, tmp_path: Path) -> WithStation:
 @pytest.fixture
 def ready(owner: WithStation) -> WithStation:
     """The owner with its drives on, homed."""
-    owner.do(EnableDrives())
-    owner.do(Home())
+    owner.do(EnableDrives(), Home())
     return owner
 
 
@@ -197,8 +196,7 @@ def test_an_observer_sees_what_the_owner_does_and_disturbs_it_neither_silent_nor
 
 
 def test_the_stop_of_an_observer_stops_and_it_may_go_on_looking(ready: WithStation, observer: WithStation) -> None:
-    start = ready.state.snapshot
-    assert start is not None
+    start = known(ready.state.snapshot)
 
     def stop() -> None:
         observer.look()
@@ -240,8 +238,7 @@ def test_at_rest_the_machine_is_taken_over(ready: WithStation, observer: WithSta
     ]
     # The drives are on, as the other one has left them, and the axes are homed.
     assert state.alignment.drives_on and state.alignment.homed
-    observer.do(DisableDrives())
-    observer.do(EnableDrives())
+    observer.do(DisableDrives(), EnableDrives())
     in_a_jog(observer, lambda: None)
     assert observer.refusals == [] and observer.alarms == []
 
@@ -354,8 +351,8 @@ def test_an_observer_is_shown_name_computer_and_since_when(tmp_path: Path) -> No
     kim = station_of(sim, tmp_path / "here", name="kim")
     lee = station_of(sim, tmp_path / "there", name="lee")
     looks(lee)
-    by = lee.state.held_by
-    assert by is not None and (by.number, by.name) == (kim.number, "kim")
+    by = known(lee.state.held_by)
+    assert (by.number, by.name) == (kim.number, "kim")
     assert by.host == socket.gethostname().partition(".")[0][:15]
     now = datetime.now(UTC)
     assert abs(60 * by.minute - now.timestamp()) < 120.0
@@ -369,8 +366,8 @@ def test_an_observer_is_shown_name_computer_and_since_when(tmp_path: Path) -> No
     lee.do(TakeControl())
     looks(kim)
     looks(lee)
-    after = kim.state.held_by
-    assert after is not None and after.name == "lee"
+    after = known(kim.state.held_by)
+    assert after.name == "lee"
     (alarm,) = kim.state.alarms  # as on the first row, and raised once
     assert (alarm.problem.code, alarm.count) == ("owner.ousted", 1)
     assert f"({after.name}@{after.host})" in load("en").problem(alarm.problem)

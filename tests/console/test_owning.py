@@ -34,6 +34,7 @@ from tests.console.consoles import (
     logged,
     station_of,
 )
+from tests.console.floor import known
 
 LATHE = load_machine(MACHINE).machine
 
@@ -50,8 +51,7 @@ def refused(error: pytest.ExceptionInfo[ProblemError]) -> tuple[str, str]:
 
 def dies(console: OneConsole) -> None:
     """As when its process is killed: nothing is said any more, and the kernel lets go of its lock."""
-    lock = console.owning._lock
-    assert lock is not None
+    lock = known(console.owning._lock)
     lock.close()
 
 
@@ -302,16 +302,14 @@ def test_a_refused_motion_leaves_no_lease_behind(tmp_path: Path, order: str) -> 
 def test_a_console_that_slept_through_a_take_over_leaves_the_new_owner_alone(tmp_path: Path) -> None:
     sim = SimulatedLathe(load_machine(MACHINE).machine)
     asleep, other = station_of(sim, tmp_path / "here"), station_of(sim, tmp_path / "there")
-    asleep.do(EnableDrives())
-    asleep.do(Home())
+    asleep.do(EnableDrives(), Home())
     slept: list[Snapshot] = []
 
     def sleep(snapshot: Snapshot) -> None:
         if snapshot.moving and not slept:
             slept.append(snapshot)
             sim.wait(2.0)  # its motion is ended by the card meanwhile
-            other.do(TakeControl())
-            other.do(Recover())
+            other.do(TakeControl(), Recover())
             other.client.request("M70=9000 P1003=1 #3J=60000")
             asleep.hear()
 
@@ -354,8 +352,7 @@ sys.stdin.read()
 
 
 def taken(data: Path, address: str = ADDRESS) -> ConsoleLock:
-    lock = take_lock(data, address)
-    assert lock is not None
+    lock = known(take_lock(data, address))
     return lock
 
 

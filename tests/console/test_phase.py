@@ -37,7 +37,7 @@ from profiles.compensations.learned import PartRead
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from profiles.store import load_job, load_machine
 from tests.console.commands import JobFile
-from tests.console.floor import Floor, codes, experiment_1, open_floor, order, set_up_once
+from tests.console.floor import Floor, codes, experiment_1, known, open_floor, order, set_up_once
 from tests.console.test_learning_on_the_screen import Shop, lesson
 from tests.drivers.conftest import Recorder
 from tests.system.lathe_sites import compact_text
@@ -203,8 +203,7 @@ def test_out_of_phase_is_over_with_its_cut(
     assert "cut.out_of_phase" not in [alarm.problem.code for alarm in floor.state.alarms]
     if floor.state.stop is not None:  # a cut that was not as planned is ended
         floor.do(Recover())
-    floor.do(Retract())
-    floor.do(DisableDrives())
+    floor.do(Retract(), DisableDrives())
     floor.set_up(job)
     cut(floor)
     assert floor.idle().alarms == ()
@@ -246,8 +245,8 @@ def test_the_phase_error_is_how_far_the_tool_is_behind(lag_deg: float, gain: flo
     """A tool that makes the wanted sine `lag_deg` of the spindle later, looked at at any angles."""
     angle = np.random.default_rng(seed).uniform(0.0, 3600.0, 60)
     infeed = 100.0 + gain * 27.5 * np.cos(3.0 * np.radians(angle - lag_deg - 40.0))
-    found = phase_of(np.stack([angle, infeed], axis=1), WANTED)
-    assert found is not None and found.error_deg == pytest.approx(lag_deg, abs=1e-6)
+    found = known(phase_of(np.stack([angle, infeed], axis=1), WANTED))
+    assert found.error_deg == pytest.approx(lag_deg, abs=1e-6)
     assert found.within_deg < 1e-6
 
 
@@ -258,8 +257,7 @@ def test_a_phase_is_known_to_what_is_told_of_it() -> None:
     for _ in range(400):
         angle = random.uniform(0.0, 3600.0, 60)
         infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 0.7 - 40.0)) + random.normal(0.0, 1.0, 60)
-        found = phase_of(np.stack([angle, infeed], axis=1), WANTED)
-        assert found is not None
+        found = known(phase_of(np.stack([angle, infeed], axis=1), WANTED))
         within += abs(found.error_deg - 0.7) <= found.within_deg
     assert 0.92 * 400 < within < 0.98 * 400
 
@@ -270,8 +268,8 @@ def test_a_part_that_pushes_the_tool_off_where_it_begins_shifts_no_phase(seed: i
     angle = np.sort(np.random.default_rng(seed).uniform(0.0, 30_000.0, 60))
     infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 0.9 - 40.0))
     pushed = infeed - 25.0 * (1.0 - np.exp(-np.maximum(angle - 15_000.0, 0.0) / 2000.0))
-    found = phase_of(np.stack([angle, pushed], axis=1), WANTED)
-    assert found is not None and found.error_deg == pytest.approx(0.9, abs=0.5)
+    found = known(phase_of(np.stack([angle, pushed], axis=1), WANTED))
+    assert found.error_deg == pytest.approx(0.9, abs=0.5)
 
 
 def test_an_eccentric_and_oval_blank_is_not_called_a_lag_while_its_samples_are_few() -> None:
@@ -292,8 +290,8 @@ def test_of_enough_samples_what_the_blank_adds_once_twice_and_six_times_a_turn_i
     waves = ((6.0, 1, 10.0), (4.0, 2, 50.0), (2.0, 6, 20.0))
     pushed = sum(um * np.cos(order * np.radians(angle - crest_deg)) for um, order, crest_deg in waves)
     infeed = 100.0 + 27.5 * np.cos(3.0 * np.radians(angle - 0.7 - 40.0)) + pushed
-    found = phase_of(np.stack([angle, infeed], axis=1), WANTED)
-    assert found is not None and found.error_deg == pytest.approx(0.7, abs=1e-6)
+    found = known(phase_of(np.stack([angle, infeed], axis=1), WANTED))
+    assert found.error_deg == pytest.approx(0.7, abs=1e-6)
     assert found.within_deg < 1e-6
 
 
@@ -326,8 +324,8 @@ def test_a_cut_is_followed_from_its_start_to_its_end(tmp_path: Path, in_copies: 
     assert all(moment.speed_rpm == pytest.approx(1000.0, abs=2.0) for moment in steady)
     assert all(moment.phase is None or abs(moment.phase.error_deg) < 0.1 for moment in steady)
     assert max(abs(moment.tool_error_um) for moment in steady) < 2.0
-    last = floor.state.cut
-    assert last is not None and (last.turn, last.fraction) == (60.0, 1.0)
+    last = known(floor.state.cut)
+    assert (last.turn, last.fraction) == (60.0, 1.0)
     # 60 turns of 60 ms in the part: what is left goes down to nothing, and so does the way of the carriage.
     left_s = [moment.phases[0].left_s for moment in cutting]
     assert {moment.phases[0].phase for moment in cutting} == {CutPhase.CUT}
@@ -362,8 +360,8 @@ def swinging(mean: Floats, share: float, per_turn: int, turn: float = TURN) -> F
 def test_a_swing_of_one_percent_is_told_from_once_to_six_times_a_turn(per_turn: int) -> None:
     """Belts, jaws, gears and poles, of 240 looks."""
     mean = np.sort(np.random.default_rng(per_turn).uniform(0.0, 100.0 * TURN, 240))
-    told = spindle_ripple(swinging(mean, 0.01, per_turn), TURN)
-    assert told is not None and told.percent == pytest.approx(2.0, abs=0.2)
+    told = known(spindle_ripple(swinging(mean, 0.01, per_turn), TURN))
+    assert told.percent == pytest.approx(2.0, abs=0.2)
 
 
 @given(
@@ -386,8 +384,7 @@ def test_a_lag_that_grows_is_no_swing() -> None:
     mean = np.random.default_rng(1).uniform(0.0, 100.0 * TURN, 240)
     looks = swinging(mean, 0.01, 2)
     looks[:, 1] += 30.0 + 1e-4 * mean
-    told = spindle_ripple(looks, TURN)
-    assert told is not None
+    told = known(spindle_ripple(looks, TURN))
     assert told.percent == pytest.approx(2.0, abs=told.within_percent)
 
 
@@ -444,8 +441,8 @@ def test_a_cut_tells_the_swing_of_its_spindle(
 
     floor.looks.append(look)
     floor.do(Start())
-    cut = floor.state.cut
-    assert cut is not None and cut.ripple is not None
+    cut = known(floor.state.cut)
+    assert cut.ripple is not None
     true_position = swing_of_the_iron(np.array(recorder.positions[in_part[0] : in_part[-1]]))
     assert cut.ripple.percent == pytest.approx(true_position, abs=cut.ripple.within_percent)
     assert true_position == pytest.approx(200.0 * share, abs=0.1)

@@ -7,6 +7,7 @@ import json
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from profiles.problem import ProblemError
 from profiles.rules import check
 from profiles.store import load_job, load_machine
 from tests.console.commands import Console, JobFile
+from tests.console.floor import known as given
 
 EXPERIMENT = "lee-2001-experiment-1"
 JOB = load_job(EXPERIMENT).job
@@ -119,8 +121,7 @@ def test_the_band_of_the_model_has_the_true_lathe_in_it_and_identification_narro
 def test_what_may_be_friction_counts_where_the_cut_swings_further_than_what_was_identified() -> None:
     """The true lathe answers 0.2 off the profile. Were that friction, twice the swing would halve it."""
     seen = preview(SHORT, MACHINE, Strategy.PVT, of_true_lathe(COMMAND_UM / 2))
-    band = predicted_band(seen, Strategy.PVT)
-    assert band is not None
+    band = given(predicted_band(seen, Strategy.PVT))
     off = abs(complex(sampled_response(MACHINE, 50.0)) / complex(sampled_response(TRUE, 50.0)) - 1.0)
     assert band.friction_um == pytest.approx(55.0 * 0.5 * off, rel=0.01)
     assert band.high_um > 0.5 * 55.0 * off
@@ -178,18 +179,20 @@ def test_the_highest_safe_speed_is_where_the_first_limit_is_reached(console: Con
     assert 0.0 < margins["grip_n_percent"] < 100.0
 
 
-@pytest.mark.parametrize(
-    ("origin", "said"),
-    [
+def test_a_response_of_another_machine_path_or_band_is_refused(console: Console, tmp_path: Path) -> None:
+    of_others: tuple[tuple[dict[str, Any], str], ...] = (
         ({"machine": "another"}, "identified with machine another, but here it is lee-2001-lathe"),
         ({"gains": {"I130": 400.0}}, "identified with I130 400, but here it is 528"),
         ({"kind": "TURBO PMAC2"}, "identified with controller TURBO PMAC2, but here it is pmac"),
-    ],
-)
-def test_a_response_of_another(console: Console, tmp_path: Path, origin: dict[str, object], said: str) -> None:
-    refused = console("preview", EXPERIMENT, "--identified", str(file_of(tmp_path, **origin)))  # type: ignore[arg-type]
-    assert refused.code == 1
-    assert said in refused.err
+    )
+    asked = ("preview", EXPERIMENT, "--identified")
+    for origin, said in of_others:
+        refused = console(*asked, str(file_of(tmp_path, **origin)))
+        assert refused.code == 1 and said in refused.err
+    refused = console(*asked, str(file_of(tmp_path)), "--strategy", "none")
+    assert (refused.code, "identified with strategy pvt, but here it is none" in refused.err) == (1, True)
+    refused = console(*asked, str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0)))
+    assert (refused.code, "50 Hz was not identified (identified: 10 … 30 Hz)" in refused.err) == (1, True)
 
 
 def test_people_are_told_what_is_inverted_and_left(console: Console, tmp_path: Path, job_file: JobFile) -> None:
@@ -200,15 +203,6 @@ def test_people_are_told_what_is_inverted_and_left(console: Console, tmp_path: P
         "1400 rpm (invertible response)",
     ):
         assert words in shown
-
-
-def test_a_response_of_another_path_or_band_is_refused(console: Console, tmp_path: Path) -> None:
-    file = str(file_of(tmp_path))
-    refused = console("preview", EXPERIMENT, "--identified", file, "--strategy", "none")
-    assert (refused.code, "identified with strategy pvt, but here it is none" in refused.err) == (1, True)
-    away = str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0))
-    refused = console("preview", EXPERIMENT, "--identified", away)
-    assert (refused.code, "50 Hz was not identified (identified: 10 … 30 Hz)" in refused.err) == (1, True)
 
 
 SHORT = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
@@ -236,8 +230,7 @@ def test_an_inverse_of_another_axis_leaves_what_the_two_responses_are_apart() ->
     """E |1 - T / T_hat|: 9.1 um of 55 for a lathe with 10 % more mass and 10 % less thrust."""
     true, known = (complex(sampled_response(machine, 50.0)) for machine in (TRUE, MACHINE))
     seen = outlook(SHORT, TRUE, Strategy.PVT, path_response(Strategy.PVT, MACHINE))
-    early = closed_form(seen, Strategy.PVT)
-    assert early is not None
+    early = given(closed_form(seen, Strategy.PVT))
     assert float(np.ptp(early.residual_um)) == pytest.approx(55.0 * abs(1.0 - true / known), abs=0.05)
     assert float(np.ptp(early.residual_um)) == pytest.approx(9.1, abs=0.2)
 
@@ -254,8 +247,7 @@ def test_a_learned_path_is_what_everything_is_of() -> None:
     model = outlook(SHORT, MACHINE, Strategy.CAM)
     path = CutPath(target=model.target, command=model.command.plus({6: 2.0 + 0.0j}))
     seen = preview(SHORT, MACHINE, Strategy.CAM, path=path)
-    early = closed_form(outlook(SHORT, MACHINE, Strategy.CAM, path=path), Strategy.CAM)
-    assert early is not None
+    early = given(closed_form(outlook(SHORT, MACHINE, Strategy.CAM, path=path), Strategy.CAM))
     assert seen.command == path.command
     delay_s = MACHINE.controller.servo_period_ms / 1000.0
     answer = complex(sampled_response(MACHINE, 100.0)) * cmath.exp(-2j * math.pi * 100.0 * delay_s)

@@ -29,6 +29,7 @@ from profiles.problem import Problem, ProfileError
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace, write_trace
 from tests.console.consoles import ADDRESS, MACHINE, console_of
+from tests.console.floor import known
 from tests.console.test_identify_command import RESPONSE
 
 RUN = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
@@ -60,8 +61,7 @@ def keeps_a_stop_record(data: Path) -> None:
 
 
 def locks(data: Path) -> None:
-    lock = take_lock(data, ADDRESS)
-    assert lock is not None
+    lock = known(take_lock(data, ADDRESS))
     lock.keep(4711)
     lock.close()
 

@@ -47,7 +47,7 @@ from console.session.station.targets import distance_to, target_problems, target
 from drivers.lathe.snapshot import AxisName, Snapshot
 from profiles.machine import MachineProfile
 from profiles.store import load_job, load_machine
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, known, open_floor
 from tests.tui.machine_states import ON, look_at
 
 JOB = load_job("lee-2001-experiment-1").job
@@ -75,27 +75,24 @@ def test_the_part_says_how_far_apart_the_results_may_be() -> None:
     assert allowed_spread_deg(JOB) == pytest.approx(expected)
     near, far = (0.0, 16.0, 0.5, 16.5, 1.0, 17.0), (0.0, 16.0, 0.5, 16.5, 1.6, 17.6)
     assert spread_problem(near, expected) is None
-    refused = spread_problem(far, expected)
-    assert refused is not None and (refused.value, refused.limit) == ("1.60°", "<= 1.39°")
+    refused = known(spread_problem(far, expected))
+    assert (refused.value, refused.limit) == ("1.60°", "<= 1.39°")
     assert spread_problem(far, None) is None
-    few = spread_problem(near[:5], expected)
-    assert few is not None and few.code == "alignment.flanks_incomplete"
+    few = known(spread_problem(near[:5], expected))
+    assert few.code == "alignment.flanks_incomplete"
 
 
 @pytest.fixture
 def homed(tmp_path: Path) -> Floor:
     floor = open_floor(tmp_path)
-    floor.do(ConfirmClamping(job=experiment_1()))
-    floor.do(EnableDrives())
-    floor.do(Home())
+    floor.do(ConfirmClamping(job=experiment_1()), EnableDrives(), Home())
     return floor
 
 
 def turn_to_deg(floor: Floor, past_mark_deg: float) -> None:
     """Turn until the jaw is so far past the mark, as an indicator there would be brought to a flank."""
     for _ in range(2):
-        seen = floor.idle().seen
-        assert seen is not None
+        seen = known(floor.idle().seen)
         floor.do(Jog(axis=AxisName.SPINDLE, distance=past_mark_deg - seen.jaw_1_past_mark_deg))
 
 
@@ -114,21 +111,19 @@ def test_three_times_both_flanks_give_jaw_1_and_its_spread(homed: Floor) -> None
     homed.do(TakeJaw(most_spread_deg=0.1))
     assert codes(homed) == ["alignment.spread_too_large"]
     homed.do(TakeJaw(most_spread_deg=1.39))
-    jaw = homed.state.alignment.jaw
-    assert jaw is not None and jaw.spread_deg == pytest.approx(0.3, abs=0.1)
+    jaw = known(homed.state.alignment.jaw)
+    assert jaw.spread_deg == pytest.approx(0.3, abs=0.1)
     assert homed.state.alignment.flanks == ()
     # The middle of all is where the jaw meets the mark: a third of a tenth of a degree further on.
     turn_to_deg(homed, 0.0)
-    snapshot = homed.state.snapshot
-    assert snapshot is not None
+    snapshot = known(homed.state.snapshot)
     mark_deg = 360.0 * (snapshot.spindle.position / 10_000.0 % 1.0)
     assert (jaw.angle_deg - mark_deg + 180.0) % 360.0 - 180.0 == pytest.approx(0.03, abs=0.08)
 
 
 def test_a_reading_is_dropped_by_one_key(homed: Floor) -> None:
     turn_to_deg(homed, -FLANK_DEG)
-    homed.do(TakeFlank())
-    homed.do(TakeFlank())
+    homed.do(TakeFlank(), TakeFlank())
     assert codes(homed) == ["alignment.flanks_apart"]
     homed.do(TakeJaw())
     assert codes(homed) == ["alignment.flanks_incomplete"]
@@ -155,30 +150,25 @@ def test_readings_end_with_what_they_rest_on() -> None:
 
 
 def test_the_skimmed_diameter_gives_the_tip_wherever_the_tool_is_by_then(homed: Floor) -> None:
-    homed.do(TakeJaw())
-    homed.do(NoteSkim())
+    homed.do(TakeJaw(), NoteSkim())
     assert codes(homed) == ["alignment.beside_part"]
     homed.do(TakeTouchOff(radius_mm=25.97, skimmed=True))
     assert codes(homed) == ["alignment.no_skim"]
     homed.do(Approach(job=experiment_1()))
-    seen = homed.idle().seen
-    assert seen is not None and seen.tool_gap_mm is not None
+    seen = known(homed.idle().seen)
+    assert seen.tool_gap_mm is not None
     homed.infeed(min(seen.tool_gap_mm, 1.0))
-    seen = homed.idle().seen
-    assert seen is not None and seen.tool_gap_mm is not None
+    seen = known(homed.idle().seen)
+    assert seen.tool_gap_mm is not None
     tip_mm = 26.0 + seen.tool_gap_mm
-    noted = homed.do(NoteSkim()).alignment.skim_counts
-    assert noted is not None
-    homed.do(Jog(axis=AxisName.TOOL, distance=-1.0))
-    homed.do(TakeTouchOff(radius_mm=tip_mm, skimmed=True))
+    noted = known(homed.do(NoteSkim()).alignment.skim_counts)
+    homed.do(Jog(axis=AxisName.TOOL, distance=-1.0), TakeTouchOff(radius_mm=tip_mm, skimmed=True))
     touched = homed.state.alignment.touch_off
     assert codes(homed) == [] and touched is not None and touched.skimmed
     assert touched.zero_radius_mm == pytest.approx(tip_mm + noted / 5000.0)
     assert homed.state.alignment.skim_counts is None
     # Beyond 1.5 mm of the profile it is a slip of the finger.
-    homed.do(Jog(axis=AxisName.TOOL, distance=1.0))
-    homed.do(NoteSkim())
-    homed.do(TakeTouchOff(radius_mm=tip_mm + 2.0, skimmed=True))
+    homed.do(Jog(axis=AxisName.TOOL, distance=1.0), NoteSkim(), TakeTouchOff(radius_mm=tip_mm + 2.0, skimmed=True))
     assert codes(homed) == ["alignment.touch_off_far"]
 
 
@@ -273,8 +263,8 @@ def test_what_is_faster_than_set_up_allows_is_refused_and_not_slowed_down(machin
     assert speed_problem(machine, Z, 100.0) is None
     variables = {**machine.controller.variables, "I322": 40.0}
     fast = replace(machine, controller=replace(machine.controller, variables=variables))
-    found = speed_problem(fast, Z, 100.0)
-    assert found is not None and (found.value, found.limit) == ("40.0 mm/s", "<= 33.3 mm/s")
+    found = known(speed_problem(fast, Z, 100.0))
+    assert (found.value, found.limit) == ("40.0 mm/s", "<= 33.3 mm/s")
     assert speed_problem(fast, Z, 0.1) is None
     assert codes_of_target(at(60.0, 10.0), fast, TOUCHED, Z, 100.0) == ["machine.setup_speed"]
 
@@ -312,5 +302,5 @@ def test_the_first_homing_ends_within_the_time_that_was_told(tmp_path: Path) -> 
     floor.do(EnableDrives())
     floor.looks.append(lambda _: told.append(floor.state.ends_s if floor.state.ends_at_most else None))
     floor.do(Home())
-    latest_s = told[len(told) // 2]
-    assert latest_s is not None and floor.context.clock.now_s() <= latest_s
+    latest_s = known(told[len(told) // 2])
+    assert floor.context.clock.now_s() <= latest_s

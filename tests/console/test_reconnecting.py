@@ -75,8 +75,7 @@ def harmless(said: bytes) -> bool:
 
 
 def home(console: WithStation) -> None:
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
 
 
 def back(console: WithStation, cable: Cable) -> tuple[StationState, bytes]:
@@ -110,8 +109,7 @@ def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
     assert "link.lost" not in console.alarms
     console.do(Recover())
     assert activity(console) is Activity.READY and console.state.lost_link is None
-    console.do(EnableDrives())
-    console.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    console.do(EnableDrives(), Jog(axis=AxisName.CARRIAGE, distance=1.0))
     assert console.state.activity is Activity.READY
 
 
@@ -146,8 +144,7 @@ def test_in_mid_homing_the_controller_ends_it_and_home_is_void(site: Site, movin
 def test_a_cable_that_is_back_at_once_does_not_let_the_motion_go_on(site: Site) -> None:
     """The watchdog of the lost motion still runs: it is not renewed, and the controller ends the motion."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
 
     def blink(snapshot: Snapshot) -> None:
         if "desired_velocity_zero" not in snapshot.carriage.flags and not cable.cuts:
@@ -211,13 +208,11 @@ def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forget
 def test_a_console_that_took_the_machine_meanwhile_is_left_alone(site: Site, tmp_path: Path) -> None:
     """Rule R2: a take-over is respected, by the stop that nobody took, too."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
     cable.cut()
     console.look()
     other, _ = cabled(sim, tmp_path / "there")
-    other.do(TakeControl())
-    other.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    other.do(TakeControl(), Jog(axis=AxisName.CARRIAGE, distance=1.0))
     console.hear()
     cable.mend()
     until_back(console)
@@ -253,11 +248,7 @@ def test_an_observer_looks_on_again(site: Site, tmp_path: Path) -> None:
 def armed(console: WithStation) -> None:
     """Clamp, home, take jaw 1 and the touch-off wherever the axes are, and arm."""
     job = experiment_1()
-    console.do(ConfirmClamping(job=job))
-    console.do(EnableDrives())
-    console.do(Home())
-    console.do(TakeJaw())
-    console.do(Approach(job=job))
+    console.do(ConfirmClamping(job=job), EnableDrives(), Home(), TakeJaw(), Approach(job=job))
     console.do(Jog(axis=AxisName.TOOL, distance=0.5))
     for _ in range(5):  # steps are short where the surface may be
         console.do(Jog(axis=AxisName.TOOL, distance=0.1))
@@ -295,8 +286,7 @@ def test_only_a_tool_that_stood_in_the_part_has_marked_it(site: Site, slow: bool
 
 def test_a_stop_no_longer_says_that_the_drives_hold_once_a_reset_has_opened_them(site: Site) -> None:
     sim, console, _ = site
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
     cut_short(console)
     stop = console.state.stop
     assert console.state.activity is Activity.STOPPED and stop is not None and stop.can_retract

@@ -30,6 +30,7 @@ from profiles.problem import Problem
 from profiles.store import LoadedMachine, load_job, load_machine
 from profiles.traces import parse_trace
 from tests.console.commands import Console, JobFile
+from tests.console.floor import known
 from tests.console.test_run_reader import RUN, USER, part
 
 
@@ -172,18 +173,16 @@ def test_a_run_without_a_screen_says_how_it_ended_and_who_stopped_it(tmp_path: P
     ]
 
 
-def test_without_free_space_no_run_is_started(
-    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path, monkeypatch: pytest.MonkeyPatch
+def test_without_free_space_no_run_is_started_and_a_damaged_record_is_refused(
+    console: Console, job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
-    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close)
-    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
-    assert not (data_folder / "trilobe" / FILE_NAME).exists()
-
-
-def test_without_a_record_the_list_is_empty_and_a_damaged_one_is_refused(console: Console, tmp_path: Path) -> None:
-    said = console("records", "list", "--data", str(tmp_path / "new"))
+    new = tmp_path / "new"
+    said = console("records", "list", "--data", str(new))
     assert (said.code, said.err) == (0, "") and "No recorded run" in said.out
+    monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
+    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", "--data", str(new))
+    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
+    assert not (new / FILE_NAME).exists()
     (tmp_path / FILE_NAME).write_bytes(b"no database" * 500)
     refused = console("records", "list", "--data", str(tmp_path))
     assert refused.code == 1 and refused.err.count("\n") == 1
@@ -233,8 +232,7 @@ def learned(data: Path, **changes: object) -> None:
 
 def chosen_now(data: Path, machine: LoadedMachine) -> HoldsFor:
     asked = asked_for(JOB, machine, "cam", simulated=True)
-    found = chosen("newest", versions(data, asked), asked)
-    assert found is not None
+    found = known(chosen("newest", versions(data, asked), asked))
     return found.holds_for
 
 

@@ -114,20 +114,13 @@ def stamp_newer(data: Path) -> None:
     change(data, "PRAGMA user_version = 3")
 
 
-def stamp_away(data: Path) -> None:
-    """What another program has made has no version of ours."""
-    change(data, "PRAGMA user_version = 0")
-
-
-REFUSED = {
-    "record.other_schema": (stamp_newer, "schema 3"),
-    "record.damaged": (damage, "damaged"),
-}
-
-
-@pytest.mark.parametrize("code", REFUSED)
-def test_a_newer_or_damaged_record_stays(console: Console, job_file: JobFile, data: Path, code: str) -> None:
-    act, word = REFUSED[code]
+@pytest.mark.parametrize(
+    ("act", "code", "word"),
+    [(stamp_newer, "record.other_schema", "schema 3"), (damage, "record.damaged", "damaged")],
+)
+def test_a_newer_or_damaged_record_is_refused_and_stays(
+    console: Console, job_file: JobFile, data: Path, act: Callable[[Path], None], code: str, word: str
+) -> None:
     act(data)
     before = (data / FILE_NAME).read_bytes()
     with pytest.raises(SessionError) as refused:
@@ -141,23 +134,12 @@ def test_a_newer_or_damaged_record_stays(console: Console, job_file: JobFile, da
 
 
 def test_a_database_of_another_program_gets_no_tables_of_ours(data: Path) -> None:
-    stamp_away(data)
+    """It has no version of ours."""
+    change(data, "PRAGMA user_version = 0")
     with pytest.raises(SessionError) as refused:
         RunRecord(data, RUN)
     assert codes(refused) == ["record.other_schema"]
     assert rows(data, "PRAGMA user_version") == [(0,)]
-
-
-def take_folder(data: Path) -> None:
-    shutil.rmtree(data)
-
-
-def take_file(data: Path) -> None:
-    (data / FILE_NAME).unlink()
-
-
-def take_journal(data: Path) -> None:
-    (data / f"{FILE_NAME}-wal").unlink()
 
 
 def replace_file(data: Path) -> None:
@@ -165,11 +147,19 @@ def replace_file(data: Path) -> None:
     os.replace(data / "copy", data / FILE_NAME)
 
 
-@pytest.mark.parametrize("take", [take_folder, take_file, take_journal, replace_file])
-def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, take: Callable[[Path], None]) -> None:
+TAKE: dict[str, Callable[[Path], object]] = {
+    "folder": shutil.rmtree,
+    "file": lambda data: (data / FILE_NAME).unlink(),
+    "journal": lambda data: (data / f"{FILE_NAME}-wal").unlink(),
+    "replaced": replace_file,
+}
+
+
+@pytest.mark.parametrize("taken", TAKE)
+def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, taken: str) -> None:
     record = RunRecord(data, RUN)
     record.add("planned", {})
-    take(data)
+    TAKE[taken](data)
     with pytest.raises(SessionError) as lost:
         record.add("step", {})
     assert codes(lost) == ["record.lost"]
@@ -224,8 +214,12 @@ def test_a_writer_that_takes_longer_than_a_second_is_waited_for(data: Path) -> N
     assert len(rows(data, "SELECT run_id FROM runs")) == 3
 
 
-def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None:
-    run_id = killed(begins(data, "planned", "step"))
+def test_a_run_that_was_killed_is_told_once_at_its_machine_and_gets_its_end(data: Path) -> None:
+    with begins(data, "planned", "step") as living:
+        assert killed_runs(data, "lathe", simulated=True) == (), "it goes on"
+        run_id = killed(living)
+    for machine, simulated in (("lathe", False), ("another", True)):
+        assert killed_runs(data, machine, simulated=simulated) == ()
     (told,) = killed_runs(data, "lathe", simulated=True)
     assert (told.code, told.key) == ("record.killed", "ring")
     assert "UTC" in told.value and "killed" in load("en").problem(told)
@@ -235,28 +229,12 @@ def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None
     assert list((data / FOLDER).iterdir()) == []
 
 
-@pytest.mark.parametrize(("machine", "simulated"), [("lathe", False), ("another", True)])
-def test_a_killed_run_is_told_at_its_machine(data: Path, machine: str, simulated: bool) -> None:
-    killed(begins(data, "started"))
-    assert killed_runs(data, machine, simulated=simulated) == ()
-    assert len(killed_runs(data, "lathe", simulated=True)) == 1
-
-
 @pytest.mark.parametrize("kinds", [("armed",), ("armed", "started", "cut"), ("armed", "started", "stopped")])
 @pytest.mark.first(1)
 def test_a_kill_beside_a_cut_has_left_none(data: Path, kinds: tuple[str, ...]) -> None:
     killed(begins(data, *kinds))
     assert killed_runs(data, "lathe", simulated=True) == ()
     assert list((data / FOLDER).iterdir()) == []
-
-
-def test_a_run_that_goes_on_is_not_told_as_killed(data: Path) -> None:
-    with begins(data, "planned") as living:
-        assert living.stdout is not None
-        run_id = living.stdout.readline().strip()
-        assert killed_runs(data, "lathe", simulated=True) == ()
-        living.kill()
-    assert [mark.name for mark in (data / FOLDER).iterdir()] == [run_id]
 
 
 def test_the_next_run_tells_of_one_that_was_killed(
@@ -418,27 +396,26 @@ def test_a_restart_remembers_that_the_last_cut_ended_early_until_a_clamping_is_c
     assert "alignment.ended_early" not in [problem.code for problem in problems(new.state.alignment, job)]
 
 
-@pytest.mark.parametrize(
-    ("run", "kinds", "early"),
-    [
-        ({}, ("armed", "started", "stopped"), True),
-        ({}, ("armed", "started", "held"), True),
-        ({}, ("armed", "started", "ended"), True),
-        ({}, ("armed", "started", "cut"), False),
-        ({"stage": "air"}, ("armed", "started", "stopped"), False),
-        ({}, ("armed",), False),
-        ({"machine": "another"}, ("armed", "started", "stopped"), False),
-        ({"simulated": 1}, ("armed", "started", "stopped"), False),
-    ],
-)
-def test_a_cut_that_reached_its_end_or_no_part_leaves_nothing(
-    tmp_path: Path, run: dict[str, object], kinds: tuple[str, ...], early: bool
-) -> None:
-    record = RunRecord(tmp_path, {**ON_A_MACHINE, **run})
+def add_cut(data: Path, kinds: tuple[str, ...], **changes: object) -> None:
+    record = RunRecord(data, {**ON_A_MACHINE, **changes})
     for kind in kinds:
         record.add(kind, {})
     record.close()
-    assert ended_early(tmp_path, MACHINE) is early
+
+
+def test_a_cut_that_reached_its_end_or_no_part_leaves_nothing(tmp_path: Path) -> None:
+    begun = ("armed", "started")
+    cuts: tuple[tuple[dict[str, object], tuple[str, ...], bool], ...] = (
+        *(({}, (*begun, end), True) for end in ("stopped", "held", "ended")),
+        ({}, (*begun, "cut"), False),
+        ({"stage": "air"}, (*begun, "stopped"), False),
+        ({}, ("armed",), False),
+        ({"machine": "another"}, (*begun, "stopped"), False),
+        ({"simulated": 1}, (*begun, "stopped"), False),
+    )
+    for number, (run, kinds, early) in enumerate(cuts):
+        add_cut(tmp_path / str(number), kinds, **run)
+        assert ended_early(tmp_path / str(number), MACHINE) is early, (run, kinds)
 
 
 def test_of_several_cuts_the_last_one_that_was_started_counts(tmp_path: Path) -> None:
@@ -450,10 +427,7 @@ def test_of_several_cuts_the_last_one_that_was_started_counts(tmp_path: Path) ->
         ({}, ("started", "cut"), False),
     )
     for run, kinds, early in cuts:
-        record = RunRecord(tmp_path, {**ON_A_MACHINE, **run})
-        for kind in kinds:
-            record.add(kind, {})
-        record.close()
+        add_cut(tmp_path, kinds, **run)
         assert ended_early(tmp_path, MACHINE) is early, kinds
 
 

@@ -145,8 +145,7 @@ def test_no_motion_begins_while_the_configuration_is_read_and_a_stop_does(floor:
 
 
 def in_a_jog(floor: Floor, act: Callable[[Snapshot], None]) -> None:
-    floor.do(EnableDrives())
-    floor.do(Home())
+    floor.do(EnableDrives(), Home())
     floor.looks.append(act)
     floor.do(Jog(axis=AxisName.CARRIAGE, distance=3.0))
     floor.looks.remove(act)
@@ -308,8 +307,7 @@ def test_at_rest_the_positions_stand_and_the_buffer_is_given_back(families: Floo
 
 def jog(floor: Floor, work: ScopeWork, setup: ScopeSetup, distance_mm: float) -> Any:
     """Jog the carriage while a thread gathers."""
-    floor.do(EnableDrives())
-    floor.do(Home())
+    floor.do(EnableDrives(), Home())
     begun: list[bool] = []
 
     def look(snapshot: Snapshot) -> None:

@@ -28,6 +28,7 @@ from profiles.machine import MachineProfile
 from profiles.problem import ProfileError
 from profiles.store import load_job, load_machine
 from tests.console.commands import Console
+from tests.console.floor import known
 
 TCP = ("--tcp", "127.0.0.1:1025")
 
@@ -204,8 +205,7 @@ def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> Non
     assert plant() is None
     assert plant("--seed", "1") == replace(nominal, seed=1)
     assert plant("--seed", "1", "--clamping-sd", "3") == replace(nominal, seed=1, clamping_force_spread=0.03)
-    real = plant("--plant", "steady", "--seed", "1")
-    assert real is not None
+    real = known(plant("--plant", "steady", "--seed", "1"))
     assert (real.jaw_1_deg, real.home_radius_mm) == (None, nominal.home_radius_mm)
 
 

@@ -143,9 +143,7 @@ def test_no_cut_is_armed_before_the_filter_was_tested_in_air(tmp_path: Path, rea
     assert [each.code for each in state.uncommissioned] == ["trial.filter_untested"]
     owner.do(order)
     assert owner.refusals == ["trial.filter_untested"]
-    owner.do(EnableDrives())
-    owner.do(Home())
-    owner.do(CheckHealth(step_um=25.0))
+    owner.do(EnableDrives(), Home(), CheckHealth(step_um=25.0))
     assert owner.refusals == []
     owner.do(order)
     if reading is Reading.STATED:

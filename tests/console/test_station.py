@@ -31,7 +31,7 @@ from drivers.errors import LinkError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.language.errors import ErrorCode, PmacError
 from profiles.problem import Problem
-from tests.console.floor import LOGGED, Floor, experiment_1, in_turn, open_floor
+from tests.console.floor import LOGGED, Floor, experiment_1, in_turn, known, open_floor
 
 
 @pytest.fixture
@@ -70,10 +70,9 @@ def test_an_aligned_part_comes_out_round_is_recorded_and_is_not_in_the_chuck_any
     database.close()
     assert [kind for kind in kinds if kind not in LOGGED] == ["armed", "started", "cut", "measured"]
     assert runs == [("lee-2001-experiment-1", 1, "pvt")]
-    aligned.do(EnableDrives())
-    aligned.do(Approach(job=job))
-    after = aligned.idle().seen
-    assert after is not None and after.tool_gap_mm is None
+    aligned.do(EnableDrives(), Approach(job=job))
+    after = known(aligned.idle().seen)
+    assert after.tool_gap_mm is None
     # The chuck is the same, so jaw 1 is where it was: the spindle has not been turned.
     assert before.seen is not None
     assert after.jaw_1_past_mark_deg == pytest.approx(before.seen.jaw_1_past_mark_deg, abs=0.02)
@@ -82,21 +81,20 @@ def test_an_aligned_part_comes_out_round_is_recorded_and_is_not_in_the_chuck_any
 @pytest.mark.long
 def test_without_alignment_of_the_phase_the_lobe_stays(aligned: Floor) -> None:
     """The true angle of jaw 1 belongs to the plant: taken 60 deg off, the tool doubles the lobe."""
-    jaw = aligned.state.alignment.jaw
-    assert jaw is not None
+    jaw = known(aligned.state.alignment.jaw)
     wrong = replace(jaw, angle_deg=(jaw.angle_deg + 60.0) % 360.0)
     aligned.context.tell(alignment=replace(aligned.state.alignment, jaw=wrong))
     aligned.arm(experiment_1())
     aligned.do(Start())
-    measured = aligned.do(Measure()).measured
-    assert measured is not None and measured.result.ront_um == pytest.approx(2 * 55.0, rel=0.01)
+    measured = known(aligned.do(Measure()).measured)
+    assert measured.result.ront_um == pytest.approx(2 * 55.0, rel=0.01)
 
 
 @pytest.mark.long
 def test_a_part_cut_without_compensation_is_kept_as_the_one_before_and_not_judged(aligned: Floor) -> None:
     aligned.arm(experiment_1(), Strategy.NONE)
-    cut = aligned.do(Start()).cut
-    assert cut is not None and not cut.judged and cut.phase is None
+    cut = known(aligned.do(Start()).cut)
+    assert not cut.judged and cut.phase is None
     assert aligned.state.alarms == ()
     state = aligned.do(Measure())
     assert state.uncompensated is state.measured
@@ -151,13 +149,12 @@ def test_a_stop_in_mid_cut_and_the_way_back(aligned: Floor) -> None:
     aligned.do(DisableDrives())
     other = replace(job, diameter_mm=35.0)
     assert codes(aligned.do(ConfirmClamping(job=other))) == ["machine.tool_in_part"], "another job on the screen"
-    aligned.do(EnableDrives())
-    aligned.do(Retract())
+    aligned.do(EnableDrives(), Retract())
     assert aligned.state.refusals == () and not aligned.state.alarms
     aligned.arm(job)
     assert aligned.do(Start()).cut_done
-    measured = aligned.do(Measure()).measured
-    assert measured is not None and measured.result.ront_um < 0.3
+    measured = known(aligned.do(Measure()).measured)
+    assert measured.result.ront_um < 0.3
 
 
 @pytest.mark.long
@@ -180,12 +177,11 @@ def test_a_stop_in_mid_cut_says_where_it_marked_the_part(floor: Floor) -> None:
     assert state.stop.mark_mm == pytest.approx(1.0, abs=0.1)
     assert floor.context.plan is not None
     stood_um = 0.2 * (state.snapshot.tool.position - floor.context.plan.setup.surface)
-    floor.do(Recover())
-    floor.do(Retract())
+    floor.do(Recover(), Retract())
     floor.arm(job)
     assert floor.do(Start()).marks_mm == state.marks_mm
-    measured = floor.do(Measure()).measured
-    assert measured is not None and measured.marks_mm == state.marks_mm
+    measured = known(floor.do(Measure()).measured)
+    assert measured.marks_mm == state.marks_mm
     assert measured.result.ront_um == pytest.approx(min(max(stood_um - 72.5, 0.0), 55.0), abs=1.5)
     assert floor.do(ConfirmClamping(job=job)).marks_mm == ()
 
@@ -224,11 +220,11 @@ def test_a_hold_leaves_whole_turns_the_tool_out_and_no_tool_error(aligned: Floor
     aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
     state = aligned.do(Start())
     assert state.activity is Activity.READY and state.refusals == () and state.stop is None
-    cut = state.cut
-    assert cut is not None and cut.stage is CutStage.HELD and not state.cut_done and 20.0 < cut.turn < 30.0
+    cut = known(state.cut)
+    assert cut.stage is CutStage.HELD and not state.cut_done and 20.0 < cut.turn < 30.0
     assert cut.figures is not None and cut.figures.tool_error_um < 3.0 and cut.tool_error_peak_um < 3.0
-    snapshot = state.snapshot
-    assert snapshot is not None and snapshot.at_rest and snapshot.homed and snapshot.loops_closed
+    snapshot = known(state.snapshot)
+    assert snapshot.at_rest and snapshot.homed and snapshot.loops_closed
 
 
 def test_an_order_is_refused_while_another_is_carried_out(floor: Floor) -> None:
@@ -333,18 +329,15 @@ def test_a_second_part_begins_from_the_nearest_turn(aligned: Floor) -> None:
     """The first cut leaves the spindle some eighty turns on; nobody wants it turned back."""
     job = experiment_1()
     aligned.arm(job)
-    aligned.do(Start())
-    aligned.do(Measure())
-    aligned.do(ConfirmClamping(job=job))
-    aligned.do(EnableDrives())
+    aligned.do(Start(), Measure(), ConfirmClamping(job=job), EnableDrives())
     aligned.arm(job)
     turns = [aligned.lathe.snapshot().spindle.position / 10_000.0]
     aligned.looks.append(lambda s: turns.append(s.spindle.position / 10_000.0))
     state = aligned.do(Start())
     assert state.cut_done and turns[0] > 50.0
     assert min(turns) > turns[0] - 1.0
-    measured = aligned.do(Measure()).measured
-    assert measured is not None and measured.result.ront_um < 0.3
+    measured = known(aligned.do(Measure()).measured)
+    assert measured.result.ront_um < 0.3
 
 
 def test_drives_are_switched_on_all_or_none(floor: Floor, monkeypatch: MonkeyPatch) -> None:
@@ -407,8 +400,7 @@ def test_a_fault_of_the_console_stops_the_machine_and_leaves_the_thread_alive(al
 def test_a_tool_off_its_path_is_an_alarm_with_what_that_leaves(aligned: Floor, turned_deg: float) -> None:
     """The path that is judged by is turned by 5 deg behind the back of the program."""
     state = aligned.arm(experiment_1())
-    armed = state.armed
-    assert armed is not None
+    armed = known(state.armed)
     target = replace(armed.plan.target, phase_deg=armed.plan.target.phase_deg + turned_deg)
     aligned.context.tell(armed=replace(armed, plan=replace(armed.plan, target=target)))
     state = aligned.do(Start())

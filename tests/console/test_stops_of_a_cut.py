@@ -270,8 +270,7 @@ def test_after_a_stop_in_the_cut_f8_puts_it_back(floor: Floor) -> None:
     )
     floor.do(Start())
     floor.idle()
-    floor.do(Recover())
-    state = floor.do(Retract())
+    state = floor.do(Recover(), Retract())
     assert state.stop is None and state.refusals == (), state.alarms
     assert as_its_profile_says(floor)
     assert floor.arm(JOB, Strategy.PVT).armed is not None, floor.state.refusals
@@ -296,9 +295,7 @@ def left_in_the_part(floor: Floor) -> StationState:
     """Stopped behind turn 20, after F2 and with the tool out."""
     floor.arm(JOB)
     floor.when(lambda _: in_turn_20(floor), lambda: floor.stop.stop("space"))
-    floor.do(Start())
-    floor.do(Recover())
-    return floor.do(Retract())
+    return floor.do(Start(), Recover(), Retract())
 
 
 @pytest.mark.long
@@ -314,9 +311,7 @@ def test_how_far_the_blank_is_cut_is_known_until_another_one_is_clamped(aligned:
     again = aligned.do(Start())
     assert again.cut is not None and again.cut.stage is CutStage.POSITION
     assert (again.touched, again.marks_mm) == (left.touched, left.marks_mm)
-    aligned.do(Recover())
-    aligned.do(DisableDrives())
-    fresh = aligned.do(ConfirmClamping(job=JOB))
+    fresh = aligned.do(Recover(), DisableDrives(), ConfirmClamping(job=JOB))
     assert (fresh.touched, fresh.marks_mm) == (None, ())
 
 

@@ -47,7 +47,7 @@ from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.compact import CLOSE_TOGETHER, close_together
 from tests.console.commands import Console, JobFile
-from tests.console.floor import experiment_1, set_up_once
+from tests.console.floor import experiment_1, known, set_up_once
 from tests.drivers.cut_floor import with_inverter
 from tests.system.lathe_sites import compact
 from tests.tui.machine_states import ON, look_at
@@ -186,8 +186,7 @@ def cut(*, last_um: float = 0.0, first_um: float = 0.0, leaves_at: int = 0) -> t
             carriage=axes[2],
         )
         polls.see(snapshot, holding=bool(leaves_at))
-    found = polls.figures()
-    assert found is not None
+    found = known(polls.figures())
     return found, counted
 
 
@@ -225,8 +224,8 @@ def test_the_half_stage_alone_tells_what_it_leaves(stage: Stage, left_um_pp: tup
 def test_a_lost_cut_may_have_gone_on_unseen_for_a_turn_and_as_long_as_the_controller_takes_to_end_it() -> None:
     """6.3 s at 1000 rpm are 105 turns."""
     lathe: Any = SimpleNamespace(ends_within_s=6.3, machine=MACHINE)
-    before = _before(lathe, PLAN, touched_mm=2.5)
-    assert before is not None and before.to_mm == 2.5
+    before = known(_before(lathe, PLAN, touched_mm=2.5))
+    assert before.to_mm == 2.5
     assert before.unseen_mm == pytest.approx(106.0 * JOB.feed_mm_per_rev)
     assert _before(lathe, PLAN, touched_mm=0.0) is None
 
@@ -328,8 +327,7 @@ class Floor:
 def cut_at(machine: MachineProfile, set_rpm: float) -> tuple[Floor, float]:
     floor = Floor(machine, set_rpm)
     plan = plan_run(SHORT, machine, Strategy.TIMEBASE, watchdog=cut_condition(machine))
-    trace = cut_part(floor.context, SHORT, plan.cut, lambda step, detail: None).trace
-    assert trace is not None
+    trace = known(cut_part(floor.context, SHORT, plan.cut, lambda step, detail: None).trace)
     return floor, evaluate(trace.angle_deg, trace.deviation_um, 50.0).ront_um
 
 

@@ -31,6 +31,7 @@ from drivers.pmac.witness import CONSTANTS, Witness, WitnessReport
 from profiles.arrays import Floats, floats
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
+from tests.console.floor import known
 from tests.system.lathe_sites import compact
 
 MACHINE = compact("pmac")
@@ -52,8 +53,7 @@ def known_error(noise_um: float, count: int = 160) -> ToolError:
         -14.0 + 9.0 * z + 4.0 * np.cos(2.0 * np.pi * 3.0 * turns - 1.0) + 0.8 * np.sin(2.0 * np.pi * 7.0 * turns)
     )
     error_um += np.random.default_rng(5).normal(0.0, noise_um, count)
-    found = fit_tool_error(turns, past_mm, error_um, 3)
-    assert found is not None
+    found = known(fit_tool_error(turns, past_mm, error_um, 3))
     return found
 
 
@@ -72,8 +72,7 @@ def test_the_standard_errors_are_those_of_a_second_formulation() -> None:
     """The same model by `numpy.linalg.lstsq`, in columns written down anew, residual scatter over freedom."""
     turns, past_mm = polls_of(160)
     noise = np.random.default_rng(2).normal(0.0, 0.4, 160)
-    found = fit_tool_error(turns, past_mm, noise, 3)
-    assert found is not None
+    found = known(fit_tool_error(turns, past_mm, noise, 3))
     z = (past_mm - past_mm.mean()) / np.ptp(past_mm)
     decays = [np.exp(-turns / over) for over in (3.0, 12.0)]
     waves = [wave(2.0 * np.pi * n * turns) for n in range(1, 16) for wave in (np.cos, np.sin)]
@@ -101,8 +100,8 @@ def test_neighbours_that_are_alike_count_as_fewer_polls() -> None:
 def test_what_is_only_scatter_is_no_roundness_and_too_few_polls_tell_nothing() -> None:
     """A poll a turn is always at the same angle: a mean and a lobe are the same there."""
     turns, past_mm = polls_of(160)
-    found = fit_tool_error(turns, past_mm, np.zeros(160), 3)
-    assert found is not None and (found.roundness_um, found.size_um) == (0.0, 0.0)
+    found = known(fit_tool_error(turns, past_mm, np.zeros(160), 3))
+    assert (found.roundness_um, found.size_um) == (0.0, 0.0)
     assert known_error(0.3).roundness_um == pytest.approx(9.5, abs=0.5), "4 and 0.8 um: 8 to 9.6 peak to peak"
     for count in (0, 1, 15):
         assert fit_tool_error(turns[:count], past_mm[:count], np.zeros(count), 3) is None

@@ -34,6 +34,7 @@ from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, read_trace, trace_content, write_trace
 from tests.console.commands import Console, JobFile
 from tests.console.floor import Floor, open_floor
+from tests.console.floor import known as given
 from tests.record_clock import set_dates
 from tests.system.lathe_sites import compact_text
 from tests.tui.records_stage import described
@@ -57,8 +58,7 @@ class Outside:
         floor = self.floor
         floor.do(DisableDrives())
         floor.sim.mount(self.job.job)
-        floor.do(ConfirmClamping(job=self.job.job))
-        floor.do(EnableDrives())
+        floor.do(ConfirmClamping(job=self.job.job), EnableDrives())
         armed = floor.do(
             Arm(
                 job=self.job.job,
@@ -87,8 +87,7 @@ class Outside:
 
     @property
     def jaw_1_deg(self) -> float:
-        jaw = self.floor.state.alignment.jaw
-        assert jaw is not None
+        jaw = given(self.floor.state.alignment.jaw)
         return jaw.angle_deg
 
     def take(self, path: Path, **answers: str) -> StationState:
@@ -144,8 +143,8 @@ def test_what_the_gauge_says_of_one_part_makes_the_next_rounder(outside: Outside
     )
     assert lobe.amplitude_um == pytest.approx(known.amplitude_um, abs=0.2)
     assert lobe.phase_deg == pytest.approx(known.phase_deg, abs=0.5)
-    learning = first.learning
-    assert learning is not None and learning.taught is not None, learning
+    learning = given(first.learning)
+    assert learning.taught is not None, learning
     assert not learning.reasons
     version = accept(learning, outside.data)
     assert (version.version, version.holds_for.simulated) == (1, False)

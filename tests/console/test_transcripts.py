@@ -26,6 +26,7 @@ from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.roundness import evaluate
 from profiles.store import load_job
+from tests.console.floor import known
 from tests.golden_text import compare, writing
 from tests.system.lathe_sites import compact
 
@@ -195,8 +196,7 @@ def test_a_transcript_can_be_read_by_a_person(family: str, strategy: Strategy) -
 
 @every_job
 def test_the_part_of_a_transcript_is_round(family: str, strategy: Strategy) -> None:
-    trace = transcript(family, strategy)[1].trace
-    assert trace is not None
+    trace = known(transcript(family, strategy)[1].trace)
     assert evaluate(trace.angle_deg, trace.deviation_um, 50.0).ront_um < 1.0
 
 

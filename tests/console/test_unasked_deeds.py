@@ -33,7 +33,7 @@ from drivers.lathe.snapshot import AxisName, AxisState
 from drivers.pmac.client import PmacClient
 from drivers.simulator.plant.collision_kind import CollisionKind
 from profiles.store import load_machine
-from tests.console.floor import Floor, experiment_1, open_floor, refused_codes
+from tests.console.floor import Floor, experiment_1, known, open_floor, refused_codes
 from tests.drivers.test_collisions import printed_program
 from tests.drivers.test_limits_of_a_cut import polled
 from tests.system.lathe_sites import compact
@@ -81,7 +81,7 @@ def test_a_zero_that_another_host_sets_voids_home_jaw_1_and_touch_off(floor: Flo
     assert "controller.zero_shifted" not in codes(floor)
 
 
-def test_a_zero_that_is_set_while_a_cut_is_armed_starts_nothing_ever(floor: Floor) -> None:
+def test_a_zero_that_is_set_while_a_cut_is_armed_or_the_drives_are_off_is_seen(floor: Floor) -> None:
     floor.arm(experiment_1(1.5), Strategy.CAM)
     assert floor.state.armed is not None
     another_sends(floor, b"#1HMZ")
@@ -89,11 +89,10 @@ def test_a_zero_that_is_set_while_a_cut_is_armed_starts_nothing_ever(floor: Floo
         floor.do(Start())
         assert floor.state.cut is None
     assert not floor.state.alignment.homed
-
-
-def test_a_zero_that_is_set_with_the_drives_off_is_seen(floor: Floor) -> None:
-    another_sends(floor, b"#1K#2K#3K")
-    another_sends(floor, b"#3HMZ")
+    floor.do(Home())
+    assert floor.idle(0.5).alignment.homed and "controller.zero_shifted" not in codes(floor)
+    for line in (b"#1K#2K#3K", b"#3HMZ"):
+        another_sends(floor, line)
     assert "controller.zero_shifted" in codes(floor)
     floor.do(EnableDrives())
     assert not floor.state.alignment.homed
@@ -125,8 +124,8 @@ def test_a_jog_that_another_host_made_faster_is_refused(floor: Floor, line: byte
     floor.do(Jog(axis=axis, distance=-0.5))
     (refused,) = floor.state.refusals
     assert (refused.code, refused.key) == ("controller.setting", line.partition(b"=")[0].decode())
-    snapshot = floor.state.snapshot
-    assert snapshot is not None and snapshot.at_rest
+    snapshot = known(floor.state.snapshot)
+    assert snapshot.at_rest
 
 
 def test_own_jogs_and_own_switching_are_no_deeds_of_another(floor: Floor) -> None:
@@ -144,32 +143,21 @@ OFF = Jog(axis=AxisName.CARRIAGE, distance=-1.0)
 def standing(tmp_path: Path) -> Floor:
     """The carriage is homed, and stands on its positive limit switch."""
     floor = open_floor(tmp_path)
-    floor.do(DisableDrives())
-    floor.do(EnableDrives())
-    floor.do(Home())
-    floor.do(Jog(axis=AxisName.CARRIAGE, distance=10.0))
+    floor.do(DisableDrives(), EnableDrives(), Home(), Jog(axis=AxisName.CARRIAGE, distance=10.0))
     floor.sim.faults.ask("limit", {"motor": "carriage", "direction": "positive"})
     floor.idle()
     return floor
 
 
-def test_a_limit_that_is_met_stops_the_machine_and_is_told(standing: Floor) -> None:
+def test_a_limit_that_is_met_stops_the_machine_and_again_once_it_was_left(standing: Floor) -> None:
     assert standing.state.stop is not None
     assert [alarm.problem.value for alarm in standing.state.alarms] == ["carriage: positive_limit"]
-
-
-def test_the_operator_goes_on_and_jogs_off_it(standing: Floor) -> None:
     standing.idle()
     standing.do(Recover())
     before = standing.lathe.snapshot().carriage.position
     state = standing.do(OFF)
     assert state.stop is None and state.activity is Activity.READY, state.alarms
     assert standing.lathe.snapshot().carriage.position == pytest.approx(before - 1000.0, abs=2.0)
-
-
-def test_a_limit_that_was_left_and_is_met_again_stops_again(standing: Floor) -> None:
-    standing.idle()
-    standing.do(Recover())
     standing.sim.faults.clear()
     assert standing.idle().stop is None
     standing.sim.faults.ask("limit", {"motor": "carriage", "direction": "positive"})
@@ -199,9 +187,7 @@ def test_a_limit_that_was_acknowledged_stays_so_until_it_is_left(standing: Floor
 def test_a_fault_of_an_amplifier_is_one_alarm_until_the_drives_are_on_again(tmp_path: Path, axis: str) -> None:
     """It ends a jog: the motion, the stop and the look behind it tell of one and the same thing."""
     floor = open_floor(tmp_path)
-    floor.do(DisableDrives())
-    floor.do(EnableDrives())
-    floor.do(Home())
+    floor.do(DisableDrives(), EnableDrives(), Home())
 
     def trip() -> None:
         floor.sim.faults.ask("amplifier-fault", {"motor": axis})
@@ -309,8 +295,7 @@ def test_a_new_blank_has_met_nothing_and_can_meet_again(aligned: Floor) -> None:
     plunge(aligned)
     for _ in aligned.state.alarms:
         assert aligned.station.post(Acknowledge())
-    aligned.do(Home())
-    aligned.do(DisableDrives())
+    aligned.do(Home(), DisableDrives())
     assert collisions_told(aligned.do(ConfirmClamping(job=experiment_1(8.0)))) == {}
     aligned.set_up(experiment_1(8.0))
     again = set(collisions_told(plunge(aligned)))
@@ -430,8 +415,8 @@ def test_an_answer_dates_only_what_comes_after_it(monkeypatch: MonkeyPatch) -> N
     now = [50.0]
     monkeypatch.setattr("console.session.dated_input.boot_s", lambda: now[0])
     age = InputAge()
-    asks = age.question(now[0])
-    assert asks is not None and age.late_s() is not None and age.late_s(moves=False) is None
+    asks = known(age.question(now[0]))
+    assert age.late_s() is not None and age.late_s(moves=False) is None
     age.asked(asks[0], now[0])
     now[0] += 0.3
     age.emptied(now[0])
@@ -446,8 +431,7 @@ def test_an_answer_dates_only_what_comes_after_it(monkeypatch: MonkeyPatch) -> N
 def test_no_answer_is_taken_for_that_of_a_later_question() -> None:
     age, at_s = InputAge(), 0.0
     for _ in range(PLACES):
-        asks = age.question(at_s)
-        assert asks is not None
+        asks = known(age.question(at_s))
         age.asked(asks[0], at_s)
         at_s += 1.0
     assert age.question(at_s) is None

@@ -37,6 +37,7 @@ from profiles.problem import Problem
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
 from tests.console.commands import Console, JobFile
+from tests.console.floor import known
 from tests.tui.stage import LANGUAGES
 
 MACHINE = load_machine("lee-2001-lathe").machine
@@ -75,8 +76,7 @@ def test_what_is_left_of_a_lobe_is_told_apart_into_this_clamping_and_what_repeat
     for factor in (*(1.0,) * 11, 1.061):
         learning.clamp(CutPath(target=target_path(RING), command=target_path(RING)), None, lambda _: 1.0 + 0j)
         learning.measured(factor * lobe_um - lobe_um, lobe_um, 0.05)
-    left = learning.left
-    assert left is not None
+    left = known(learning.left)
     assert left.left_um_pp == pytest.approx(0.061 * 55.0)
     assert left.own_um_pp == pytest.approx(0.061 * 55.0, rel=0.12) and left.repeats_um_pp < 0.4
     assert left.force_deviation == pytest.approx(0.05, rel=0.12)

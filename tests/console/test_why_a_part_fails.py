@@ -43,7 +43,7 @@ from profiles.compensations.causes import Cause, CauseKind
 from profiles.store import LoadedJob, load_job, load_machine
 from profiles.traces import read_trace
 from tests.console.commands import Console, JobFile
-from tests.console.floor import Floor, open_floor
+from tests.console.floor import Floor, known, open_floor
 from tests.system.lathe_sites import compact_text
 
 SEED = 11
@@ -74,11 +74,9 @@ def stiff(tmp_path: Path, data_folder: Path, job: LoadedJob) -> Floor:
 
 def cut(floor: Floor, job: LoadedJob, force: float = 1.0) -> MeasuredPart:
     """Cut and measure a blank that is clamped with so much of the force that the operator confirms."""
-    floor.do(DisableDrives())
-    floor.do(ConfirmClamping(job=job.job))
+    floor.do(DisableDrives(), ConfirmClamping(job=job.job))
     floor.sim.mount(replace(job.job, chucking_force_n=force * job.job.chucking_force_n))
-    floor.do(EnableDrives())
-    armed = floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
+    armed = floor.do(EnableDrives(), Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
     assert armed.armed is not None, armed.refusals
     floor.do(Start())
     measured = floor.do(Measure()).measured
@@ -93,8 +91,7 @@ def most_likely(part: MeasuredPart) -> Cause:
 
 @pytest.mark.long
 def test_a_jaw_that_was_taken_25_degrees_off_is_named_with_its_angle(floor: Floor, job: LoadedJob) -> None:
-    floor.do(Jog(axis=AxisName.SPINDLE, distance=25.0))
-    floor.do(TakeJaw())
+    floor.do(Jog(axis=AxisName.SPINDLE, distance=25.0), TakeJaw())
     part = cut(floor, job)
     cause = most_likely(part)
     assert cause.kind is CauseKind.ANGLE
@@ -132,8 +129,8 @@ def test_a_part_within_its_tolerance_has_no_failure_to_explain(floor: Floor, job
 def test_a_touch_off_40_um_early_is_seen_in_the_diameter_and_taken_back(stiff: Floor, job: LoadedJob) -> None:
     """On a lathe whose tool does not give way with the depth of cut: there one correction is enough."""
     usual = cut(stiff, job)
-    touched = stiff.state.alignment.touch_off
-    assert touched is not None and usual.tool_offset_um is not None and usual.diameter_mm is not None
+    touched = known(stiff.state.alignment.touch_off)
+    assert usual.tool_offset_um is not None and usual.diameter_mm is not None
     early = replace(touched, zero_radius_mm=touched.zero_radius_mm - 0.04)  # the tip is believed further in
     stiff.context.tell(alignment=replace(stiff.state.alignment, touch_off=early))
     part = cut(stiff, job)
@@ -243,8 +240,7 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
     state = StationState(measured=part)
     now = Situation(state=state, work=None, machine=load_machine("lee-2001-lathe").machine)
     assert [each.code for each in refused("inspect.offset", now)] == [code]
-    shown = compared(state)
-    assert shown is not None
+    shown = known(compared(state))
     for language in ("en", "ko"):
         words = plain(result_lines(shown, False, load(language), 60, 40))
         assert f"{radius_mm:.3f}" in words and not re.search(r"\+\d{3}", words)
@@ -313,11 +309,9 @@ def test_table_and_plot_count_from_jaw_1(
     part = MeasuredPart(
         job=job, strategy=Strategy.NONE, trace=found.turn, result=found.result, jaw_1_deg=job.jaw_1_deg
     )
-    shown = compared(StationState(measured=part))
-    assert shown is not None
+    shown = known(compared(StationState(measured=part)))
     if upr is not None:  # looked at with another filter it is evaluated anew
-        shown = compared(StationState(measured=part), replace(shown.looked, filter_upr=upr))
-        assert shown is not None
+        shown = known(compared(StationState(measured=part), replace(shown.looked, filter_upr=upr)))
     past_deg = phase_from_jaw_deg(shown.last, 3)
     assert past_deg == pytest.approx(PAST_DEG, abs=0.01)
     highest = float(shown.last.angle_deg[int(np.argmax(shown.last.profile_um))])
@@ -340,12 +334,11 @@ def recorded(content: bytes, jaw_1_deg: float) -> RecordedPart:
 @pytest.mark.parametrize("direction", ["cw", "ccw"])
 def test_report_and_records_count_from_jaw_1(direction: str, tmp_path: Path) -> None:
     part = recorded(file_from_jaw(tmp_path, direction).read_bytes(), 261.65)
-    printed = evaluated_part(part, {})
-    assert printed is not None and printed.jaw_1_deg is not None
+    printed = known(evaluated_part(part, {}))
+    assert printed.jaw_1_deg is not None
     way = -1.0 if direction == "ccw" else 1.0
     near(way * (float(printed.turn.angle_deg[int(np.argmax(printed.profile_um))]) - printed.jaw_1_deg))
-    trace = evaluated_part(part, {}, on_spindle=True)
-    assert trace is not None
+    trace = known(evaluated_part(part, {}, on_spindle=True))
     assert trace.jaw_1_deg == 261.65
     near(float(trace.turn.angle_deg[int(np.argmax(trace.profile_um))]) - trace.jaw_1_deg)
 

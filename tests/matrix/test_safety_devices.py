@@ -14,6 +14,7 @@ from console.session.station.commands import Command, DisableDrives, EnableDrive
 from console.session.station.state import Activity
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.heartbeat.plc import Policy
+from tests.console.floor import known
 from tests.matrix import rig as rigs
 from tests.matrix.cell import JITTER, Kind, kind_of, way
 from tests.matrix.faults import Row
@@ -144,8 +145,7 @@ def stop_s(rig: Rig, since_s: float) -> float:
 
 
 def tool_is_out(rig: Rig) -> bool:
-    plan = rig.context.plan
-    assert plan is not None
+    plan = known(rig.context.plan)
     return rig.sim.controller.motors[1].position == pytest.approx(plan.setup.retracted, abs=5.0)
 
 

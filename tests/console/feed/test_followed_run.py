@@ -27,7 +27,7 @@ from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.problem import ProblemError
 from tests.compact import compact_machine
-from tests.console.floor import experiment_1
+from tests.console.floor import experiment_1, known
 
 
 class Watched(Unrecorded):
@@ -65,8 +65,7 @@ def test_a_cut_is_followed_to_its_part() -> None:
     assert all(rpm is not None and abs(rpm - 1000.0) < 20.0 for rpm in speeds)
     assert {moment.state.activity for moment in watched.moments} == {Activity.CUTTING}
     assert {(moment.run_id, moment.job, moment.parts) for moment in watched.moments} == {("r1", job.name, 0)}
-    newest = watched.moments[-1].state.snapshot
-    assert newest is not None
+    newest = known(watched.moments[-1].state.snapshot)
     followed.seen(replace(newest, tool=replace(newest.tool, flags=newest.tool.flags | {"amplifier_fault"})))
     line = report(followed.observed(), process=1, operator="kim", at_utc="")
     (alarm,) = line.alarms
@@ -127,6 +126,6 @@ def test_a_loss_before_this_run_is_told_as_such() -> None:
     simulated = SimulatedLathe(machine)
     link = MemoryLink(simulated.connect(), simulated)
     heartbeat = Heartbeat(PmacClient(link, simulated), simulated, machine)
-    loss = heartbeat.loss(2)
-    assert loss is not None and (loss.code, loss.value) == ("heartbeat.lost", "program")
+    loss = known(heartbeat.loss(2))
+    assert (loss.code, loss.value) == ("heartbeat.lost", "program")
     assert heartbeat.loss(0) is None

@@ -212,7 +212,7 @@ def test_a_folder_that_cannot_be_is_one_low_alarm(tmp_path: Path, bad: str) -> N
     assert len(bench.frozen) == 1
 
 
-def test_an_operator_who_leaves_leaves_nothing_and_a_signal_freezes(tmp_path: Path) -> None:
+def test_an_operator_who_leaves_leaves_nothing_and_a_signal_or_a_stop_before_it_freezes(tmp_path: Path) -> None:
     bench = FlightBench(tmp_path)
     bench.runs(2.0)
     bench.recorder.leave()
@@ -226,15 +226,12 @@ def test_an_operator_who_leaves_leaves_nothing_and_a_signal_freezes(tmp_path: Pa
     other.recorder._finish()
     assert reasons(other.frozen[0]) == ["SIGHUP"]
     assert list((tmp_path / "flight" / "running").iterdir()) == []
-
-
-def test_a_stop_just_before_the_end_is_frozen_at_the_end(tmp_path: Path) -> None:
-    bench = FlightBench(tmp_path)
-    bench.stops("space")
-    bench.runs(1.0)
-    bench.recorder.leave()
-    bench.recorder._finish()
-    assert reasons(bench.frozen[0]) == ["stop space"]
+    stopped = FlightBench(tmp_path / "stopped")
+    stopped.stops("space")
+    stopped.runs(1.0)
+    stopped.recorder.leave()
+    stopped.recorder._finish()
+    assert reasons(stopped.frozen[0]) == ["stop space"]
 
 
 def test_a_recorder_that_fails_says_so_and_the_rest_goes_on(tmp_path: Path) -> None:

@@ -35,7 +35,7 @@ from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
-from tests.console.floor import Floor, open_floor
+from tests.console.floor import Floor, known, open_floor
 from tests.system.lathe_sites import compact_text
 from tests.tui import align_stage, run_stage, scenes
 from tests.tui.machine_states import REST
@@ -160,8 +160,7 @@ def works_after() -> Iterator[Work | None]:
     yield replace(work, stage="air")
     yield replace(work, stage="air", strategy="none")
     yield replace(work, compensation=learning.taught.step.next)
-    found = found_lobe().found
-    assert found is not None
+    found = known(found_lobe().found)
     fitted = replace(work.job, lobe_error_source="fitted", lobe_error_um_pp=found.fit.error_um_pp)
     yield replace(work, job=fitted)
     yield replace(work, job=fitted, strategy="none")
@@ -258,15 +257,14 @@ class Novice:
             self.open = self.work
         elif row.word == "align.jaw":
             for _ in range(2):
-                seen = self.floor.idle().seen
-                assert seen is not None
+                seen = known(self.floor.idle().seen)
                 self.floor.do(Jog(axis=AxisName.SPINDLE, distance=-seen.jaw_1_past_mark_deg))
             self.floor.do(self._command(row))
         elif row.word == "align.touch_off_over":
             self.floor.touch(-0.0005)
         elif row.key == "inspect.accept":
-            measured = self.floor.state.measured
-            assert measured is not None and measured.learning is not None
+            measured = known(self.floor.state.measured)
+            assert measured.learning is not None
             self.open = using(self.work, accept(measured.learning, self.data))
         elif row.key not in ("align.enable", "inspect.next"):
             self.floor.do(self._command(row))
