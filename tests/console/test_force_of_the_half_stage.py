@@ -325,13 +325,8 @@ def test_with_a_stiff_loop_neither_entry_nor_hold_leaves_a_step(strategy: Strate
     assert min(ABOUT_HOLD_MM) < -0.4 and max(ABOUT_HOLD_MM) > 0.4  # as long as the land reaches
 
 
-@pytest.mark.parametrize(
-    "strategy",
-    [
-        Strategy.CAM,
-        *(pytest.param(each, marks=pytest.mark.long) for each in (Strategy.PVT, Strategy.TIMEBASE)),
-    ],
-)
+@pytest.mark.long
+@pytest.mark.parametrize("strategy", [Strategy.CAM, Strategy.PVT, Strategy.TIMEBASE])
 def test_a_stated_force_takes_the_push_of_a_soft_loop_out(strategy: Strategy) -> None:
     found = figures(cutting(strategy, gains=None, passive=0.4), 7)
     assert not found.refused

@@ -219,7 +219,7 @@ def test_a_hold_leaves_whole_turns_the_tool_out_and_no_tool_error(aligned: Floor
     aligned.arm(experiment_1())
     aligned.when(lambda _: in_turn(aligned, 20.0), lambda: hold(aligned))
     state = aligned.do(Start())
-    assert state.activity is Activity.READY and state.refusals == () and state.stop is None
+    assert state.activity is Activity.READY and (state.refusals, state.alarms, state.stop) == ((), (), None)
     cut = known(state.cut)
     assert cut.stage is CutStage.HELD and not state.cut_done and 20.0 < cut.turn < 30.0
     assert cut.figures is not None and cut.figures.tool_error_um < 3.0 and cut.tool_error_peak_um < 3.0
