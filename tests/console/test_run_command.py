@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import sqlite3
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,20 @@ FILTER_AT_3 = 0.99751
 
 SHORT_MM = "0.5"
 """A cut of 24 turns, for what is in each of them or in none."""
+
+
+Run = Callable[..., dict[str, Any]]
+"""With the words and the fields of the job, the result of a short cut close to the chuck."""
+
+
+@pytest.fixture
+def run(console: Console, close: tuple[str, str], job_file: JobFile) -> Run:
+    def of_words(*words: str, **fields: str) -> dict[str, Any]:
+        path = job_file(**{"cut_length_mm": SHORT_MM, **fields})
+        result: dict[str, Any] = console("run", str(path), "--sim", *close, "--json", *words).json
+        return result
+
+    return of_words
 
 
 def shorter(job: str, folder: Path) -> str:
@@ -65,9 +80,9 @@ def test_the_lobe_of_the_paper_is_measured_and_then_taken_away(
 
 
 @pytest.mark.long
-def test_tool_and_following_error_differ(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
+def test_tool_and_following_error_differ(run: Run) -> None:
     """The command runs ahead of the tool by the lag of the servo; the tool is where the part wants it."""
-    result = console("run", str(job_file(cut_length_mm=SHORT_MM)), "--sim", *close, "--json").json
+    result = run()
     assert result["tool_error_um"] < 2.0
     # |1 - T| of the command: 31.05 um times |1 - 0.8855 exp(-0.9023j)|.
     assert result["following_error_um"] == pytest.approx(31.05 * 0.8294, abs=1.5)
@@ -92,11 +107,8 @@ def test_the_printed_program_is_slow_and_short(
 
 
 @pytest.mark.long
-def test_ts_5_reaches_the_speed_but_not_the_stroke(
-    console: Console, close: tuple[str, str], job_file: JobFile
-) -> None:
-    job = str(job_file(cut_length_mm=SHORT_MM))
-    result = console("run", job, "--sim", *close, "--json", "--strategy", "paper", "--ts", "5").json
+def test_ts_5_reaches_the_speed_but_not_the_stroke(run: Run) -> None:
+    result = run("--strategy", "paper", "--ts", "5")
     assert result["spindle_rpm"] == pytest.approx(1000, rel=1e-4)
     assert "36.67 um (66.7 %)" in " ".join(result["warnings"])
     assert result["segment_ms"] == 10
@@ -105,25 +117,17 @@ def test_ts_5_reaches_the_speed_but_not_the_stroke(
     assert result["after"]["RONt_um"] == pytest.approx(43.2, abs=1.0)
 
 
-def test_uncompensated_nothing_is_gained(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
-    path = str(job_file(cut_length_mm=SHORT_MM))
-    result = console("run", path, "--sim", *close, "--json", "--strategy", "none").json
+def test_uncompensated_nothing_is_gained(run: Run) -> None:
+    result = run("--strategy", "none")
     assert result["before"] == result["after"]
     assert result["improvement_percent"] == 0
     assert result["collisions"] == []
 
 
 @pytest.mark.long
-def test_a_four_jaw_chuck_does_what_it_says(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
-    path = job_file(
-        jaws="4",
-        lobe_error_um_pp="20.0",
-        lobe_phase_deg="17.0",
-        spindle_speed_rpm="730.0",
-        diameter_mm="53.0",
-        cut_length_mm=SHORT_MM,
-    )
-    result = console("run", str(path), "--sim", *close, "--json").json
+def test_a_four_jaw_chuck_does_what_it_says(run: Run) -> None:
+    size = {"spindle_speed_rpm": "730.0", "diameter_mm": "53.0"}
+    result = run(jaws="4", lobe_error_um_pp="20.0", lobe_phase_deg="17.0", **size)
     before = result["before"]
     assert before["RONt_um"] == pytest.approx(20.0, abs=0.3)
     assert harmonic(before, 4)["amplitude_um"] == pytest.approx(10.0, abs=0.1)
@@ -138,20 +142,10 @@ def test_a_four_jaw_chuck_does_what_it_says(console: Console, close: tuple[str, 
     ("rpm", "jaws"),
     [pytest.param(173.0, 3, marks=pytest.mark.long), pytest.param(2400.0, 2, marks=pytest.mark.long), (601.3, 6)],
 )
-def test_any_permitted_speed_is_compensated(
-    console: Console, close: tuple[str, str], job_file: JobFile, rpm: float, jaws: int
-) -> None:
-    path = job_file(
-        jaws=str(jaws),
-        spindle_speed_rpm=str(rpm),
-        lobe_error_um_pp="12.5",
-        material='"A6061"',
-        chucking_force_n="2500.0",
-        lobe_force_n="2500.0",
-        feed_mm_per_rev="0.2",
-        cut_length_mm="2.0",
-    )
-    result = console("run", str(path), "--sim", *close, "--json").json
+def test_any_permitted_speed_is_compensated(run: Run, rpm: float, jaws: int) -> None:
+    part = {"material": '"A6061"', "chucking_force_n": "2500.0", "lobe_force_n": "2500.0", "cut_length_mm": "2.0"}
+    cut = {"spindle_speed_rpm": str(rpm), "lobe_error_um_pp": "12.5", "feed_mm_per_rev": "0.2"}
+    result = run(jaws=str(jaws), **part, **cut)
     assert result["before"]["RONt_um"] == pytest.approx(12.5, abs=0.3)
     assert result["after"]["RONt_um"] < 1.0
 
@@ -203,16 +197,8 @@ def test_what_the_tool_ran_into_is_told(
     console: Console, close: tuple[str, str], job_file: JobFile, monkeypatch: MonkeyPatch, language: str, word: str
 ) -> None:
     """A tool that takes nothing, put to an ordinary cut."""
-    words = (
-        "run",
-        str(job_file(cut_length_mm=SHORT_MM)),
-        "--sim",
-        *close,
-        "--strategy",
-        "none",
-        "--lang",
-        language,
-    )
+    path = str(job_file(cut_length_mm=SHORT_MM))
+    words = ("run", path, "--sim", *close, "--strategy", "none", "--lang", language)
     monkeypatch.setattr("drivers.simulator.plant.collision.TOOL_TAKES_MM", -0.05)
     assert any(word in line for line in console(*words).out.splitlines())
     if language == "en":
@@ -234,7 +220,7 @@ def lathe_of(family: str, folder: Path) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("strategy", ["cam", pytest.param("timebase", marks=pytest.mark.long)])
+@pytest.mark.parametrize("strategy", ["cam", "timebase"])
 @pytest.mark.long
 def test_a_turbo_takes_the_lobe_away(console: Console, job_file: JobFile, tmp_path: Path, strategy: str) -> None:
     """By the table on the bundled machine as it is."""
