@@ -35,7 +35,7 @@ from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.pmac.dialect import DIALECTS
 from profiles.words.sentences import LANGUAGES
-from tests.console.floor import Floor, experiment_1, floor_at, known, open_floor, set_up_once
+from tests.console.floor import Floor, experiment_1, floor_at, known, open_floor, refused_codes, set_up_once
 from tests.tui.stage import experiment, ui_for
 
 JOB = experiment_1()
@@ -52,42 +52,28 @@ def commissioned(floor: Floor, data: Path) -> None:
     floor.do(Verify())
 
 
-def in_the_cut(floor: Floor) -> bool:
-    """Whether the program of the cut was seen running and has switched its table on."""
-    client = floor.context.client
-    return client is not None and floor.state.activity is Activity.CUTTING and client.numbers("I51") == (1.0,)
+def cutting(floor: Floor) -> bool:
+    return floor.state.cut is not None and floor.state.cut.stage is CutStage.CUT
 
 
-def test_after_a_stop_in_a_cut_by_a_table_arming_names_the_table_and_f8_switches_it_off(tmp_path: Path) -> None:
-    floor = open_floor(tmp_path)
+def test_after_a_stop_on_a_table_arming_names_it_and_f8_leaves_nothing_of_it(
+    tmp_path: Path, in_copies: None
+) -> None:
+    floor = set_up_once(tmp_path)
     commissioned(floor, tmp_path)
-    floor.set_up(JOB)
     assert floor.arm(JOB, Strategy.CAM).armed is not None
-    floor.when(lambda _: in_the_cut(floor), lambda: floor.stop.stop("space"))
-    floor.do(Start(), Recover())
-    refused = floor.do(Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.CAM)).refusals
-    assert [problem.code for problem in refused] == ["cut.table_on"]
-    floor.do(Retract())
-    assert floor.arm(JOB, Strategy.CAM).refusals == ()
-
-
-def test_after_a_stop_on_a_table_f8_leaves_nothing_of_it(tmp_path: Path, in_copies: None) -> None:
-    floor, job = set_up_once(tmp_path), experiment_1()
-    assert floor.arm(job, Strategy.CAM).armed is not None
-    floor.when(
-        lambda _: floor.state.cut is not None and floor.state.cut.stage is CutStage.CUT,
-        lambda: floor.stop.stop("space"),
-    )
+    floor.when(lambda _: cutting(floor), lambda: floor.stop.stop("space"))
     floor.do(Start())
     floor.idle()
     assert floor.state.stop is not None and floor.state.stop.rest_s is not None
     floor.do(Recover())
-    assert [problem.code for problem in floor.lathe.program.tables_left()] != []
+    named = refused_codes(floor.do(Arm(job=JOB, job_sha256="0" * 64, strategy=Strategy.CAM)))
+    assert set(named) == codes(floor) == {"cut.table_on", "cut.table_holds"}
     state = floor.do(Retract())
     assert state.activity is Activity.READY and state.refusals == () and state.stop is None, state.alarms
-    assert floor.lathe.program.tables_left() == ()
-    assert floor.sim.controller.variables.i(51) == 0.0
-    assert floor.arm(job, Strategy.CAM).armed is not None, floor.state.refusals
+    assert codes(floor) == set() and floor.sim.controller.variables.i(51) == 0.0
+    state = floor.arm(JOB, Strategy.CAM)
+    assert state.armed is not None and state.refusals == (), state.refusals
 
 
 SHORT = experiment_1(0.3)
@@ -155,10 +141,7 @@ def left_in_mid_cut(records: Path) -> Floor:
     """The lathe as a closed terminal leaves it in mid cut, and a new console at it."""
     floor = set_up_once(records)
     assert floor.arm(JOB, Strategy.CAM).armed is not None
-    floor.when(
-        lambda _: floor.state.cut is not None and floor.state.cut.stage is CutStage.CUT,
-        lambda: floor.stop.stop("SIGHUP"),
-    )
+    floor.when(lambda _: cutting(floor), lambda: floor.stop.stop("SIGHUP"))
     floor.do(Start())
     floor.station.close("SIGHUP")
     new = floor_at(floor.sim, records, floor.context.loaded_machine)
@@ -298,12 +281,11 @@ def test_by_keys_the_table_is_cleared_and_all_homed(tmp_path: Path, in_copies: N
 
 def test_nothing_is_sent_while_a_drive_is_enabled_or_a_home_is_known(tmp_path: Path, in_copies: None) -> None:
     floor = left_in_mid_cut(tmp_path)
-    before = floor.lathe.program.tables_left()
-    assert [problem.code for problem in floor.do(ClearTables()).refusals] == ["tables.homed"]
+    assert refused_codes(floor.do(ClearTables())) == ["tables.homed"]
     lose_home(floor)
     floor.do(EnableDrives())
     before = floor.lathe.program.tables_left()
-    assert [problem.code for problem in floor.do(ClearTables()).refusals] == ["tables.drives_enabled"]
+    assert refused_codes(floor.do(ClearTables())) == ["tables.drives_enabled"]
     assert floor.lathe.program.tables_left() == before != ()
 
 

@@ -250,23 +250,15 @@ def families(request: pytest.FixtureRequest, tmp_path: Path) -> Floor:
     return with_side(open_floor(tmp_path, machine=replace(loaded, machine=machine)))
 
 
-class Control:
-    """What the work of the page sees of a station."""
-
-    def __init__(self, floor: Floor) -> None:
-        self._floor = floor
-
-    @property
-    def state(self) -> Any:
-        return self._floor.state
-
-    def now_s(self) -> float:
-        return self._floor.sim.now_s()
-
-
 def work_of(floor: Floor) -> ScopeWork:
-    assert floor.context.side is not None
-    return ScopeWork(floor.context.side, floor.context.loaded_machine.machine, Control(floor))  # type: ignore[arg-type]
+    class Control:
+        """What the work of the page sees of a station."""
+
+        state = property(lambda _: floor.state)
+        now_s = staticmethod(floor.sim.now_s)
+
+    control: Any = Control()
+    return ScopeWork(side_of(floor), floor.context.loaded_machine.machine, control)
 
 
 def gathered(floor: Floor, setup: ScopeSetup, act: Callable[[ScopeWork], object] = lambda work: None) -> Any:
@@ -280,10 +272,6 @@ def gathered(floor: Floor, setup: ScopeSetup, act: Callable[[ScopeWork], object]
 
     floor.looks.append(look)
     return served(floor, lambda: work.record(setup, "now"))
-
-
-def codes_of(error: object) -> list[str]:
-    return [problem.code for problem in getattr(error, "problems", ())]
 
 
 def status(floor: Floor) -> tuple[str, ...]:
@@ -370,21 +358,25 @@ def test_a_cut_starts_the_record_and_is_not_disturbed_by_it(families: Floor) -> 
     assert families.state.cut_done and families.state.alarms == ()
 
 
-def test_another_host_that_gathers_is_left_alone(families: Floor) -> None:
-    other = PmacClient(MemoryLink(families.sim.connect(), families.sim), families.sim)
+def another_host(floor: Floor) -> PmacClient:
+    other = PmacClient(MemoryLink(floor.sim.connect(), floor.sim), floor.sim)
     other.connect()
+    return other
+
+
+def test_another_host_that_gathers_is_left_alone(families: Floor) -> None:
+    other = another_host(families)
     gather = other.dialect.gathering
     other.request(f"I{gather.period}=1 I{gather.masks[0]}=1 I{gather.first_source}=$800028")
     other.request("DEFINE GATHER 20000")
     other.request("GATHER")
-    assert codes_of(gathered(families, SHORT)) == ["scope.in_use"]
+    assert codes(gathered(families, SHORT)) == ["scope.in_use"]
     assert len(other.request("LIST GATHER 0,16")[0].split()) == 16
 
 
 @pytest.mark.parametrize("what", ["period", "buffer"])
 def test_another_host_that_changes_the_set_up_meanwhile_is_noticed(what: str, families: Floor) -> None:
-    other = PmacClient(MemoryLink(families.sim.connect(), families.sim), families.sim)
-    other.connect()
+    other = another_host(families)
     period = other.dialect.gathering.period
 
     def act(work: ScopeWork) -> None:
@@ -394,19 +386,16 @@ def test_another_host_that_changes_the_set_up_meanwhile_is_noticed(what: str, fa
             other.request("ENDGATHER")
             other.request("DELETE GATHER")
 
-    assert codes_of(gathered(families, SHORT, act)) == ["scope.changed"]
+    assert codes(gathered(families, SHORT, act)) == ["scope.changed"]
     assert other.numbers(f"I{period}") == ((3.0,) if what == "period" else (10.0,))
 
 
 def test_a_link_lost_while_gathering_ends_it_with_the_reason(families: Floor) -> None:
-    def lost(data: bytes) -> None:
-        raise LinkError(Problem(code="link.lost", where="memory"))
-
     def act(work: ScopeWork) -> None:
-        families.link.send = lost  # type: ignore[method-assign]
+        families.link.send = broken  # type: ignore[method-assign]
 
     found = gathered(families, replace(SHORT, length_s=0.5), act)
-    assert codes_of(found) and codes_of(found)[0] in ("link.lost", "beside.silent")
+    assert codes(found)[0] in ("link.lost", "beside.silent")
     assert families.state.activity is Activity.LOST
 
 

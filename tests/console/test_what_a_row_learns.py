@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import cmath
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -255,20 +254,8 @@ def test_a_batch_is_as_quick_with_many_jaws_and_shows_each_learned_order(jaws: i
 def test_with_six_jaws_the_second_is_rounder(console: Console, close: tuple[str, str], tmp_path: Path) -> None:
     """Jaw 1 makes 13.8 um of oval, more than twice the lobe; 0.90 of a path arrives, so 2.7 um p-p of it stay."""
     path = job_file("six", tmp_path)
-    words = (
-        str(path),
-        *close,
-        "--sim",
-        "--plant",
-        "realistic",
-        "--seed",
-        "3",
-        "--strategy",
-        "cam",
-        "--learn",
-        "2",
-    )
-    first, second = json.loads(console("run", *words, "--json").out)["passes"]
+    words = "--sim --plant realistic --seed 3 --strategy cam --learn 2 --json".split()
+    first, second = console("run", str(path), *close, *words).json["passes"]
     assert first["RONt_um"] > 25.0
     assert second["RONt_um"] < 0.25 * first["RONt_um"]
     assert MADE["six"]["jaws"] == 6 and MOST_TRIM_UM < 13.8, "a trim alone could not"
