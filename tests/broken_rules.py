@@ -148,14 +148,14 @@ _STOPPING: tuple[Mutation, ...] = (
         file=INTERLOCKS,
         old='"machine.not_homed": snapshot.homed,',
         new='"machine.not_homed": True,',
-        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
+        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut",
     ),
     Mutation(
         rule="A cut begins with every loop closed.",
         file=INTERLOCKS,
         old='"machine.not_enabled": snapshot.loops_closed,',
         new='"machine.not_enabled": True,',
-        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
+        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut",
     ),
     Mutation(
         rule="A spindle that is set by hand has the speed of the job.",
@@ -260,7 +260,7 @@ _CUTTING: tuple[Mutation, ...] = (
         file="console/session/cut/alignment.py",
         old="if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:",
         new="if alignment.jaw is None and alignment.touch_off is None:",
-        test="tests/console/test_alignment.py::test_behind_another_console_the_only_stamp_is_gone_as_well",
+        test="tests/console/test_alignment.py::test_behind_another_console_nothing_is_aligned",
     ),
 )
 
