@@ -32,7 +32,7 @@ on_one = pytest.mark.parametrize("card", ["pmac"], indirect=True)
 def card(request: pytest.FixtureRequest, monkeypatch: MonkeyPatch) -> Commissioned:
     """The controller that the commands meet, on simulated time."""
     made = commissioned(of_family(load_machine("lee-2001-lathe").machine, request.param))
-    _meet(made, monkeypatch, made.machine, made.client.connect, address="memory", simulated=True)
+    _meet(made, monkeypatch, made.machine, lambda: made.client.connect(), address="memory", simulated=True)
     return made
 
 
