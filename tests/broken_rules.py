@@ -148,21 +148,21 @@ _STOPPING: tuple[Mutation, ...] = (
         file=INTERLOCKS,
         old='"machine.not_homed": snapshot.homed,',
         new='"machine.not_homed": True,',
-        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
+        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut",
     ),
     Mutation(
         rule="A cut begins with every loop closed.",
         file=INTERLOCKS,
         old='"machine.not_enabled": snapshot.loops_closed,',
         new='"machine.not_enabled": True,',
-        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut_by_its_name",
+        test="tests/console/test_interlocks.py::test_what_the_controller_reports_forbids_the_cut",
     ),
     Mutation(
         rule="A spindle that is set by hand has the speed of the job.",
         file=INTERLOCKS,
         old="SPEED_BAND = 0.02",
         new="SPEED_BAND = 0.2",
-        test="tests/console/test_followed_spindle.py::test_a_spindle_at_another_speed_is_not_cut_on",
+        test="tests/console/test_synchronisation.py::test_a_spindle_at_another_speed_is_not_cut_on",
     ),
     Mutation(
         rule="A device that the controller sees not well forbids motion.",
@@ -259,7 +259,7 @@ _CUTTING: tuple[Mutation, ...] = (
         file="console/session/cut/alignment.py",
         old="if alignment.clamping is None and alignment.jaw is None and alignment.touch_off is None:",
         new="if alignment.jaw is None and alignment.touch_off is None:",
-        test="tests/console/test_alignment.py::test_behind_another_console_the_only_stamp_is_gone_as_well",
+        test="tests/console/test_alignment.py::test_behind_another_console_nothing_is_aligned",
     ),
 )
 

@@ -15,6 +15,7 @@ from console.__main__ import main
 from profiles.lobe.lobe_conditions import CONDITIONS
 from tests.branching import in_a_copy
 from tests.compact import save_compact
+from tests.console.commands import card as card
 from tests.console.floor import Floor, set_up_once
 
 

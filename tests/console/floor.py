@@ -6,7 +6,7 @@ import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from console.session.station.begins import Begins
 from console.session.station.commands import (
@@ -43,6 +43,7 @@ from profiles.job import Job
 from profiles.store import LoadedMachine, load_job
 from tests.compact import compact_machine
 
+T = TypeVar("T")
 LOCAL_TIME = "21 Nov 10:00"
 LOGGED = {"command", "refused", "telemetry", "alarm_raised", "alarm_acknowledged", "alarm_ended"}
 """Events that a thread of its own writes, some moments later than the others."""
@@ -65,10 +66,11 @@ class Floor:
     def state(self) -> StationState:
         return self.station.state
 
-    def do(self, intent: Command) -> StationState:
-        """Order something and have it carried out; it must be taken."""
-        assert self.station.post(intent), self.state.refusals
-        self.station.step()
+    def do(self, *commands: Command) -> StationState:
+        """Order one thing after the other and have each carried out; it must be taken."""
+        for command in commands:
+            assert self.station.post(command), self.state.refusals
+            self.station.step()
         return self.state
 
     def idle(self, seconds: float = 0.3) -> StationState:
@@ -223,9 +225,20 @@ def set_up_once(records: Path, plant: str = "mounted", seed: int = 1) -> Floor:
     return floor
 
 
+def known(value: T | None) -> T:
+    """Return what has to be there."""
+    assert value is not None
+    return value
+
+
 def codes(state: StationState) -> list[str]:
     """The alarms of a state."""
     return [alarm.problem.code for alarm in state.alarms]
+
+
+def refused_codes(state: StationState) -> list[str]:
+    """Why the last orders were refused."""
+    return [problem.code for problem in state.refusals]
 
 
 def in_turn(floor: Floor, turn: float) -> bool:

@@ -1,9 +1,20 @@
-"""Alarms: the first stays in front, being seen is not being cured."""
+"""Alarms: the first stays in front; states, numbers and rates of a session, the log, and the time of the link."""
 
 from __future__ import annotations
 
-import pytest
+import threading
+from dataclasses import replace
+from datetime import datetime, timedelta
+from itertools import pairwise
+from pathlib import Path
 
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from console.session import alarm_notes
+from console.session.alarm_notes import AlarmNotes
+from console.session.program_log import FILE, FOLDER
 from console.session.station.alarms import (
     CONDITIONS,
     Alarms,
@@ -17,7 +28,22 @@ from console.session.station.alarms import (
     unseen,
     with_faults,
 )
+from console.session.station.history.alarm_history import (
+    PAST_MOST,
+    RAISES_MOST,
+    AlarmHistory,
+    AlarmState,
+    Change,
+    Instant,
+    followed,
+)
+from console.session.station.history.session_log import LogEntry, LogKind
+from console.session.station.state import StationState
+from console.session.station.watches import KEPT_S, LinkTime, rounded_up_ms
+from console.tui.application.logged_control import LoggedControl
 from profiles.problem import Problem
+from tests.console.floor import known
+from tests.tui.stage import FixedControl
 
 FAULT, LINK = Problem(code="machine.fault"), Problem(code="link.lost")
 
@@ -26,62 +52,41 @@ def both() -> Alarms:
     return raised(raised((), FAULT, Priority.HIGH, 1.0), LINK, Priority.HIGH, 2.0)
 
 
-def test_the_first_alarm_stays_in_front_of_its_flood() -> None:
-    front = foremost(raised(both(), LINK, Priority.HIGH, 3.0))
-    assert front is not None and front.problem == FAULT
-
-
-def test_what_is_so_comes_before_what_is_over() -> None:
+def test_the_first_that_stands_and_was_not_seen_is_in_front() -> None:
     link_is_back = cleared(raised((), LINK, Priority.HIGH, 1.0), LINK.code)
-    assert foremost(link_is_back) is not None
-    front = foremost(raised(link_is_back, FAULT, Priority.HIGH, 2.0))
-    assert front is not None and front.problem == FAULT
+    fault_seen = acknowledged(raised((), FAULT, Priority.HIGH, 1.0))
+    for alarms, front in (
+        (raised(both(), LINK, Priority.HIGH, 3.0), FAULT),  # the first of a flood
+        (link_is_back, LINK),
+        (raised(link_is_back, FAULT, Priority.HIGH, 2.0), FAULT),  # what is so before what is over
+        (raised(fault_seen, LINK, Priority.LOW, 2.0), LINK),  # what was not seen before what was
+        ((), None),
+    ):
+        found = foremost(alarms)
+        assert (found and found.problem) == front
+    (again,) = raised(fault_seen, FAULT, Priority.HIGH, 5.0)
+    assert (again.count, again.acknowledged, again.at_s) == (2, False, 1.0), "it wants attention again"
 
 
-def test_one_that_comes_again_is_counted_and_wants_attention_again() -> None:
-    (again,) = raised(acknowledged(raised((), FAULT, Priority.HIGH, 1.0)), FAULT, Priority.HIGH, 5.0)
-    assert (again.count, again.acknowledged, again.at_s) == (2, False, 1.0)
-
-
-def test_one_that_was_not_seen_comes_before_one_that_was() -> None:
-    alarms = raised(acknowledged(raised((), FAULT, Priority.HIGH, 1.0)), LINK, Priority.LOW, 2.0)
-    front = foremost(alarms)
-    assert front is not None and front.problem == LINK
-
-
-def test_being_seen_does_not_clear_what_is_still_so() -> None:
+def test_an_alarm_stays_until_its_cause_went_and_it_was_seen() -> None:
     assert [alarm.problem for alarm in acknowledged(both())] == [FAULT, LINK]
-
-
-def test_an_alarm_whose_cause_went_stays_until_it_was_seen() -> None:
     gone = cleared(both(), "machine.fault")
     assert [alarm.active for alarm in gone] == [False, True]
     assert [alarm.problem for alarm in acknowledged(gone)] == [LINK]
     assert cleared(acknowledged(both()), "machine.fault", "link.lost") == ()
 
 
-def test_no_alarm_is_nothing_to_show() -> None:
-    assert foremost(()) is None
-
-
-def test_one_alarm_is_acknowledged_and_the_next_comes_to_the_front() -> None:
-    """Only what was in the row was seen; the number beside it counts down to none."""
+def test_only_what_was_on_the_screen_is_acknowledged_one_after_the_other() -> None:
+    """The number beside the row counts down to none; an alarm may come between the row and the key."""
     alarms, fronts = both(), []
     while waiting := unseen(alarms):
-        front = foremost(alarms)
-        assert front is not None
+        front = known(foremost(alarms))
         fronts.append((front.problem.code, len(waiting)))
         alarms = seen(alarms)
-    assert fronts == [("machine.fault", 2), ("link.lost", 1)]
-    assert seen(()) == ()
+    assert fronts == [("machine.fault", 2), ("link.lost", 1)] and seen(()) == ()
     assert unseen(seen(both(), (FAULT, LINK))) == (), "the list of messages shows all of them"
-
-
-def test_what_was_not_on_the_screen_is_not_acknowledged() -> None:
-    """An alarm of a higher priority comes between the row and the key."""
-    low = raised((), LINK, Priority.LOW, 1.0)
-    alarms = seen(raised(low, FAULT, Priority.HIGH, 2.0), (LINK,))
-    assert [alarm.acknowledged for alarm in alarms] == [True, False]
+    later = raised(raised((), LINK, Priority.LOW, 1.0), FAULT, Priority.HIGH, 2.0)
+    assert [alarm.acknowledged for alarm in seen(later, (LINK,))] == [True, False]
 
 
 def test_over_the_way_back_from_a_stop_conditions_stand_and_events_are_over() -> None:
@@ -101,17 +106,12 @@ def told(alarms: Alarms) -> list[tuple[str, str, bool, bool]]:
 
 def test_a_fault_is_told_once_as_long_as_it_stands() -> None:
     first = with_faults((), (TOOL,), 1.0)
-    assert told(first) == [("rest", TOOL, True, False)]
     known = with_faults(acknowledged(first), (TOOL,), 2.0)
-    assert told(known) == [("rest", TOOL, True, True)]
+    assert (told(first), told(known)) == ([("rest", TOOL, True, False)], [("rest", TOOL, True, True)])
     assert with_faults(known, (), 3.0) == ()
     assert told(with_faults(first, (), 3.0)) == [("rest", TOOL, False, False)]
-
-
-def test_a_fault_that_comes_to_another_wants_attention_again() -> None:
-    one = acknowledged(with_faults((), (TOOL,), 1.0))
-    two = with_faults(one, (TOOL, LIMIT), 2.0)
-    assert told(two) == [("rest", f"{TOOL}, {LIMIT}", True, False)]
+    two = with_faults(known, (TOOL, LIMIT), 2.0)
+    assert told(two) == [("rest", f"{TOOL}, {LIMIT}", True, False)], "another one wants attention again"
     # One of them goes: that is nothing to look at.
     assert told(with_faults(acknowledged(two), (LIMIT,), 3.0)) == [("rest", f"{TOOL}, {LIMIT}", True, True)]
 
@@ -123,3 +123,191 @@ def test_the_fault_that_stopped_a_motion_is_not_told_again_at_rest(seen_before: 
     after = with_faults(recovered(with_faults(alarms, (TOOL,), 2.0)), (TOOL,), 3.0)
     assert told(after) == [("program", TOOL, True, seen_before)]
     assert [alarm.problem.value for alarm in with_faults(after, (TOOL, LIMIT), 4.0)] == [TOOL, LIMIT]
+
+
+NOON = datetime(2026, 1, 2, 12, 0, 0)
+RECORD = Problem(code="record.lost")
+
+
+def clock(now_s: float) -> datetime:
+    """Noon is machine time 0."""
+    return NOON + timedelta(seconds=now_s)
+
+
+def after(*steps: tuple[float, Alarms], history: AlarmHistory | None = None) -> AlarmHistory:
+    history = history or AlarmHistory()
+    for now_s, alarms in steps:
+        history, _ = followed(history, alarms, Instant(now_s=now_s, clock=clock(now_s)))
+    return history
+
+
+def up(*problems: tuple[Problem, float], on: Alarms = ()) -> Alarms:
+    for problem, at_s in problems:
+        on = raised(on, problem, Priority.HIGH, at_s)
+    return on
+
+
+def test_alarms_have_numbers_in_the_order_in_which_they_came_and_their_own_time_of_day() -> None:
+    history = after(
+        (30.0, up((FAULT, 10.0), (LINK, 20.0))),
+        (31.0, up((FAULT, 10.0), (LINK, 20.0), (RECORD, 31.0))),
+    )
+    assert [(each.number, each.problem, each.raised) for each in history.standing] == [
+        (1, FAULT, clock(10.0)),
+        (2, LINK, clock(20.0)),
+        (3, RECORD, clock(31.0)),
+    ]
+
+
+def test_the_states_of_an_alarm_from_new_to_past() -> None:
+    new = up((FAULT, 10.0))
+    seen, ended = acknowledged(new), cleared(new, "machine.fault")
+    assert [after((10.0, new)).listed[0].state] == [AlarmState.NEW]
+    assert after((10.0, new), (12.0, seen)).listed[0].state is AlarmState.ACKNOWLEDGED
+    history = after((10.0, new), (12.0, seen), (15.0, cleared(seen, "machine.fault")))
+    (entry,) = history.past
+    assert history.standing == ()
+    assert (entry.state, entry.acknowledged, entry.ended) == (AlarmState.PAST, clock(12.0), clock(15.0))
+    assert after((10.0, new), (15.0, ended)).standing[0].state is AlarmState.RETURNED, "it ended unseen"
+    (entry,) = after((10.0, new), (15.0, ended), (20.0, acknowledged(ended))).past
+    assert (entry.ended, entry.acknowledged) == (clock(15.0), clock(20.0))
+    (entry,) = after((10.0, new), (12.0, seen), (40.0, up((FAULT, 40.0), on=seen))).standing
+    assert (entry.number, entry.state, entry.alarm.count, entry.again) == (1, AlarmState.NEW, 2, clock(40.0))
+    history = after((10.0, new), (50.0, up((FAULT, 49.0))))  # it left and came while nobody looked
+    assert [each.number for each in history.listed] == [2, 1] and history.past[0].is_past
+
+
+def test_the_first_of_those_that_come_together_is_first_out_whatever_their_order_in_the_state() -> None:
+    flood = (*up((LINK, 11.0)), *up((FAULT, 10.0)), *up((RECORD, 60.0)))
+    history = after((60.0, flood))
+    assert {each.problem: (each.number, each.group) for each in history.standing} == {
+        FAULT: (1, 1),
+        LINK: (2, 1),
+        RECORD: (3, 3),
+    }
+    assert [history.group_of(each) for each in history.standing] == [2, 2, 1]
+
+
+def test_every_change_is_reported_once() -> None:
+    new = up((FAULT, 10.0))
+    found = []
+    history = AlarmHistory()
+    ended = cleared(new, "machine.fault")
+    for alarms in (new, new, ended, ended, acknowledged(ended)):
+        history, changes = followed(history, alarms, Instant(now_s=10.0, clock=NOON))
+        found += [change for change, _ in changes]
+    assert found == [Change.RAISED, Change.ENDED, Change.ACKNOWLEDGED]
+
+
+def test_the_rate_counts_every_raise_and_more_than_ten_in_ten_minutes_are_a_flood() -> None:
+    """ISA-18.2: a flood begins above ten alarms in ten minutes."""
+    history, alarms = AlarmHistory(), up((FAULT, 0.0))
+    for now_s in range(11):
+        alarms = alarms if now_s == 0 else up((FAULT, float(now_s)), on=alarms)
+        history = after((float(now_s), alarms), history=history)
+        assert history.is_flood(float(now_s)) is (now_s == 10)
+    assert (history.rate(605.0, 600.0), history.rate(605.0, 3600.0)) == (6, 11)
+    assert not history.is_flood(605.0)
+    assert history.most_frequent(1) == ((FAULT, 11),)
+
+
+def test_a_day_of_alarms_takes_no_more_memory_than_the_newest_ones() -> None:
+    history, last = AlarmHistory(), 2 * RAISES_MOST
+    for n in range(last + 1):
+        history = after((10.0 * n, up((Problem(code="link.lost", key=str(n)), 10.0 * n))), history=history)
+    assert (len(history.past), len(history.raises)) == (PAST_MOST, RAISES_MOST)
+    assert history.past[-1].number == last
+    assert history.standing[0].number == last + 1
+
+
+def test_an_alarm_with_an_impossible_time_does_not_break_the_list() -> None:
+    """A recording may be somebody else's."""
+    for at_s in (float("nan"), float("inf"), -1e300):
+        (alarm,) = up((FAULT, 0.0))
+        assert after((10.0, (replace(alarm, at_s=at_s),))).standing[0].raised == clock(10.0)
+
+
+AT = datetime(2026, 3, 1, 12, 0, 0)
+LOST = Problem(code="link.lost", where="tcp:lathe:1", value="the cable is cut")
+
+
+def entry(kind: LogKind, number: int = 7) -> LogEntry:
+    return LogEntry(at=AT, kind=kind, problem=LOST, number=number)
+
+
+def test_an_alarm_and_its_end_are_in_the_log_of_the_program(tmp_path: Path) -> None:
+    notes = AlarmNotes(tmp_path, "lathe 3", simulated=True)
+    notes([entry(LogKind.RAISED), entry(LogKind.ACKNOWLEDGED), LogEntry(at=AT, kind=LogKind.STOPPED, word="key")])
+    notes([entry(LogKind.ENDED)])
+    notes.close()
+    raised, ended = (tmp_path / FOLDER / FILE).read_text(encoding="utf-8").splitlines()
+    assert " WARNING " in raised and " INFO " in ended
+    assert f"alarm 7 raised  SIM lathe 3  {LOST}  [link.lost · tcp:lathe:1" in raised
+    assert "alarm 7 ended  SIM lathe 3" in ended
+
+
+def test_without_an_alarm_there_is_neither_a_log_nor_a_thread(tmp_path: Path) -> None:
+    notes = AlarmNotes(tmp_path, "lathe", simulated=False)
+    before = threading.active_count()
+    notes([LogEntry(at=AT, kind=LogKind.COMMAND, word="Jog")])
+    assert threading.active_count() == before
+    notes.close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_disk_that_does_not_answer_holds_nobody_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    stuck, over = threading.Event(), threading.Event()
+
+    def noted(*_: object, **__: object) -> None:
+        stuck.wait(30.0)
+        over.set()
+
+    monkeypatch.setattr(alarm_notes, "note", noted)
+    monkeypatch.setattr(alarm_notes, "CLOSE_S", 0.05)
+    notes = AlarmNotes(tmp_path, "lathe", simulated=False)
+    notes([entry(LogKind.RAISED, number) for number in range(1000)])
+    notes.close()
+    assert not over.is_set(), "it was waited for"
+    stuck.set()
+
+
+def test_the_screens_hand_over_each_alarm_once_when_it_comes_and_when_it_ends() -> None:
+    handed: list[LogEntry] = []
+    control = FixedControl(StationState())
+    logged = LoggedControl(control, lambda: AT, handed.extend)
+    quiet = control.state
+    standing = raised(quiet.alarms, LOST, Priority.HIGH, 1.0)
+    for alarms in (quiet.alarms, standing, standing, cleared(standing, LOST.code), cleared(standing, LOST.code)):
+        logged.followed(replace(quiet, alarms=alarms), (), typed=False)
+    assert [(each.kind, each.number) for each in handed] == [(LogKind.RAISED, 1), (LogKind.ENDED, 1)]
+
+
+ANSWERS_S = st.lists(st.floats(0.0002, 0.09), min_size=2, max_size=60)
+POLL_S = 0.5
+"""Exact in binary, and ten of them are the time that is kept."""
+
+
+@given(ANSWERS_S)
+def test_it_tells_the_longest_answer_of_the_last_seconds_rounded_up(answers_s: list[float]) -> None:
+    link = LinkTime()
+    for number, answer_s in enumerate(answers_s):
+        told_ms = link.see(number * POLL_S, answer_s)
+        recent = [
+            each for place, each in enumerate(answers_s[: number + 1]) if (number - place) * POLL_S <= KEPT_S
+        ]
+        assert told_ms == rounded_up_ms(1000.0 * max(recent))
+
+
+@pytest.mark.parametrize(
+    ("answer_ms", "told_ms"),
+    [(0.2, 1.0), (1.0, 1.0), (1.1, 2.0), (4.9, 5.0), (5.1, 10.0), (11.0, 20.0), (480.0, 500.0)],
+)
+def test_figures_are_one_two_and_five(answer_ms: float, told_ms: float) -> None:
+    assert rounded_up_ms(answer_ms) == told_ms
+
+
+@given(st.lists(st.floats(0.0021, 0.0049), min_size=50, max_size=50))
+def test_answers_that_scatter_are_one_figure(answers_s: list[float]) -> None:
+    link = LinkTime()
+    told = [link.see(number * POLL_S, answer_s) for number, answer_s in enumerate(answers_s)]
+    assert all(before == after for before, after in pairwise(told))

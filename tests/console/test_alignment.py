@@ -1,8 +1,9 @@
-"""Why an alignment is valid, or not any more."""
+"""Why an alignment is valid, or not any more: stamps hold for what they were found with."""
 
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -25,8 +26,24 @@ from console.session.cut.alignment import (
     tables_told,
     unclamped,
 )
+from console.session.station.commands import (
+    Approach,
+    ConfirmClamping,
+    DisableDrives,
+    EnableDrives,
+    Home,
+    Jog,
+    Retract,
+    TakeJaw,
+)
+from console.session.station.jogging import tool_in_part
+from drivers.lathe.snapshot import AxisName
+from profiles.findings import refusals
 from profiles.problem import Problem
+from profiles.rules import check
+from profiles.same_objects import SameObjects
 from profiles.store import load_job, load_machine
+from tests.console.floor import Floor, experiment_1, open_floor, refused_codes
 
 JOB = load_job("lee-2001-experiment-1").job
 COMPLETE = Alignment(
@@ -43,11 +60,8 @@ def codes(alignment: Alignment, job: object = JOB) -> list[str]:
     return [problem.code for problem in problems(alignment, job)]  # type: ignore[arg-type]
 
 
-def test_a_complete_alignment_is_valid() -> None:
+def test_a_complete_alignment_is_valid_and_an_empty_one_begins_with_the_controller() -> None:
     assert codes(COMPLETE) == [] and current_step(COMPLETE, JOB) is None
-
-
-def test_nothing_known_begins_with_the_controller() -> None:
     assert current_step(Alignment(), JOB) is AlignStep.VERIFY
 
 
@@ -67,15 +81,12 @@ def test_each_missing_stamp_is_named(change: dict[str, object], code: str) -> No
     assert codes(replace(COMPLETE, **change)) == [code]  # type: ignore[arg-type]
 
 
-def test_another_force_than_the_one_that_was_clamped_is_named() -> None:
-    harder = replace(JOB, chucking_force_n=1400.0, lobe_force_n=1400.0)
-    assert codes(COMPLETE, harder) == ["alignment.clamped_otherwise"]
-
-
-def test_a_force_that_the_error_was_not_found_at_is_named() -> None:
+def test_another_force_than_that_of_the_clamping_or_of_the_error_is_named() -> None:
+    assert codes(COMPLETE, replace(JOB, chucking_force_n=1400.0, lobe_force_n=1400.0)) == [
+        "alignment.clamped_otherwise"
+    ]
     job = replace(JOB, chucking_force_n=1400.0)
-    harder = replace(COMPLETE, clamping=clamping_of(job, at="08:40"))
-    assert codes(harder, job) == ["rule.force_differs"]
+    assert codes(replace(COMPLETE, clamping=clamping_of(job, at="08:40")), job) == ["rule.force_differs"]
 
 
 OTHER_BLANKS = {"jaws": 2, "material": "S45C", "diameter_mm": 60.0, "wall_thickness_mm": 3.0, "overhang_mm": 25.0}
@@ -140,48 +151,28 @@ def test_clamping_in_other_jaws_takes_jaw_1_for_good() -> None:
     assert codes(replace(found, jaw=None)) == ["alignment.no_jaw"]
 
 
-def test_the_next_blank_of_the_same_job_keeps_jaw_1_and_the_touch_off() -> None:
-    assert codes(clamped(unclamped(COMPLETE, "09:20"), JOB, "09:25")) == []
-
-
-def test_an_open_chuck_that_the_controller_sees_holds_no_blank() -> None:
-    after = observed(COMPLETE, drives_on=True, homed=True, at="09:20", chuck_open=True)
-    assert codes(after) == ["alignment.unclamped", "alignment.no_clamping"]
-    assert after.jaw is not None and after.touch_off is not None
+def test_each_event_takes_what_rests_on_it_and_no_more() -> None:
+    at = "09:20"
+    assert codes(clamped(unclamped(COMPLETE, at), JOB, "09:25")) == [], "the next blank of the same job"
+    assert codes(observed(COMPLETE, drives_on=False, homed=True, at=at)) == ["alignment.drives_off"]
+    by_sensor = observed(COMPLETE, drives_on=True, homed=True, at=at, chuck_open=True)
+    for opened in (by_sensor, unclamped(COMPLETE, at)):
+        assert codes(opened) == ["alignment.unclamped", "alignment.no_clamping"]
+        assert (opened.jaw, opened.touch_off) == (COMPLETE.jaw, COMPLETE.touch_off)
+    unhomed = observed(COMPLETE, drives_on=True, homed=False, at=at)
+    assert (unhomed.jaw, unhomed.touch_off, [problem.value for problem in unhomed.lost]) == (None, None, [at])
+    assert "alignment.home_lost" in codes(unhomed)
 
 
 def test_behind_another_console_nothing_is_aligned() -> None:
     after = handed_over(COMPLETE, "09:20")
     assert (after.clamping, after.jaw, after.touch_off) == (None, None, None)
     assert codes(after)[:2] == ["alignment.handed_over", "alignment.no_clamping"]
-
-
-@pytest.mark.parametrize("stamp", ["clamping", "jaw", "touch_off"])
-def test_behind_another_console_the_only_stamp_is_gone_as_well(stamp: str) -> None:
-    after = handed_over(replace(Alignment(), **{stamp: getattr(COMPLETE, stamp)}), "09:20")
-    assert (getattr(after, stamp), codes(after).count("alignment.handed_over")) == (None, 1)
-
-
-def test_who_had_found_nothing_loses_nothing_to_another_console() -> None:
-    assert handed_over(Alignment(), "09:20") == Alignment()
-
-
-def test_lost_zeros_take_jaw_and_touch_off_with_them_and_say_when() -> None:
-    after = observed(COMPLETE, drives_on=True, homed=False, at="09:10")
-    assert (after.jaw, after.touch_off) == (None, None)
-    assert "alignment.home_lost" in codes(after)
-    assert [problem.value for problem in after.lost] == ["09:10"]
-
-
-def test_drives_off_loses_no_stamp() -> None:
-    after = observed(COMPLETE, drives_on=False, homed=True, at="09:10")
-    assert codes(after) == ["alignment.drives_off"]
-
-
-def test_an_opened_chuck_keeps_jaw_and_touch_off() -> None:
-    after = unclamped(COMPLETE, "09:20")
-    assert codes(after) == ["alignment.unclamped", "alignment.no_clamping"]
-    assert after.jaw == COMPLETE.jaw and after.touch_off == COMPLETE.touch_off
+    for stamp in ("clamping", "jaw", "touch_off"):
+        alone: dict[str, Any] = {stamp: getattr(COMPLETE, stamp)}
+        after = handed_over(replace(Alignment(), **alone), "09:20")
+        assert (getattr(after, stamp), codes(after).count("alignment.handed_over")) == (None, 1)
+    assert handed_over(Alignment(), "09:20") == Alignment(), "who had found nothing loses nothing"
 
 
 def test_what_was_found_replaces_what_was_assumed() -> None:
@@ -204,9 +195,7 @@ ON, HOLDS = Problem(code="cut.table_on", key="I51"), Problem(code="cut.table_hol
         ((), False, []),
     ],
 )
-def test_a_table_that_adds_something_is_cleared_another_way_without_a_home(
-    tables: tuple[Problem, ...], homed: bool, codes: list[str]
-) -> None:
+def test_a_table_is_cleared_otherwise_unhomed(tables: tuple[Problem, ...], homed: bool, codes: list[str]) -> None:
     """One that is only switched on adds nothing, and is switched off wherever the axes are."""
     assert [problem.code for problem in tables_told(tables, homed=homed)] == codes
 
@@ -222,3 +211,83 @@ def test_the_lobe_of_a_job_is_where_jaw_1_was_found_and_not_where_that_of_anothe
     assert aligned_job(replace(job, lobe_past_jaw_deg=None), aligned).lobe_phase_deg == pytest.approx(350.0)
     for without in (replace(aligned, jaw=None), replace(aligned, jaw=replace(jaw, jaws=4))):
         assert aligned_job(job, without) == job
+
+
+@pytest.fixture
+def floor(tmp_path: Path) -> Floor:
+    return open_floor(tmp_path)
+
+
+@pytest.fixture
+def aligned(floor: Floor) -> Floor:
+    floor.set_up(experiment_1())
+    return floor
+
+
+def test_before_the_touch_off_the_tip_is_known_to_its_band_only(floor: Floor) -> None:
+    """The tip is 1 mm from the surface by the profile, and a touch-off may find it 1.5 mm elsewhere."""
+    job = experiment_1()
+    floor.do(DisableDrives(), ConfirmClamping(job=job), EnableDrives(), Home(), Approach(job=job))
+    machine = floor.context.loaded_machine.machine
+    assert tool_in_part(floor.lathe.snapshot(), machine, floor.state.alignment) is False
+    floor.infeed(1.0)
+    assert tool_in_part(floor.lathe.snapshot(), machine, floor.state.alignment) is None
+
+
+@pytest.mark.parametrize(
+    ("homed", "code"), [(True, "alignment.drives_off"), (False, "machine.tool_unknown")], ids=["homed", "fresh"]
+)
+def test_a_retract_without_drives_says_what_is_known_of_the_tool(floor: Floor, homed: bool, code: str) -> None:
+    floor.do(DisableDrives(), ConfirmClamping(job=experiment_1()))
+    if homed:
+        floor.do(EnableDrives(), Home(), DisableDrives())
+    assert refused_codes(floor.do(Retract())) == [code]
+
+
+def test_another_chuck_and_another_diameter_are_not_armed_on_the_stamps_of_before(aligned: Floor) -> None:
+    """Experiment 1 is aligned; then one with 2 jaws of 50 mm is clamped, and experiment 1 again."""
+    first = experiment_1()
+    other = replace(first, jaws=2, diameter_mm=50.0, lobe_diameter_mm=50.0)
+    aligned.do(Jog(axis=AxisName.CARRIAGE, distance=-10.0), DisableDrives(), ConfirmClamping(job=other))
+    aligned.do(EnableDrives())
+    refused = refused_codes(aligned.arm(other))
+    assert refused == ["alignment.jaws_changed", "alignment.no_jaw", "alignment.touched_otherwise"]
+    aligned.do(TakeJaw())
+    jaw = aligned.state.alignment.jaw
+    assert jaw is not None and jaw.jaws == 2
+    assert refused_codes(aligned.arm(other)) == ["alignment.touched_otherwise"]
+    aligned.do(DisableDrives(), ConfirmClamping(job=first), EnableDrives())
+    # The touch-off was not taken anew, and is that of this diameter.
+    assert refused_codes(aligned.arm(first)) == ["alignment.jaws_changed", "alignment.no_jaw"]
+
+
+MACHINE = load_machine("lee-2001-lathe").machine
+
+
+def test_keys_of_equal_objects_differ() -> None:
+    alike = replace(JOB)
+    assert alike == JOB and SameObjects(JOB, MACHINE) == SameObjects(JOB, MACHINE)
+    assert SameObjects(alike, MACHINE) != SameObjects(JOB, MACHINE) != (JOB, MACHINE)
+    assert len({SameObjects(JOB, MACHINE), SameObjects(JOB, MACHINE), SameObjects(alike, MACHINE)}) == 2
+
+
+def test_a_job_or_a_machine_that_was_changed_is_judged_anew() -> None:
+    good = check(JOB, MACHINE)
+    assert check(JOB, MACHINE) is good and not refusals(good)
+    fast = replace(JOB, spindle_speed_rpm=100.0 * JOB.spindle_speed_rpm)
+    weak = replace(MACHINE, chuck=replace(MACHINE.chuck, max_force_n=100.0))
+    for _ in range(2):
+        assert refusals(check(fast, MACHINE)) and refusals(check(JOB, weak))
+        assert check(JOB, MACHINE) == good
+    for number in range(20):  # more than are kept
+        assert check(replace(JOB, name=f"ring-{number}"), MACHINE) == good
+    assert check(JOB, MACHINE) == good
+
+
+def test_a_stamp_that_was_made_or_lost_is_seen_at_once() -> None:
+    bare = Alignment()
+    stamped = replace(bare, clamping=clamping_of(JOB, "08:40"))
+    assert step_problems(bare, AlignStep.CLAMP, JOB) and not step_problems(stamped, AlignStep.CLAMP, JOB)
+    thicker = replace(JOB, wall_thickness_mm=JOB.wall_thickness_mm + 1.0)
+    assert step_problems(stamped, AlignStep.CLAMP, thicker)
+    assert step_problems(bare, AlignStep.CLAMP, JOB) and len(problems(stamped, JOB)) < len(problems(bare, JOB))

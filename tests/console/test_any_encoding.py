@@ -1,4 +1,4 @@
-"""Whatever the encoding of the output, and whatever is in names and files: it is said, and steers no terminal."""
+"""Words: any encoding and any name steer no terminal; the Korean glossary; inches beside millimetres."""
 
 from __future__ import annotations
 
@@ -6,29 +6,34 @@ import ast
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import unicodedata
-from collections.abc import Callable
 from dataclasses import replace
+from decimal import Decimal
 from pathlib import Path
-from typing import Any
 
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
+from pytest import MonkeyPatch
 
 import console.tui as tui
 from console.__main__ import main
 from console.cli.output import EscapedOutput, print_json
 from console.escaping import encodable, escaped, escaped_line
+from console.session.typed_length import stored_length, typed_length
+from console.text.catalogue import load, words_of
 from console.text.columns import cell_width
 from console.tui.lines import Sheet, plain
+from console.tui.pages.fields import FORM, entry_of, judge, limit_of, written
 from console.tui.theme import MONO, Token
+from console.units import METRIC, Units
+from profiles.problem import Problem, ProfileError
 from profiles.store import load_job, save_job
 from tests.compact import save_compact
-
-Console = Callable[..., Any]
+from tests.tui.stage import experiment
 
 JOB = "lee-2001-experiment-1"
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b31m\u202e\x00\x7f\udcff\r"
@@ -56,7 +61,7 @@ SAYS = {
 
 
 @pytest.fixture
-def evil(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def evil(tmp_path: Path, monkeypatch: MonkeyPatch) -> Path:
     """A folder with files that have steering characters wherever a text is looked for."""
     folder = tmp_path / f"data{EVIL}".replace("\x00", "")
     folder.mkdir()
@@ -68,7 +73,7 @@ def evil(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def said(words: tuple[str, ...], encoding: str, monkeypatch: pytest.MonkeyPatch) -> tuple[int, str]:
+def said(words: tuple[str, ...], encoding: str, monkeypatch: MonkeyPatch) -> tuple[int, str]:
     """Return exit code and everything that a command writes to streams of an encoding that forgives nothing."""
     outputs = [io.TextIOWrapper(io.BytesIO(), encoding=encoding, errors="strict") for _ in range(2)]
     with monkeypatch.context() as streams:
@@ -85,9 +90,7 @@ def steering(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("what", SAYS)
-def test_no_encoding_and_no_name_ends_a_command_or_steers_the_terminal(
-    evil: Path, monkeypatch: pytest.MonkeyPatch, what: str
-) -> None:
+def test_no_name_ends_a_command_or_steers_a_terminal(evil: Path, monkeypatch: MonkeyPatch, what: str) -> None:
     codes = set()
     for encoding, language in (("ascii", "ko"), ("latin-1", "en"), ("utf-8", "en")):
         code, text = said((*SAYS[what], "--data", str(evil), "--lang", language), encoding, monkeypatch)
@@ -135,7 +138,7 @@ def test_what_json_says_is_what_it_was_and_steers_nothing(text: str) -> None:
     for encoding in ("ascii", "utf-8"):
         bytes_ = io.BytesIO()
         stream = io.TextIOWrapper(bytes_, encoding=encoding, errors="strict")
-        with pytest.MonkeyPatch.context() as streams:
+        with MonkeyPatch.context() as streams:
             streams.setattr(sys, "stdout", EscapedOutput(stream))
             print_json({text: [text]})
             sys.stdout.flush()
@@ -143,13 +146,9 @@ def test_what_json_says_is_what_it_was_and_steers_nothing(text: str) -> None:
         assert steering(found) == set() and json.loads(found) == {"schema": 1, text: [text]}
 
 
-@pytest.mark.parametrize("text", ["plain", "µm ± 3 °", "한국어 보상", "a\nb\tc", "a\u3000b\xa0c"])
-def test_what_is_harmless_stays_as_it_is(text: str) -> None:
-    assert escaped(text) == text
-    assert encodable(text, "utf-8") == text and encodable(text, None) == text
-
-
-def test_on_its_line_a_text_stays() -> None:
+def test_what_is_harmless_stays_as_it_is() -> None:
+    for text in ("plain", "µm ± 3 °", "한국어 보상", "a\nb\tc", "a\u3000b\xa0c"):
+        assert escaped(text) == encodable(text, "utf-8") == encodable(text, None) == text
     assert escaped_line("a\nb\tc\x1b") == "a\\nb\\tc\\x1b"
 
 
@@ -198,3 +197,136 @@ def test_on_the_screens_text_comes_only_through_what_escapes_it() -> None:
         "pages/inspect.py CalibrateEntry",
         "pages/trace_chooser.py Input",
     }
+
+
+GLOSSARY = {
+    "lease": ("통신 감시", r"임대|리스"),
+    "silent console": ("콘솔 응답이 끊길 때", r"조용"),
+    "emergency stop": ("비상정지", r"비상\s+정지"),
+    "spindle": ("스핀들", r"주축"),
+    "drive": ("드라이브", r"구동"),
+    "machine profile": ("기계 프로필", r"기계 파일|프로파일"),
+    "part": ("공작물", r"부품"),
+    "compensation table": ("보정표", r"테이블"),
+    "carriage": ("왕복대", r"캐리지"),
+    "gain": ("이득", r"게인"),
+    "controller": ("제어기", r"카드|컨트롤러"),
+    "enabling device": ("작동 허가 장치", r"허가 스위치"),
+    "chuck key": ("척 렌치", r"척 키"),
+}
+"""The word of each thing, and the words that were or might be used beside it."""
+
+
+def test_one_thing_has_one_name() -> None:
+    said = dict(words_of("ko"))
+    for name, others in GLOSSARY.values():
+        assert {key: s for key, s in said.items() if re.search(others, s)} == {}
+        assert any(name in s for s in said.values()), name
+
+
+HEDGED = re.compile(r"\([은는이가을를으]\)")
+AFTER_A_VALUE = re.compile(r"\} ?(은|는|이|가|을|를|와|과|로|으로)(?![가-힣])")
+
+
+def test_no_particle_hangs_on_a_value() -> None:
+    hanging = {k: s for k, s in words_of("ko").items() if HEDGED.search(s) or AFTER_A_VALUE.search(s)}
+    assert hanging == {}
+
+
+def test_one_alarm_is_no_plural() -> None:
+    for count, english, korean in (
+        (0, "0 alarms", "경보 (0)"),
+        (1, "1 alarm", "경보 (1)"),
+        (2, "2 alarms", "경보 (2)"),
+    ):
+        assert [load(language)("messages.alarms", count=count) for language in ("en", "ko")] == [english, korean]
+    assert load("en")("roundness.left_out", count=1) == "outliers excluded: 1", "it has no singular"
+
+
+INCH = Units("inch")
+FIELDS = {field.key: field for field in FORM}
+MM_IN_AN_INCH = Decimal("25.4")  # exactly, by the international yard and pound agreement of 1959
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "decimals", "shown"),
+    [
+        (25.4, "mm", 3, "1.00000 in"),
+        (0.001, "mm", 3, "0.00004 in"),
+        (52.0, "mm", 1, "2.047 in"),
+        (76.0131, "mm", 4, "2.992642 in"),
+        (2.54, "um", 2, "100.0 uin"),
+        (1.0, "um", 0, "39 uin"),
+        (50.8, "mm/s", 1, "2.000 in/s"),
+        (0.127, "mm/rev", 3, "0.00500 in/rev"),
+        (1000.0, "rpm", 0, "1000 rpm"),
+        (12.5, "N/um", 1, "12.5 N/um"),
+    ],
+)
+def test_a_value_is_shown_in_inches(value: float, unit: str, decimals: int, shown: str) -> None:
+    assert INCH.show(value, unit, decimals) == shown
+    assert METRIC.show(value, unit, decimals) == f"{value:.{decimals}f} {unit}"
+
+
+SHOWN = st.sampled_from([("mm", 3), ("mm", 1), ("mm", 4), ("um", 2), ("um", 1)])
+
+
+@given(st.integers(-5_000_000, 5_000_000), SHOWN)
+def test_what_millimetres_tell_apart_inches_tell_apart(steps: int, shown: tuple[str, int]) -> None:
+    unit, decimals = shown
+    values = [steps / 10**decimals, (steps + 1) / 10**decimals]
+    assert len({INCH.figure(value, unit, decimals) for value in values}) == 2
+
+
+@given(st.decimals(min_value="0.0001", max_value="19", places=6), st.booleans())
+def test_what_is_typed_is_kept_exactly_and_shown_again_as_typed(typed: Decimal, comma: bool) -> None:
+    text = f"{typed:f}".replace(".", ",") if comma and typed < 1 else f"{typed:f}"
+    judged = judge(experiment(), FIELDS["diameter_mm"], text, INCH)
+    assert judged.problems == ()
+    kept = judged.work.job.diameter_mm
+    assert Decimal(repr(kept)) == Decimal(repr(float(typed * MM_IN_AN_INCH)))
+    assert Decimal(written(FIELDS["diameter_mm"], judged.work.job, INCH)) == typed
+
+
+@given(st.floats(0.001, 500.0))
+def test_an_entry_that_is_left_as_it_began_keeps_every_digit(value_mm: float) -> None:
+    work = judge(experiment(), FIELDS["overhang_mm"], f"{Decimal(repr(value_mm)):f}", METRIC).work
+    began = entry_of(FIELDS["overhang_mm"], work, INCH)
+    assert judge(work, FIELDS["overhang_mm"], f" {began} ", INCH).work is work
+
+
+@pytest.mark.parametrize("key", [field.key for field in FORM if field.rule.unit in ("mm", "um", "mm/rev")])
+def test_the_shown_range_is_that_of_the_field(key: str) -> None:
+    field = FIELDS[key]
+    assert limit_of(field, METRIC) == field.rule.limit
+    *_, most = limit_of(field, INCH).split(", ")
+    sign, number, unit = most.split(" ")
+    assert (sign, unit) == ("<=", INCH.unit(field.rule.unit))
+    assert judge(experiment(), field, number, INCH).problems == ()
+    beyond = f"{Decimal(number) * Decimal('1.001'):f}"
+    (problem,) = judge(experiment(), field, beyond, INCH).problems
+    assert (problem.code, problem.value, problem.limit) == ("value.out_of_range", beyond, limit_of(field, INCH))
+
+
+def test_a_number_that_could_be_two_is_refused_in_inches_too() -> None:
+    with pytest.raises(ProfileError) as error:
+        stored_length("1,234", "diameter_mm", "", "mm", INCH)
+    assert [problem.code for problem in error.value.problems] == ["value.ambiguous"]
+    assert typed_length("0,5", "z", "", "mm", INCH) == 12.7
+    assert typed_length("0,5", "c", "", "°", INCH) == 0.5
+    with pytest.raises(ProfileError):
+        typed_length("half", "z", "", "mm", INCH)
+
+
+def test_a_message_has_both_units() -> None:
+    metric = "the target 300.000 mm is out of range; allowed 0.000 … 254.000 mm, ± 2.5 um, 3 mm/s, 5 N/um"
+    assert INCH.beside(metric) == (
+        "the target 300.000 mm (11.81102 in) is out of range; allowed 0.000 … 254.000 mm (0.00000 … 10.00000 in), "
+        "± 2.5 um (98 uin), 3 mm/s (0.12 in/s), 5 N/um"
+    )
+    assert METRIC.beside(metric) == metric
+
+
+def test_commands_speak_in_millimetres_whatever_a_screen_shows() -> None:
+    problem = Problem(code="screen.number_out_of_range", value="3.0 mm", limit="<= 2.0 mm")
+    assert "in)" not in load("en").problem(problem)

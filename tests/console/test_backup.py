@@ -11,12 +11,13 @@ import sqlite3
 import subprocess
 import sys
 import tarfile
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.data import calibrations, identified, learned_store, restore, stop_records
 from console.session.data.backup import back_up
@@ -33,10 +34,10 @@ from console.session.work import opened, saved_as
 from profiles.problem import ProblemError
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
-from tests.console.test_identified_store import RESPONSE
+from tests.console.commands import Console
+from tests.console.test_identify_command import RESPONSE
 from tests.console.test_own_files import CALIBRATION, LEARNED, MACHINE, STOPS
 
-Console = Callable[..., Any]
 RUN = {
     **dict.fromkeys(("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program"), ""),
     "simulated": 0,
@@ -86,9 +87,7 @@ def contents(folder: Path) -> dict[str, bytes | None]:
 
 
 @pytest.mark.usefixtures("running")
-def test_all_of_it_comes_back_also_from_under_a_running_console(
-    console: Console, data: Path, tmp_path: Path
-) -> None:
+def test_all_comes_back_from_under_a_running_console(console: Console, data: Path, tmp_path: Path) -> None:
     file, again = tmp_path / "lathe.tar.gz", tmp_path / "new" / "lathe"
     (data / ".job.toml.0123abcd.tmp").write_bytes(b"half")
     said = console("backup", str(file), "--data", str(data), "--json")
@@ -146,12 +145,19 @@ def test_a_link_is_left_out_and_said(console: Console, data: Path, tmp_path: Pat
     assert said.code == 0 and "not in the backup" in said.err
 
 
-def test_damaged_records_are_no_backup(data: Path, tmp_path: Path) -> None:
+def test_damaged_records_are_no_backup_and_those_of_a_newer_console_no_restore(data: Path, tmp_path: Path) -> None:
+    place, file = tmp_path / "place", tmp_path / "b.tar.gz"
+    place.mkdir()
     (data / FILE_NAME).write_bytes(b"no database" * 500)
     with pytest.raises(ProblemError) as refused:
-        back_up(data, tmp_path / "b.tar.gz")
-    assert refused.value.problems[0].code == "record.damaged"
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["lathe"]
+        back_up(data, file)
+    assert refused.value.problems[0].code == "record.damaged" and not file.exists()
+    (data / FILE_NAME).unlink()
+    RunRecord(data, RUN).close()
+    with sqlite3.connect(data / FILE_NAME) as database:
+        database.execute(f"PRAGMA user_version = {SCHEMA + 1}")
+    back_up(data, file)
+    assert code_of(file, place) == "record.other_schema"
 
 
 def entries(file: Path) -> list[tuple[tarfile.TarInfo, bytes]]:
@@ -234,18 +240,29 @@ def test_whatever_is_wrong_with_an_archive_nothing_is_written(data: Path, tmp_pa
     assert [code_of(tmp_path / name, place) for name in ("pipe", "nowhere")] == ["file.unreadable"] * 2
 
 
-def test_an_archive_that_is_replaced_after_it_was_checked_is_not_restored(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_a_replaced_archive_or_a_full_disk_restores_nothing(
+    data: Path, tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     file, other, place = tmp_path / "b.tar.gz", tmp_path / "other.tar.gz", tmp_path / "place"
     place.mkdir()
     back_up(data, file)
+    found = json.loads(entries(file)[-1][1])
+    assert entries(file)[-1][0].name == MANIFEST
+    assert set(found["files"]["jobs/mine.toml"]) == {"bytes", "sha256"}
     learned = next((data / "learned").rglob("*.json"))
     learned.write_bytes(learned.read_bytes().replace(b"27.5", b"28.5"))
     back_up(data, other)
     manifest = checked(file)
-    monkeypatch.setattr(restore, "checked", lambda _: manifest)
-    assert code_of(other, place) == "restore.damaged"
+    with monkeypatch.context() as replaced:
+        replaced.setattr(restore, "checked", lambda _: manifest)
+        assert code_of(other, place) == "restore.damaged"
+    free = os.statvfs(place)
+
+    class Full:
+        f_bavail, f_frsize = 3, free.f_frsize
+
+    monkeypatch.setattr(os, "statvfs", lambda _: Full)
+    assert code_of(file, place) == "restore.no_space"
 
 
 def test_a_flipped_bit_anywhere_in_the_file_is_found_or_harmless(data: Path, tmp_path: Path) -> None:
@@ -282,19 +299,7 @@ def refused(archive: Path) -> str:
     return caught.value.problems[0].code
 
 
-def test_records_of_a_newer_console_are_refused(data: Path, tmp_path: Path) -> None:
-    place = tmp_path / "place"
-    place.mkdir()
-    RunRecord(data, RUN).close()
-    with sqlite3.connect(data / FILE_NAME) as database:
-        database.execute(f"PRAGMA user_version = {SCHEMA + 1}")
-    back_up(data, tmp_path / "b.tar.gz")
-    assert code_of(tmp_path / "b.tar.gz", place) == "record.other_schema"
-
-
-def test_a_restore_that_is_killed_leaves_no_half_folder_and_the_next_removes_its_rest(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_killed_restore_leaves_no_half_folder(data: Path, tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     file, place = tmp_path / "b.tar.gz", tmp_path / "place"
     place.mkdir()
     back_up(data, file)
@@ -321,21 +326,6 @@ def test_a_restore_that_is_killed_leaves_no_half_folder_and_the_next_removes_its
     assert contents(place / "lathe") == contents(data)
 
 
-def test_a_full_disk_is_said_before_anything_is_written(
-    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    file, place = tmp_path / "b.tar.gz", tmp_path / "place"
-    place.mkdir()
-    back_up(data, file)
-    free = os.statvfs(place)
-
-    class Full:
-        f_bavail, f_frsize = 3, free.f_frsize
-
-    monkeypatch.setattr(os, "statvfs", lambda _: Full)
-    assert code_of(file, place) == "restore.no_space"
-
-
 @pytest.mark.long
 def test_what_git_would_keep_is_written_in_the_same_order_each_time(data: Path, tmp_path: Path) -> None:
     """Another console, with another hash seed, writes the same bytes, one value a line."""
@@ -347,11 +337,3 @@ def test_what_git_would_keep_is_written_in_the_same_order_each_time(data: Path, 
     )
     assert first == second and len([each for each in first.values() if each is not None]) == 6
     assert all(content.count(b"\n") > 5 for path, content in first.items() if content and path.endswith(".json"))
-
-
-def test_the_manifest_is_for_people_too(data: Path, tmp_path: Path) -> None:
-    file = tmp_path / "b.tar.gz"
-    back_up(data, file)
-    found = json.loads(entries(file)[-1][1])
-    assert entries(file)[-1][0].name == MANIFEST
-    assert set(found["files"]["jobs/mine.toml"]) == {"bytes", "sha256"}

@@ -25,7 +25,7 @@ from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.workshop_view import Dials
 from tests.compact import compact_machine
-from tests.console.floor import Floor, experiment_1, open_floor
+from tests.console.floor import Floor, experiment_1, known, open_floor
 
 MACHINE = compact_machine().machine
 AT_ITS_END_UM = 500.0
@@ -34,8 +34,8 @@ HALF_JAW_DEG = 11.5
 
 
 def dials(floor: Floor) -> Dials:
-    seen = floor.idle().seen
-    assert seen is not None and seen.dials is not None and seen.tool_gap_mm is None
+    seen = known(floor.idle().seen)
+    assert seen.dials is not None and seen.tool_gap_mm is None
     return seen.dials
 
 
@@ -64,16 +64,12 @@ def find_flank(floor: Floor, side: int) -> None:
 
 def homed(tmp_path: Path, seed: int) -> Floor:
     floor = open_floor(tmp_path, seed, blind=True)
-    floor.do(DisableDrives())
-    floor.do(ConfirmClamping(job=experiment_1()))
-    floor.do(EnableDrives())
-    floor.do(Home())
+    floor.do(DisableDrives(), ConfirmClamping(job=experiment_1()), EnableDrives(), Home())
     return floor
 
 
 def find_jaw(floor: Floor) -> None:
-    seen = floor.idle().seen
-    assert seen is not None
+    seen = known(floor.idle().seen)
     turn(floor, -seen.jaw_1_past_mark_deg)
     turn(floor, HALF_JAW_DEG)
     for number in range(2 * RESULTS):
@@ -87,8 +83,7 @@ def find_jaw(floor: Floor) -> None:
 def feel(floor: Floor) -> None:
     """Step in until the contact is heard, ever finer, and each time where the part is not scratched yet."""
     dials(floor)
-    believed_mm = tool_gap_mm(floor.lathe.snapshot(), MACHINE, floor.state.alignment)
-    assert believed_mm is not None
+    believed_mm = known(tool_gap_mm(floor.lathe.snapshot(), MACHINE, floor.state.alignment))
     infeed(floor, believed_mm - 0.5)  # the tip is within 0.3 mm of where it is believed
     for step_mm in (0.02, 0.001):
         while not dials(floor).contact:
@@ -104,14 +99,13 @@ def test_whoever_only_reads_dials_finds_jaw_1_and_touches_off(tmp_path: Path, se
     true = plant_named("mounted", MACHINE, seed, mounted_by_hand=True)
     floor = homed(tmp_path, seed)
     find_jaw(floor)
-    jaw = floor.state.alignment.jaw
-    assert jaw is not None and true.jaw_1_deg is not None
+    jaw = known(floor.state.alignment.jaw)
+    assert true.jaw_1_deg is not None
     assert math.remainder(jaw.angle_deg - true.jaw_1_deg, 360.0) == pytest.approx(0.0, abs=0.3)
     floor.do(Approach(job=experiment_1()))
     feel(floor)
     floor.do(TakeTouchOff(radius_mm=experiment_1().radius_mm))
-    touched = floor.state.alignment.touch_off
-    assert touched is not None
+    touched = known(floor.state.alignment.touch_off)
     assert 1000.0 * (touched.zero_radius_mm - true.home_radius_mm) == pytest.approx(0.0, abs=5.0)
     assert floor.state.alarms == ()
 
@@ -120,8 +114,8 @@ def test_the_truth_is_in_nothing_that_the_console_has_seen(tmp_path: Path) -> No
     floor, shown = homed(tmp_path, 5), set()
     for _ in range(10):
         turn(floor, 7.77)
-        seen = floor.idle().seen
-        assert seen is not None and seen.tool_gap_mm is None
+        seen = known(floor.idle().seen)
+        assert seen.tool_gap_mm is None
         shown.add(math.fmod(seen.jaw_1_past_mark_deg, 5.0))
     assert shown == {0.0}
 

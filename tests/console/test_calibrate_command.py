@@ -1,27 +1,35 @@
-"""`console calibrate`: what was measured is fitted and told, kept only when asked, and never mixed in silently."""
+"""`console calibrate`: fitted and told, kept only when asked; a plain part gives its job its lobe."""
 
 from __future__ import annotations
 
+import functools
 import json
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 
 from console.session.cut.interlocks import of_lobe
 from console.session.cut.run import plan_run
+from console.session.data.calibrations import files_of
+from console.session.data.calibrations import load as load_kept
+from console.session.data.kept_files import jobs_folder
 from console.session.errors import SessionError
+from console.session.learning.calibrating import PartLobe, accept_lobe, lobe_of
 from console.session.learning.chuck_calibrating import stated_number
+from console.session.station.commands import Arm, ConfirmClamping, DisableDrives, EnableDrives, Measure, Start
+from console.session.station.state import MeasuredPart
 from console.session.work import edited, opened
 from console.text.catalogue import load
 from drivers.cutting.planning import Strategy
-from profiles.problem import ProfileError
-from profiles.store import BUNDLED_JOBS, load_job, load_machine, save_job
+from profiles.lobe.lobe_origin import with_modelled_lobe, without_lobe
+from profiles.problem import ProblemError, ProfileError
+from profiles.store import BUNDLED_JOBS, LoadedJob, load_job, load_machine, save_job
+from tests.compact import compact_machine
+from tests.console.commands import Console, JobFile
+from tests.console.floor import Floor, open_floor
 
-Console = Callable[..., Any]
 JOB = "lee-2001-experiment-1"
 INDEX = ("# state: free", "# direction: spindle", "# start_mark: spindle index")
 
@@ -49,7 +57,7 @@ def files(folder: Path) -> list[str]:
     return sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file())
 
 
-def test_a_wrench_is_fitted_and_not_kept(console: Console, wrench: Path, data_folder: Path) -> None:
+def test_a_wrench_is_fitted_and_kept_only_when_asked(console: Console, wrench: Path, data_folder: Path) -> None:
     said = console("calibrate", "chuck", str(wrench), "--torque", "30", "--force", "11310", "--json")
     assert said.code == 0
     assert said.json["found"]["slope_n_per_n_m"] == pytest.approx(377.0, rel=0.02)
@@ -57,44 +65,31 @@ def test_a_wrench_is_fitted_and_not_kept(console: Console, wrench: Path, data_fo
     assert force["low"] < 11310 < force["high"] and torque["low"] < 30.0 < torque["high"]
     assert (said.json["kept"], files(data_folder)) == (None, [])
     assert "remark" in said.err
-
-
-def test_what_is_kept_is_added_and_shown_beside_the_next(
-    console: Console, wrench: Path, data_folder: Path
-) -> None:
     for _ in range(2):
         assert console("calibrate", "chuck", str(wrench), "--keep").code == 0
     kept = files(data_folder)
     assert len(kept) == 2 and all("calibrations/lee-2001-lathe/wrench-" in name for name in kept)
-    record = json.loads((data_folder / kept[0]).read_text())
+    record, last = (json.loads((data_folder / name).read_text()) for name in kept)
     assert (record["kind"], record["subject"], len(record["file_sha256"])) == ("wrench", "lee-2001-lathe", 64)
-    last = json.loads((data_folder / kept[-1]).read_text())
-    assert (
-        f"previous calibration, {last['date']}: force_per_torque" in console("calibrate", "chuck", str(wrench)).out
-    )
+    said = console("calibrate", "chuck", str(wrench))
+    assert f"previous calibration, {last['date']}: force_per_torque" in said.out
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
+def test_a_table_that_cannot_be_used_is_one_line(console: Console, tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    for text, words in (
         ("torque_n_m,force_n\n1,-2\n", ("t.csv:2", "force_n", "-2")),
         ("torque_n_m,force_n\n1,2\n", ("t.csv", "measurements: 1", ">= 4")),
         ("chucking_force_n,load_n,angle_deg,diameter_mm,overhang_mm,deflection_um\n", ("youngs_modulus_gpa",)),
-    ],
-)
-def test_a_table_that_cannot_be_used_is_one_line(
-    console: Console, tmp_path: Path, text: str, words: tuple[str, ...]
-) -> None:
-    path = tmp_path / "t.csv"
-    path.write_text(text)
-    said = console("calibrate", "chuck", str(path))
-    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
-    for word in words:
-        assert word in said.err
+    ):
+        path.write_text(text)
+        said = console("calibrate", "chuck", str(path))
+        assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
+        assert all(word in said.err for word in words)
 
 
-def test_the_lobe_of_a_trace_becomes_the_error_of_a_copy(
-    console: Console, tmp_path: Path, data_folder: Path
+def test_the_lobe_of_a_trace_is_that_of_a_copy_or_of_an_own_job_with_its_remarks(
+    console: Console, tmp_path: Path, data_folder: Path, job_file: JobFile
 ) -> None:
     said = console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", JOB, "--keep", "--json")
     assert said.code == 0
@@ -106,20 +101,12 @@ def test_the_lobe_of_a_trace_becomes_the_error_of_a_copy(
     record = json.loads(Path(said.json["kept"]).read_text())
     assert record["found"]["job_before"]["lobe_error_um_pp"] == 55.0
     assert record["subject_sha256"] == kept.sha256
-
-
-def test_an_own_job_keeps_its_file_and_its_remarks(
-    console: Console, tmp_path: Path, job_file: Callable[..., Path]
-) -> None:
     path = job_file()
     assert console("calibrate", "lobe", str(trace(tmp_path, *INDEX)), "--job", str(path), "--keep").code == 0
-    assert load_job(str(path)).job.lobe_error_source == "fitted"
-    assert "# Table 6" in path.read_text()
+    assert load_job(str(path)).job.lobe_error_source == "fitted" and "# Table 6" in path.read_text()
 
 
-def test_an_unknown_phase_keeps_nothing_and_tells_the_amplitude(
-    console: Console, tmp_path: Path, data_folder: Path
-) -> None:
+def test_an_unknown_phase_keeps_nothing(console: Console, tmp_path: Path, data_folder: Path) -> None:
     path = str(trace(tmp_path))
     said = console("calibrate", "lobe", path, "--job", JOB, "--keep")
     assert (said.code, files(data_folder)) == (1, [])
@@ -130,26 +117,21 @@ def test_an_unknown_phase_keeps_nothing_and_tells_the_amplitude(
     assert seen.json["error_um_pp"] == pytest.approx(55.0, abs=0.15)
 
 
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_compensated_part_is_told_and_never_kept(
-    console: Console, tmp_path: Path, data_folder: Path, language: str
+def test_a_compensated_part_is_not_kept_and_a_simulated_one_for_practice_only(
+    console: Console, tmp_path: Path, data_folder: Path
 ) -> None:
     cut = ("# simulated: yes", "# compensation: none", "# strategy: cam", "# stage: full")
-    words = ("calibrate", "lobe", str(trace(tmp_path, *INDEX, *cut)), "--job", JOB, "--keep", "--lang", language)
-    said = console("--sim", *words)
-    assert (said.code, files(data_folder)) == (1, [])
-    assert "55." in said.out and "strategy cam" in said.err and "--strategy none" in said.err
-    plain = console("--sim", *words[:-3], "--lang", language)
-    assert plain.code == 0 and "strategy cam" in plain.err
-
-
-def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: Path, data_folder: Path) -> None:
-    head = (*INDEX, "# simulated: yes", "# strategy: none")
-    words = ("calibrate", "lobe", str(trace(tmp_path, *head)), "--job", JOB, "--keep", "--json")
-    said = console(*words)
-    assert (said.code, files(data_folder)) == (1, [])
-    assert "--sim" in said.err
-    said = console("--sim", *words)
+    words = ("calibrate", "lobe", str(trace(tmp_path, *INDEX, *cut)), "--job", JOB)
+    for language in ("en", "ko"):
+        said = console("--sim", *words, "--keep", "--lang", language)
+        assert (said.code, files(data_folder)) == (1, [])
+        assert "55." in said.out and "strategy cam" in said.err and "--strategy none" in said.err
+        plain = console("--sim", *words, "--lang", language)
+        assert plain.code == 0 and "strategy cam" in plain.err
+    trace(tmp_path, *INDEX, "# simulated: yes", "# strategy: none")
+    said = console(*words, "--keep", "--json")
+    assert (said.code, files(data_folder), "--sim" in said.err) == (1, [], True)
+    said = console("--sim", *words, "--keep", "--json")
     assert (said.code, said.json["simulated"]) == (0, True)
     kept = load_job(f"{JOB}-2", data_folder / "trilobe" / "jobs").job
     assert kept.lobe_error_source == "fitted" and "simulated part" in kept.source
@@ -159,7 +141,7 @@ def test_a_simulated_part_is_kept_for_practice_only(console: Console, tmp_path: 
     ("language", "high", "low"),
     [("en", "the clamped ring springs back", "deflects between"), ("ko", "물린 링의 탄성 복원", "벽의 처짐")],
 )
-def test_the_sign_at_the_jaws_names_the_mechanism(
+def test_the_sign_names_the_mechanism(
     console: Console, tmp_path: Path, language: str, high: str, low: str
 ) -> None:
     for phase_deg, words in ((2.0, high), (62.0, low)):
@@ -200,9 +182,7 @@ def test_a_run_is_planned_only_at_the_force_of_the_calibration_cut(force_n: floa
 
 
 @pytest.mark.long
-def test_the_cut_of_the_paper_at_another_speed_is_refused_in_the_simulator_too(
-    console: Console, tmp_path: Path
-) -> None:
+def test_the_cut_of_the_paper_at_another_speed_is_refused(console: Console, tmp_path: Path) -> None:
     """The error of experiment 1 was found at 1000 rpm, with more of the chucking force lost than at 800."""
     path = tmp_path / "slow.toml"
     text = (BUNDLED_JOBS / f"{JOB}.toml").read_text(encoding="utf-8")
@@ -269,3 +249,97 @@ def test_a_modulus_in_a_header_line_is_read_as_typed_numbers_are(stated: str, me
     with pytest.raises(ProfileError) as caught:
         stated_number({"youngs_modulus_gpa": stated}, "youngs_modulus_gpa")
     assert caught.value.problems[0].code == ("value.ambiguous" if "," in stated else "calibration.not_positive")
+
+
+SEED = 5
+
+
+class Shop:
+    """A lathe with a gauge, and a job of its own without a lobe."""
+
+    def __init__(self, data: Path) -> None:
+        self.data, self.machine = data, compact_machine()
+        jobs_folder(data).mkdir()
+        plain = without_lobe(replace(load_job("lee-2001-experiment-1").job, name="ring", cut_length_mm=1.0))
+        self.path = jobs_folder(data) / "ring.toml"
+        save_job(replace(plain, wall_thickness_mm=2.0), self.path)
+        self.bare, self.refused = self.job, list[str]()
+        self.floor: Floor = open_floor(data, SEED, "mounted", self.machine)
+        self.floor.set_up(self.job.job)
+
+    @property
+    def job(self) -> LoadedJob:
+        return load_job(str(self.path))
+
+    @functools.cached_property
+    def plain(self) -> MeasuredPart:
+        """The part that was cut without compensation, before anything else; with one the cut was refused."""
+        job = self.bare
+        state = self.floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=Strategy.CAM, loaded=job))
+        assert state.armed is None
+        self.refused = [problem.code for problem in state.refusals]
+        return self.cut(Strategy.NONE)
+
+    @functools.cached_property
+    def calibrated(self) -> LoadedJob:
+        """The job with the lobe that this part has shown, as it was written."""
+        assert self.plain.lobe is not None
+        return accept_lobe(self.plain.lobe, self.machine.machine, self.data)
+
+    def cut(self, strategy: Strategy) -> MeasuredPart:
+        """Clamp a blank, cut it to its end, and measure it."""
+        job, floor = self.job, self.floor
+        floor.do(DisableDrives(), ConfirmClamping(job=job.job), EnableDrives())
+        armed = floor.do(Arm(job=job.job, job_sha256=job.sha256, strategy=strategy, loaded=job))
+        assert armed.armed is not None, armed.refusals
+        assert floor.do(Start()).cut_done, floor.state.refusals
+        part = floor.do(Measure()).measured
+        assert part is not None, floor.state.refusals
+        return part
+
+
+@pytest.fixture(scope="module")
+def shop(tmp_path_factory: pytest.TempPathFactory) -> Shop:
+    return Shop(tmp_path_factory.mktemp("shop"))
+
+
+def test_a_plain_part_gives_its_job_the_lobe_and_the_next_part_is_round(shop: Shop) -> None:
+    plain, lobe, job = shop.plain, shop.plain.lobe, shop.bare
+    assert shop.refused == ["rule.lobe_none"]
+    assert opened(job, shop.machine).strategy == "none"
+    assert lobe is not None and lobe.found is not None and not lobe.reasons, lobe
+    # What the simulated ring springs back is the model's; the jaw was found at the mark.
+    true_um_pp = with_modelled_lobe(job.job, shop.machine.machine).lobe_error_um_pp
+    assert lobe.found.fit.error_um_pp == pytest.approx(true_um_pp, rel=0.02)
+    assert lobe.found.past_jaw_deg == pytest.approx(0.0, abs=0.3)
+
+    written = shop.calibrated
+    assert written.job == shop.job.job and written.job.lobe_error_source == "fitted"
+    assert written.job.lobe_chuck == shop.machine.machine.chuck.name
+    (kept,) = files_of(shop.data, "ring", "lobe")
+    assert load_kept(kept, "ring", "lobe").subject_sha256 == written.sha256
+
+    after = shop.cut(Strategy.CAM)
+    assert after.lobe is None and after.result.ront_um < 0.1 * plain.result.ront_um
+    assert after.result.ront_um < shop.job.job.roundness_tolerance_um
+
+
+def test_a_lobe_is_not_written_over_a_job_that_has_changed_since(shop: Shop) -> None:
+    part, written = shop.plain, shop.calibrated
+    assert part.lobe is not None and part.lobe.loaded is not None
+    assert part.lobe.loaded.sha256 != written.sha256
+    before = shop.path.read_bytes()
+    with pytest.raises(ProblemError) as raised:
+        accept_lobe(part.lobe, shop.machine.machine, shop.data)
+    assert [problem.code for problem in raised.value.problems] == ["job.changed_elsewhere"]
+    assert shop.path.read_bytes() == before
+
+
+def test_a_part_of_an_edited_job_gives_none_a_lobe(shop: Shop) -> None:
+    part = shop.plain
+    assert part.lobe is not None and part.lobe.found is not None
+    bare = PartLobe(loaded=None, file="x", file_sha256="")
+    edited = lobe_of(part.trace, part.job, bare, phase_known=True, simulated=True)
+    assert [problem.code for problem in edited.reasons] == ["learned.edited_part"]
+    unplaced = lobe_of(part.trace, part.job, part.lobe, phase_known=True, simulated=False)
+    assert [problem.code for problem in unplaced.reasons] == ["lobe.simulated"]

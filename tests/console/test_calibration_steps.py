@@ -1,4 +1,4 @@
-"""A calibration that a unit mistake has scaled is neither kept nor used in silence, and widens no limit.
+"""A calibration scaled by a unit mistake, or of a wrong clock, is not used in silence.
 
 The factors are those of the units (NIST SP 811), the limits those of the profile alone.
 """
@@ -15,14 +15,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.alignment import Alignment, Mounted, TouchOff
 from console.session.data.calibrated_chuck import calibrated
 from console.session.data.calibrations import FOLDER
+from console.session.data.history import last_results
+from console.session.data.kept_files import is_ahead
+from console.session.data.learned_store import asked_for
+from console.session.data.measured_part import cuts_of, date_problems, parts_made
+from console.session.data.records import RunRecord
 from console.session.errors import SessionError
 from console.session.learning.calibrating import lobe_step
 from console.session.station.commands import CorrectTouchOff
 from console.session.station.measuring import correct_touch_off
+from console.text.catalogue import load
 from profiles.calibration.deflection import bending_um, contact_um
 from profiles.calibration.lobe import find_lobe
 from profiles.calibration.plausible import MOST_STEP, QUANTITIES, step_of
@@ -33,8 +40,9 @@ from profiles.machine import MachineProfile
 from profiles.rules import check
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace
+from tests.console.commands import Console, JobFile
+from tests.record_clock import set_dates
 
-Console = Callable[..., Any]
 LOADED = load_machine("lee-2001-lathe")
 CHUCK = LOADED.machine.chuck
 JOB = load_job("lee-2001-experiment-1").job
@@ -58,19 +66,27 @@ def wrench(folder: Path, slope: float = 377.0, sd: float = 0.02, offset_n: float
     return str(path)
 
 
-def jaws(folder: Path, *, length_mm: float = 40.0, modulus_gpa: float = 206.0, **scaled: float) -> str:
-    """A table of three jaws as the profile has them, 50 N/um and alpha 0.5; columns `scaled` by their factor."""
+def jaws(
+    folder: Path,
+    *,
+    length_mm: float = 40.0,
+    modulus_gpa: float = 206.0,
+    n_per_um: float = 50.0,
+    alpha: float = 0.5,
+    **scaled: float,
+) -> str:
+    """A table of three jaws as the profile has them, on a steel bar; columns `scaled` by their factor."""
     names = ("chucking_force_n", "load_n", "angle_deg", "diameter_mm", "overhang_mm", "deflection_um")
     rows, rng = [f"# youngs_modulus_gpa: {modulus_gpa:.17g}", ";".join(names)], np.random.default_rng(5)
     for total in (1500.0, 3000.0, 6000.0):
-        for load in (150.0, 400.0):
+        for load_n in (150.0, 400.0):
             for angle in (0.0, 30.0, 60.0):
                 for overhang in (40.0, 125.0):
-                    loaded = {"load_n": load, "past_jaw_deg": angle, "overhang_mm": overhang}
-                    k = 50.0 * (total / 3 / 1000.0) ** 0.5
-                    contact = contact_um(k, 0.5, length_mm, jaws=3, force_per_jaw_n=total / 3, **loaded)
-                    um = float(contact + bending_um(load, overhang, 65.0, 206.0)) + rng.normal(0.0, 0.01)
-                    values = dict(zip(names, (total, load, angle, 65.0, overhang, um), strict=True))
+                    loaded = {"load_n": load_n, "past_jaw_deg": angle, "overhang_mm": overhang}
+                    k = n_per_um * (total / 3 / 1000.0) ** alpha
+                    contact = contact_um(k, alpha, length_mm, jaws=3, force_per_jaw_n=total / 3, **loaded)
+                    um = float(contact + bending_um(load_n, overhang, 65.0, 206.0)) + rng.normal(0.0, 0.01)
+                    values = dict(zip(names, (total, load_n, angle, 65.0, overhang, um), strict=True))
                     rows.append(";".join(f"{value * scaled.get(key, 1.0):.17g}" for key, value in values.items()))
     path = folder / "jaws.csv"
     path.write_text("\n".join(rows), encoding="utf-8")
@@ -87,9 +103,7 @@ def chuck_used(data: Path) -> tuple[float | None, ...]:
 
 
 @pytest.mark.parametrize("factor", USABLE)
-def test_a_wrench_in_another_unit_is_not_kept_until_it_is_typed_out(
-    console: Console, tmp_path: Path, data: Path, factor: float
-) -> None:
+def test_a_wrench_in_another_unit_is_not_kept(console: Console, tmp_path: Path, data: Path, factor: float) -> None:
     table = wrench(tmp_path, 377.0 * factor)
     said = console("calibrate", "chuck", table, "--keep")
     assert (said.code, kept(data)) == (1, [])
@@ -101,17 +115,12 @@ def test_a_wrench_in_another_unit_is_not_kept_until_it_is_typed_out(
     assert chuck_used(data)[0] == pytest.approx(377.0 * factor, rel=1e-3), "whoever typed it out meant it"
 
 
-@pytest.mark.parametrize(
-    ("factor", "mistake"),
-    [(0.001, "kN <> N"), (1 / 9.80665, "kgf <> N"), (1 / 4.4482216, "lbf <> N"), (1 / 3, "F/3 <> F")],
-)
-def test_the_unit_mistake_is_named(console: Console, tmp_path: Path, factor: float, mistake: str) -> None:
-    assert mistake in console("calibrate", "chuck", wrench(tmp_path, 377.0 * factor), "--keep").err
-
-
-def test_a_wrench_beyond_every_profile_is_not_kept_even_typed_out(
+def test_the_unit_mistake_is_named_and_one_beyond_every_profile_is_never_kept(
     console: Console, tmp_path: Path, data: Path
 ) -> None:
+    mistakes = {0.001: "kN <> N", 1 / 9.80665: "kgf <> N", 1 / 4.4482216: "lbf <> N", 1 / 3: "F/3 <> F"}
+    for factor, mistake in mistakes.items():
+        assert mistake in console("calibrate", "chuck", wrench(tmp_path, 377.0 * factor), "--keep").err
     said = console("calibrate", "chuck", wrench(tmp_path, 150e3), "--keep", "--confirm", "150000")
     assert (said.code, kept(data)) == (1, []) and "100000 N/(N m)" in said.err
 
@@ -119,6 +128,7 @@ def test_a_wrench_beyond_every_profile_is_not_kept_even_typed_out(
 COLUMNS = ("chucking_force_n", "load_n", "deflection_um")
 
 
+@pytest.mark.first(16)
 @pytest.mark.parametrize("factor", FACTORS)
 @pytest.mark.parametrize("columns", [*((each,) for each in COLUMNS), ("chucking_force_n", "load_n")])
 def test_deflections_in_another_unit_change_nothing_in_silence(
@@ -128,21 +138,14 @@ def test_deflections_in_another_unit_change_nothing_in_silence(
     assert (said.code, kept(data)) == (1, []), said.err
 
 
-@pytest.mark.parametrize("factor", [25.4, 1 / 25.4, 10.0, 0.1])
-def test_lengths_in_another_unit_change_nothing_in_silence(
-    console: Console, tmp_path: Path, data: Path, factor: float
+def test_lengths_in_another_unit_and_a_modulus_of_no_metal_change_nothing(
+    console: Console, tmp_path: Path, data: Path
 ) -> None:
-    scaled = {"overhang_mm": factor, "diameter_mm": factor}
-    said = console("calibrate", "chuck", jaws(tmp_path, **scaled), "--keep")
-    assert (said.code, kept(data)) == (1, []), said.err
-
-
-@pytest.mark.parametrize("modulus_gpa", [20.6, 29.9, 700.0])
-def test_a_modulus_that_no_metal_has_is_typed_out(
-    console: Console, tmp_path: Path, data: Path, modulus_gpa: float
-) -> None:
-    said = console("calibrate", "chuck", jaws(tmp_path, modulus_gpa=modulus_gpa), "--keep")
-    assert (said.code, kept(data)) == (1, []), said.err
+    tables: list[dict[str, float]] = [{"modulus_gpa": gpa} for gpa in (20.6, 29.9, 700.0)]
+    tables += [{"overhang_mm": by, "diameter_mm": by} for by in (25.4, 1 / 25.4, 10.0, 0.1)]
+    for table in tables:
+        said = console("calibrate", "chuck", jaws(tmp_path, **table), "--keep")
+        assert (said.code, kept(data)) == (1, []), said.err
 
 
 def test_what_agrees_is_kept_without_a_question(console: Console, tmp_path: Path, data: Path) -> None:
@@ -178,9 +181,10 @@ def scaled_record(file: Path, factor: float) -> None:
     file.write_text(json.dumps(record))
 
 
+@pytest.mark.first(8)
 @pytest.mark.parametrize("kind", ["wrench", "deflection"])
 @pytest.mark.parametrize("factor", USABLE)
-def test_an_older_record_in_another_unit_is_not_used_and_that_is_told(
+def test_an_older_record_is_not_used(
     console: Console, tmp_path: Path, data: Path, kind: str, factor: float
 ) -> None:
     table = wrench(tmp_path) if kind == "wrench" else jaws(tmp_path)
@@ -199,9 +203,7 @@ def test_an_older_record_in_another_unit_is_not_used_and_that_is_told(
     assert "NOT used" in said.out + said.err
 
 
-def test_a_record_says_that_it_was_typed_out_only_for_its_own_value(
-    console: Console, tmp_path: Path, data: Path
-) -> None:
+def test_what_was_typed_out_holds_for_its_own_value(console: Console, tmp_path: Path, data: Path) -> None:
     assert console("calibrate", "chuck", wrench(tmp_path, 800.0), "--keep", "--confirm", "800").code == 0
     (file,) = (data / FOLDER).rglob("*.json")
     assert chuck_used(data)[0] == pytest.approx(800.0, rel=1e-3)
@@ -216,6 +218,7 @@ def limits(job: Job, machine: MachineProfile) -> tuple[float, float, float]:
     return -span.least_n, span.most_n, -needed_grip_n(job, machine)
 
 
+@pytest.mark.first(6)
 @pytest.mark.parametrize("job", [JOB, THIN], ids=lambda job: str(job.name))
 @pytest.mark.parametrize("sd", [0.0005, 0.02, 0.08])
 @pytest.mark.parametrize("length_mm", [28.0, 40.0, 58.0])
@@ -309,3 +312,123 @@ def test_corrections_of_the_touch_off_do_not_add_up_to_one_that_is_refused() -> 
         except SessionError as error:
             assert [each.code for each in error.problems] == ["alignment.touch_off_far"]
         assert bool(told) is not refused
+
+
+NEXT_YEAR, LAST_YEAR, LATE, EARLY = "2099-11-22T10:00:00Z", "2001-11-22T10:00:00Z", "12:00", "10:00"
+KEY = "chuck.force_per_torque_n_per_n_m"
+SLOPES = {"soft": 300.0, "stiff": 377.0}
+
+
+@pytest.fixture
+def calibrate(console: Console, tmp_path: Path, monkeypatch: MonkeyPatch) -> Callable[[str, str], Any]:
+    """Keep a calibration of the wrench on a day."""
+
+    def keep(slope: str, date: str) -> Any:
+        rows = [f"{t},{SLOPES[slope] * t + off:.1f}" for t in (10, 20, 30, 40) for off in (-20.0, 20.0)]
+        path = tmp_path / f"{slope}.csv"
+        path.write_text("\n".join(["torque_n_m,force_n", *rows]), encoding="utf-8")
+        monkeypatch.setattr("console.session.learning.chuck_calibrating.utc_now", lambda: date)
+        said = console("calibrate", "chuck", str(path), "--keep", "--json")
+        assert said.code == 0, said.err
+        return said
+
+    return keep
+
+
+def predicted(console: Console) -> Any:
+    return console("predict", JOB.name, "--json")
+
+
+def test_the_calibration_kept_last_counts_and_a_date_to_come_is_told(
+    console: Console, calibrate: Callable[[str, str], Any]
+) -> None:
+    first = Path(calibrate("stiff", NEXT_YEAR).json["kept"])
+    for command in ("predict", "preview", "program"):
+        said = console(command, JOB.name, "--json")
+        assert said.err.count(NEXT_YEAR) == 1 and "wrong" in said.err
+        assert any(NEXT_YEAR in warning for warning in said.json["warnings"])
+    first.rename(first.with_name("wrench-20991122T100000Z.json"))  # as it was named before it had a number
+    assert predicted(console).json["sources"][KEY] == NEXT_YEAR
+    said = calibrate("soft", LAST_YEAR)
+    assert NEXT_YEAR in said.err and "wrong" in said.err
+    found = predicted(console)
+    assert found.json["clamping"]["torque_n_m"] == pytest.approx(JOB.chucking_force_n / 300.0, rel=0.02)
+    assert found.json["sources"][KEY] == LAST_YEAR
+    assert NEXT_YEAR not in found.err
+
+
+def record_cut(data: Path, monkeypatch: MonkeyPatch, at: str, compensation: int | None) -> None:
+    """Add a run of the job to the record, at that time of 30 November 2001."""
+    set_dates(monkeypatch, lambda: f"2001-11-30T{at}:00.000+00:00")
+    run = RunRecord(
+        data,
+        {
+            "software": "x",
+            "job": JOB.name,
+            "job_sha256": load_job("lee-2001-experiment-1").sha256,
+            "machine": LOADED.machine.name,
+            "machine_sha256": LOADED.sha256,
+            "simulated": 1,
+            "strategy": "cam",
+            "program": "",
+        },
+    )
+    made = {"strategy": "cam", "stage": "full", "inverted": "model", "compensation": compensation}
+    run.add("result", made)
+    run.add("measured", {"job": JOB.name, "ront_um": 9.0 if compensation is None else 2.0})
+    run.close()
+
+
+def test_a_part_is_of_the_cut_that_was_recorded_last(data: Path, monkeypatch: MonkeyPatch) -> None:
+    record_cut(data, monkeypatch, LATE, None)
+    record_cut(data, monkeypatch, EARLY, 3)
+    asked = asked_for(load_job("lee-2001-experiment-1"), LOADED, "", simulated=True)
+    assert [made and made.compensation for made in parts_made(cuts_of(data, asked))] == ["3", "none"]
+    assert last_results(data, simulated=True)[JOB.name].ront_um == 2.0
+    assert date_problems(cuts_of(data, asked), asked.job) == ()
+
+
+def test_a_cut_of_a_day_to_come_is_told(data: Path, monkeypatch: MonkeyPatch) -> None:
+    record_cut(data, monkeypatch, EARLY, None)
+    record_cut(data, monkeypatch, EARLY, 3)
+    asked = asked_for(load_job("lee-2001-experiment-1"), LOADED, "", simulated=True)
+    monkeypatch.setattr("console.session.data.kept_files.utc_now", lambda: "2001-11-29T10:00:00Z")
+    (told,) = date_problems(cuts_of(data, asked), asked.job)
+    assert (told.code, told.value) == ("record.date_ahead", "2001-11-30T10:00:00.000+00:00")
+    assert "2001-11-30T10:00" in load("en").problem(told)
+
+
+@pytest.mark.long
+def test_a_version_of_a_day_to_come_is_told_when_it_is_learned_from_listed_and_cut_with(
+    console: Console, data: Path, tmp_path: Path, close: tuple[str, str], job_file: JobFile
+) -> None:
+    job, part = str(job_file(cut_length_mm="1.5", feed_mm_per_rev="0.1")), str(tmp_path / "part.csv")
+    plant = tmp_path / "larger-lobe.toml"
+    plant.write_text('schema = 1\nsource = "a wrench that pulls harder"\n[chuck]\nlobe_factor = 1.2\n')
+    run = ("run", job, "--sim", "--plant", str(plant), *close, "--strategy", "cam", "--json")
+    learn = ("learn", "--job", job, *close, "--json")
+    assert console(*run, "--part", part).code == 0
+    kept = Path(console(*learn, part, "--gain", "0.5", "--keep").json["kept"])
+    kept.write_text(json.dumps({**json.loads(kept.read_text()), "date": NEXT_YEAR}))
+    said = console("learn", "--job", job, *close, "--list", "--sim")
+    assert f"{NEXT_YEAR} (in the future)" in said.out
+    again = str(tmp_path / "again.csv")
+    cut = console(*run, "--compensation", "newest", "--part", again)
+    assert cut.code == 0 and cut.err.count(NEXT_YEAR) == 1
+    assert NEXT_YEAR in console(*learn, again).err
+
+
+@pytest.mark.parametrize(
+    ("date", "ahead"),
+    [
+        ("2001-11-30T10:11:00Z", True),
+        ("2001-11-30T10:09:00Z", False),
+        ("2001-11-30T12:09:00+02:00", False),
+        ("2001-11-30T10:11:00", True),
+        ("9999-12-31T23:59:59-23:59", True),
+        ("tomorrow", False),
+        ("", False),
+    ],
+)
+def test_a_date_is_ahead_by_more_than_two_clocks_differ(date: str, ahead: bool) -> None:
+    assert is_ahead(date, "2001-11-30T10:00:00Z") is ahead

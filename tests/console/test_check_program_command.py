@@ -6,7 +6,6 @@ import re
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -15,8 +14,7 @@ from console.cli.part.check_program_report import PlainNumber
 from console.text.catalogue import load
 from console.text.columns import broken, cell_width
 from drivers.pmac.analysis.findings import Code, Said
-
-Console = Callable[..., Any]
+from tests.console.commands import Console
 
 ROOT = Path(__file__).parents[2]
 CLEAN = "OPEN PROG 1\nCLEAR\nINC\nTA100 TS20 TM500\nX1000\nDWELL10\nX-1000\nCLOSE\n"
@@ -69,19 +67,14 @@ def test_the_papers_program_is_explained_in_plain_sentences(console: Console, me
     assert said.err == ""
 
 
-def test_a_program_that_would_crash_leaves_with_1_and_a_clean_one_with_0(
+def test_a_crash_is_1_a_warning_or_nothing_is_0(
     console: Console, printed: Path, program: Callable[[str], str]
 ) -> None:
     assert console("check-program", str(printed)).code == 1
     clean = console("check-program", program(CLEAN))
-    assert (clean.code, clean.err) == (0, "")
-    assert "no findings" in clean.out
-
-
-def test_a_warning_alone_leaves_with_0(console: Console, program: Callable[[str], str]) -> None:
+    assert (clean.code, clean.err) == (0, "") and "no findings" in clean.out
     said = console("check-program", program(CLEAN.replace("TM500", "TM50")))
-    assert "TM 50 ms becomes 100 ms" in said.out
-    assert said.code == 0
+    assert said.code == 0 and "TM 50 ms becomes 100 ms" in said.out
 
 
 def test_repeated_moves_stand_once_with_their_number(console: Console, meant: Path) -> None:
@@ -159,7 +152,7 @@ def test_rounding_does_not_unfold_what_repeats(console: Console, program: Callab
         ("lee-2001-experiment-1", "none"),
     ],
 )
-def test_what_console_program_prints_has_no_fault(
+def test_what_is_printed_is_sound(
     console: Console, program: Callable[[str], str], job: str, strategy: str
 ) -> None:
     said = console("check-program", program(console("program", job, "--strategy", strategy).out))
@@ -195,9 +188,7 @@ def test_the_start_is_told_and_may_be_given(console: Console, program: Callable[
         ("X=99999999999", 1, "the program cannot start with motor #1 at 99999999999 counts"),
     ],
 )
-def test_a_start_that_is_none_is_refused_in_one_line(
-    console: Console, meant: Path, start: str, code: int, words: str
-) -> None:
+def test_a_start_that_is_none_is_refused(console: Console, meant: Path, start: str, code: int, words: str) -> None:
     said = console("check-program", str(meant), "--from", start)
     assert (said.code, said.out) == (code, "")
     assert words in said.err
@@ -217,28 +208,16 @@ def test_a_long_text_has_its_findings_first_and_some_rows(console: Console, prog
     assert len(console("check-program", path, "--json").json["moves"]) == 100
 
 
-def test_a_time_is_the_same_number_wherever_it_is_said(console: Console, printed: Path) -> None:
-    """TM 1/10300 ms, in the table, in two findings and in two sentences."""
+def test_the_numbers_of_the_printed_program_are_the_same_wherever_they_are_said(
+    console: Console, printed: Path
+) -> None:
+    """TM 1/10300 ms, in the table, in two findings and in two sentences; each pass executes line 21 once."""
     said = console("check-program", str(printed)).out
     assert not re.search(r"\de[+-]\d", said)
     assert set(re.findall(r"0\.0000\d+", said)) == {"0.000097087"}
     assert said.count("0.000097087") == 8
-
-
-def test_the_passes_of_an_endless_loop_are_those_that_are_made(console: Console, printed: Path) -> None:
-    """Each pass executes line 21 once."""
     moves = console("check-program", str(printed), "--json").json["moves"]
-    passes = sum(move["line"] == 21 for move in moves)
-    assert f"ended it after {passes} passes" in " ".join(console("check-program", str(printed)).out.split())
-
-
-@pytest.mark.parametrize("encoding", ["utf-16", "utf-16-le", "utf-16-be", "utf-32"])
-def test_another_encoding_is_named(console: Console, tmp_path: Path, encoding: str) -> None:
-    path = tmp_path / "wide.pmc"
-    path.write_bytes(CLEAN.replace("DWELL10", "DWELL10 ;공구").encode(encoding))
-    said = console("check-program", str(path))
-    assert (said.code, said.out) == (1, "")
-    assert f"wide.pmc: this text is {encoding[:6].upper()}" in said.err
+    assert f"ended it after {sum(move['line'] == 21 for move in moves)} passes" in " ".join(said.split())
 
 
 @pytest.mark.parametrize(
@@ -266,41 +245,27 @@ def test_a_lobe_that_drifts_is_told(console: Console, meant: Path) -> None:
     )
 
 
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("P1=1\n", "no OPEN PROG"),
-        ("OPEN PROG 1\nWHILE(P1=0)\nX1\nCLOSE\n", "ERR016"),
-        ("OPEN PROG 1\nENDWHILE\nCLOSE\n", "ERR009"),
-    ],
-)
-def test_what_is_no_program_is_refused_in_one_line(
-    console: Console, program: Callable[[str], str], text: str, words: str
-) -> None:
-    said = console("check-program", program(text))
-    assert (said.code, said.out) == (1, "")
-    assert words in said.err
-    assert "mine.pmc" in said.err
-    assert said.err.count("\n") == 1
-
-
-def test_a_file_that_is_not_there_is_told(console: Console, tmp_path: Path) -> None:
-    said = console("check-program", str(tmp_path / "none.pmc"))
-    assert said.code == 1
-    assert "none.pmc" in said.err
-
-
-def test_comments_in_another_encoding_do_no_harm(console: Console, tmp_path: Path) -> None:
-    path = tmp_path / "cp949.pmc"
-    path.write_bytes(CLEAN.replace("DWELL10", "DWELL10 ;공구").encode("cp949"))
+def test_what_is_no_program_is_refused_in_one_line(console: Console, tmp_path: Path) -> None:
+    path, korean = tmp_path / "mine.pmc", CLEAN.replace("DWELL10", "DWELL10 ;공구")
+    for content, words in (
+        (b"P1=1\n", "no OPEN PROG"),
+        (b"OPEN PROG 1\nWHILE(P1=0)\nX1\nCLOSE\n", "ERR016"),
+        (b"OPEN PROG 1\nENDWHILE\nCLOSE\n", "ERR009"),
+        *(
+            (korean.encode(encoding), f"mine.pmc: this text is {encoding[:6].upper()}")
+            for encoding in ("utf-16", "utf-16-le", "utf-16-be", "utf-32")
+        ),
+        (None, "mine.pmc"),
+    ):
+        path.unlink() if content is None else path.write_bytes(content)
+        said = console("check-program", str(path))
+        assert (said.code, said.out, said.err.count("\n")) == (1, "", 1)
+        assert words in said.err and "mine.pmc" in said.err
+    path.write_bytes(korean.encode("cp949"))  # comments in another encoding do no harm
     assert "no findings" in console("check-program", str(path)).out
-
-
-def test_wrong_words_are_wrong_usage(console: Console, meant: Path) -> None:
     assert console("check-program").code == 2
-    said = console("check-program", str(meant), "--ta", "1.5")
-    assert said.code == 2
-    assert "1.5" in said.err
+    said = console("check-program", str(path), "--ta", "1.5")
+    assert said.code == 2 and "1.5" in said.err
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])

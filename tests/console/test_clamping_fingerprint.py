@@ -1,26 +1,37 @@
-"""The fingerprint of a clamping: in the session, on the command line, in the record and in what is learned."""
+"""The fingerprint of a clamping: in the session, the command, the record and learning; how sure it is."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
 
 from console.session.cut.alignment import Alignment, clamped, handed_over, unclamped
 from console.session.learning.fingerprint import expected_of
 from console.session.station.commands import Indicate, TakeFingerprint
+from console.text.fingerprint import limit_um_pp
 from drivers.cutting.strategy import Strategy
+from profiles.chucking.holding import FORCE_SD_PERCENT
+from profiles.compensations.path import CutPath, target_path
 from profiles.fingerprint.readings import ClampReadings, parse_readings, read_readings, readings_text
+from profiles.fingerprint.this_clamping import (
+    Clamped,
+    blank_over_part,
+    clamped_by,
+    clamping_scale,
+    felt,
+    known_lobe,
+)
 from profiles.job import Job
+from profiles.problem import ProfileError
+from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.console.floor import experiment_1, set_up_once
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 CAM = ("--strategy", "cam")
 LATHE = ("--sim", "--plant", "realistic", "--seed", "3", "--clamping-sd", "5")
@@ -46,9 +57,7 @@ def readings(job: Job, factor: float, places: int = 16) -> ClampReadings:
     )
 
 
-def test_readings_are_kept_with_the_clamping_used_by_the_next_cut_and_lost_with_it(
-    tmp_path: Path, in_copies: None
-) -> None:
+def test_readings_are_kept_with_the_clamping_and_lost_with_it(tmp_path: Path, in_copies: None) -> None:
     floor, job = set_up_once(tmp_path), experiment_1()
     floor.do(TakeFingerprint(job=job, readings=None))
     plain = floor.arm(job, Strategy.CAM).armed
@@ -64,17 +73,19 @@ def test_readings_are_kept_with_the_clamping_used_by_the_next_cut_and_lost_with_
     assert aired is not None and aired.made.fingerprint == ""
 
 
-def test_another_clamping_and_another_console_lose_the_readings() -> None:
-    job = experiment_1()
-    felt = replace(clamped(Alignment(), job, "08:00"), readings=readings(job, 1.0))
-    assert clamped(felt, job, "09:00").readings is None
-    assert unclamped(felt, "09:00").readings is None
-    assert handed_over(felt, "09:00").readings is None
-
-
-def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(
+def test_the_indicator_reads_from_jaw_1_on_and_another_clamping_or_console_loses_it(
     tmp_path: Path, in_copies: None
 ) -> None:
+    floor, job = set_up_once(tmp_path), experiment_1()
+    found = floor.do(Indicate(places=12)).indicated
+    assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12
+    assert found.full_um[0] == pytest.approx(min(found.full_um)), "the jaws press it in"
+    felt = replace(clamped(Alignment(), job, "08:00"), readings=readings(job, 1.0))
+    for after in (clamped(felt, job, "09:00"), unclamped(felt, "09:00"), handed_over(felt, "09:00")):
+        assert after.readings is None
+
+
+def test_what_is_no_fingerprint_of_this_lobe_is_refused(tmp_path: Path, in_copies: None) -> None:
     floor, job = set_up_once(tmp_path), experiment_1()
     floor.do(TakeFingerprint(job=job, readings=None))
     six = readings(job, 1.0, 6)
@@ -92,20 +103,13 @@ def test_what_is_no_fingerprint_of_this_lobe_is_refused_and_changes_nothing(
     assert floor.arm(job, Strategy.CAM).armed is not None
 
 
-def test_the_indicator_of_the_simulated_lathe_reads_from_jaw_1_on(tmp_path: Path, in_copies: None) -> None:
-    floor = set_up_once(tmp_path)
-    found = floor.do(Indicate(places=12)).indicated
-    assert found is not None and found.from_jaw_1 and len(found.angle_deg) == 12
-    assert found.full_um[0] == pytest.approx(min(found.full_um)), "the jaws press it in"
-
-
 @pytest.fixture
 def short(job_file: JobFile) -> str:
     return str(job_file(cut_length_mm="0.8", feed_mm_per_rev="0.1"))
 
 
 @pytest.mark.long
-def test_a_file_of_readings_goes_through_the_cut_and_the_record_into_what_is_learned(
+def test_a_file_of_readings_is_learned(
     console: Console, close: tuple[str, str], short: str, tmp_path: Path
 ) -> None:
     file, part = str(tmp_path / "f.csv"), str(tmp_path / "p.csv")
@@ -136,50 +140,35 @@ def test_a_file_of_readings_goes_through_the_cut_and_the_record_into_what_is_lea
     assert said.code == 0
 
 
-@pytest.mark.parametrize(
-    ("words", "said"),
-    [
-        (("--strategy", "none"), "follows no compensation"),
-        (("--strategy", "cam", "--stage", "air"), "follows no compensation"),
-        (("--strategy", "cam", "--learn", "2"), "--fingerprint FILE"),
-    ],
-)
-def test_a_cut_without_a_path_of_its_own_takes_no_file(
-    console: Console, close: tuple[str, str], short: str, tmp_path: Path, words: tuple[str, ...], said: str
+def test_what_takes_no_file_of_readings(
+    console: Console, close: tuple[str, str], short: str, tmp_path: Path
 ) -> None:
-    file = tmp_path / "f.csv"
+    """A cut without a path of its own, a real lathe of simulated ones; and wrong usage."""
+    file, there = tmp_path / "f.csv", tmp_path / "there.csv"
     file.write_text(readings_text(readings(experiment_1(), 1.0)))
-    found = console("run", short, *close, "--sim", *words, "--fingerprint", str(file))
-    assert found.code == 1 and said in found.err
-
-
-def test_readings_of_a_simulated_lathe_are_none_of_a_real_one(
-    console: Console, short: str, tmp_path: Path
-) -> None:
+    for words, told in (
+        ("--strategy none", "follows no compensation"),
+        ("--strategy cam --stage air", "follows no compensation"),
+        ("--strategy cam --learn 2", "--fingerprint FILE"),
+    ):
+        found = console("run", short, *close, "--sim", *words.split(), "--fingerprint", str(file))
+        assert found.code == 1 and told in found.err
     simulated = replace(readings(experiment_1(), 1.0), simulated=True)
     assert parse_readings(readings_text(simulated).encode()).simulated
-    file = tmp_path / "f.csv"
     file.write_text(readings_text(simulated))
     assert read_readings(file) == simulated
-    found = console(
-        "run", short, "--link", "tcp:127.0.0.1:9", "--yes", "--strategy", "cam", "--fingerprint", str(file)
-    )
+    real = ("--link", "tcp:127.0.0.1:9", "--yes", *CAM)
+    found = console("run", short, *real, "--fingerprint", str(file))
     assert found.code == 1 and "simulated" in found.err
-
-
-def test_usage(console: Console, short: str, tmp_path: Path) -> None:
     assert console("fingerprint", short).code == 2
-    assert console("fingerprint", short, "--out", str(tmp_path / "f.csv")).code == 2
+    assert console("fingerprint", short, "--out", str(tmp_path / "new.csv")).code == 2
     assert console("fingerprint", short, str(tmp_path / "none.csv"), *CAM).code == 1
-    there = tmp_path / "there.csv"
     there.write_text("")
     assert console("fingerprint", short, "--sim", "--out", str(there)).code == 1
     assert there.read_text() == ""
 
 
-def test_readings_far_from_what_job_and_chuck_let_expect_are_said_with_their_numbers(
-    tmp_path: Path, in_copies: None
-) -> None:
+def test_surprising_readings_are_said_with_their_numbers(tmp_path: Path, in_copies: None) -> None:
     """Height of the lobe within 7 %, indicator and force within 5 % each, 0.5 um of 27.5: 10.2 % of it all.
 
     Of 60 % as much, 4 standard deviations, the path follows two thirds, so that it is said; of 85 % nothing is.
@@ -200,9 +189,7 @@ def test_readings_far_from_what_job_and_chuck_let_expect_are_said_with_their_num
     assert float(warning.key) == pytest.approx(4.0, abs=0.2)
 
 
-def test_the_command_says_it_too_and_in_json(
-    console: Console, close: tuple[str, str], short: str, tmp_path: Path
-) -> None:
+def test_the_command_says_it_too(console: Console, close: tuple[str, str], short: str, tmp_path: Path) -> None:
     file = tmp_path / "f.csv"
     file.write_text(readings_text(readings(experiment_1(), 0.6)))
     for language, word in (("en", "standard deviations off"), ("ko", "표준편차")):
@@ -212,3 +199,46 @@ def test_the_command_says_it_too_and_in_json(
         assert word in warning
     file.write_text(readings_text(readings(experiment_1(), 1.0)))
     assert console("fingerprint", short, str(file), *close, *CAM, "--json").json["warnings"] == []
+
+
+JOB = replace(load_job("lee-2001-experiment-1").job, lobe_phase_deg=0.0)
+MACHINE = load_machine("lee-2001-lathe").machine
+LOBE_UM, JAWS, READING_UM = 27.5, 3, 0.6
+HEIGHT_UM, TURN_UM, BESIDE_UM = 0.07 * LOBE_UM, JAWS * math.radians(3.0) * LOBE_UM, 0.5
+GAIN, GAIN_TURN, FINGER = 0.05, JAWS * math.radians(1.0), 0.01
+DRAWN = 600
+
+
+def drawn(places: int, seed: int) -> tuple[np.ndarray, list[Clamped]]:
+    """Return the true lobes of so many parts, amplitudes in um, and what a fingerprint of each says."""
+    chance, scale = np.random.default_rng(seed), clamping_scale(JOB, MACHINE)
+    height, turn, gain, gain_turn, force, finger = chance.normal(size=(6, DRAWN))
+    beside = BESIDE_UM * (chance.normal(size=DRAWN) + 1j * chance.normal(size=DRAWN))
+    lobe = LOBE_UM + HEIGHT_UM * height + 1j * TURN_UM * turn + beside
+    pull = scale.sd * force
+    shown = scale.at_rest * lobe * np.exp(GAIN * gain + 1j * GAIN_TURN * gain_turn) * (1.0 + pull)
+    shown *= (0.95 + FINGER * finger) * blank_over_part(JOB)
+    angles = 360.0 * np.arange(places) / places
+    sprung = np.real(shown[:, None] * np.exp(1j * JAWS * np.radians(angles)))
+    noise = READING_UM * chance.normal(size=(2, DRAWN, places))
+    path = CutPath(target=target_path(JOB), command=target_path(JOB))
+    known = known_lobe(LOBE_UM + 0j, JOB, MACHINE, 0.07, 3.0).clamped()
+    true_um, found = [], []
+    for part, tight, full in zip(lobe * (1.0 + scale.at_speed * pull), noise[0], noise[1] - sprung, strict=True):
+        read = ClampReadings(
+            angle_deg=tuple(angles), finger_um=tuple(tight), full_um=tuple(full), graduation_um=READING_UM
+        )
+        with suppress(ProfileError):  # more than half of the lobe off: some in a thousand are refused
+            found.append(clamped_by(known, replace(felt(read, JOB), others={}), path, JAWS)[1])
+            true_um.append(abs(part))
+    return np.array(true_um), found
+
+
+@pytest.mark.parametrize("places", [6, 7, 12])
+def test_the_lobe_of_the_part_is_within_the_printed_limits_in_95_of_100(places: int) -> None:
+    assert JOB.jaws == JAWS and JOB.lobe_amplitude_um == LOBE_UM and FORCE_SD_PERCENT == 5.0
+    true_um, found = drawn(places, seed=places)
+    off_um_pp = np.array([2.0 * abs(each.lobe_um) for each in found]) - 2.0 * true_um
+    limits_um_pp = np.array([limit_um_pp(each) for each in found])
+    assert np.mean([each.weight for each in found]) > 0.6, "six places show the height as well as twelve"
+    assert 0.93 <= np.mean(np.abs(off_um_pp) <= limits_um_pp) <= 0.97

@@ -1,4 +1,4 @@
-"""The configuration: files, variables, command line; later ones win, and what is wrong is said with its place."""
+"""The configuration: files, variables, command line; what is wrong is said with its place; settings kept."""
 
 from __future__ import annotations
 
@@ -7,17 +7,19 @@ import pwd
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.configured import fill_in
-from console.session.configuration import Configuration, State, read_configuration
+from console.session.appearance import CHOICES, appearance_of, fault_in_keys, own_keys, own_keys_text
+from console.session.configuration import KEYS, Configuration, Origin, State, read_configuration
+from console.session.kept_settings import keep_settings
 from drivers.simulator.hosts.process import SimulatorProcess
+from profiles.problem import ProfileError
+from tests.console.commands import Console
 
-Console = Callable[..., Any]
 EXPERIMENT = "lee-2001-experiment-1"
 OTHER, DEFAULT = "turbo-ethernet-lathe", "lee-2001-lathe"
 
@@ -30,7 +32,7 @@ def site(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def own(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def own(tmp_path: Path, monkeypatch: MonkeyPatch) -> Path:
     """The file of this account."""
     path = tmp_path / "own" / "trilobe" / "config.toml"
     path.parent.mkdir(parents=True)
@@ -44,6 +46,8 @@ def read(site: Path, own: Path, **variables: str) -> Configuration:
 
 
 def test_later_ones_win_and_each_value_has_its_place(site: Path, own: Path) -> None:
+    nothing = read(site, own)
+    assert (nothing.settings, nothing.problems, set(nothing.files.values())) == ({}, (), {State.MISSING})
     site.write_text('schema = 1\ndata = "/var/lib/trilobe"\nmachine = "a"\nlanguage = "ko"\noperator = "line 3"\n')
     own.write_text('machine = "b"\noperator = "kim"\n')
     found = read(site, own, OPERATOR="lee", LANGUAGE="")
@@ -55,12 +59,12 @@ def test_later_ones_win_and_each_value_has_its_place(site: Path, own: Path) -> N
     }
     assert (found.problems, found.unknown) == ((), ())
     assert found.files == {site: State.READ, own: State.READ}
-
-
-def test_without_files_and_variables_nothing_is_set(tmp_path: Path) -> None:
-    nowhere = tmp_path / "nowhere" / "config.toml"
-    found = read(nowhere, tmp_path / "home" / "trilobe" / "config.toml")
-    assert (found.settings, found.problems, set(found.files.values())) == ({}, (), {State.MISSING})
+    site.unlink()
+    own.unlink()
+    site.mkdir()
+    os.mkfifo(own)
+    unreadable = [(each.code, each.where) for each in read(site, own).problems]
+    assert unreadable == [("config.unreadable", str(path)) for path in (site, own)]
 
 
 REFUSED = {
@@ -96,16 +100,6 @@ def test_a_wrong_variable_is_named_and_one_that_means_nothing_is_noted(site: Pat
     ]
     assert found.unknown == ("TRILOBE_MACHIN",)
     assert found.value("link") == "tcp:lathe:1025"
-
-
-def test_a_file_that_cannot_be_read_is_said(site: Path, own: Path) -> None:
-    site.mkdir()
-    os.mkfifo(own)
-    found = read(site, own)
-    assert [(each.code, each.where) for each in found.problems] == [
-        ("config.unreadable", str(site)),
-        ("config.unreadable", str(own)),
-    ]
 
 
 def test_a_link_does_not_follow_to_another_machine(site: Path, own: Path) -> None:
@@ -166,9 +160,7 @@ def test_with_a_machine_in_the_file_plain_console_opens_the_screens(console: Con
     assert said.code == 1 and "the screens need a terminal" in said.err
 
 
-def test_sim_simulates_whatever_link_is_configured(
-    console: Console, own: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_sim_simulates_whatever_link_is_configured(console: Console, own: Path, monkeypatch: MonkeyPatch) -> None:
     own.write_text(f'machine = "{OTHER}"\nlink = "tcp:192.0.2.1:1025"\n')  # an address of documentation (RFC 5737)
     started: list[object] = []
 
@@ -221,3 +213,78 @@ def test_without_a_configuration_nothing_more_is_imported() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=30, check=True)
     assert done.stdout.strip() == ""
+
+
+GIVEN = """# of the shop
+schema = 1
+language = "en"   # the night shift
+machine = "lathe-3"
+"""
+
+KEPT = {
+    # what was in the file, what is set -> what is in it then
+    (GIVEN, "language", "ko"): GIVEN.replace('"en"   #', '"ko"   #'),
+    (GIVEN, "theme", "light"): GIVEN + 'theme = "light"\n',
+    (GIVEN, "language", None): GIVEN.replace('language = "en"   # the night shift\n', ""),
+    ("", "calm", "on"): 'calm = "on"\n',
+    ("schema = 1", "calm", "on"): 'schema = 1\ncalm = "on"\n',
+    ("  theme='dark'\n", "theme", "light"): 'theme = "light"\n',
+}
+
+
+def test_only_the_line_of_the_setting_changes(tmp_path: Path) -> None:
+    path = tmp_path / "trilobe" / "config.toml"
+    for (before, key, value), after in KEPT.items():
+        path.parent.mkdir(exist_ok=True)
+        path.write_text(before, encoding="utf-8")
+        path.chmod(0o640)
+        keep_settings(path, {key: value})
+        assert path.read_text(encoding="utf-8") == after, (before, key)
+        assert path.stat().st_mode & 0o777 == 0o640
+        assert [each.name for each in path.parent.iterdir()] == ["config.toml"], "a temporary file was left"
+    path, target = tmp_path / "a" / "b" / "config.toml", tmp_path / "dotfiles.toml"
+    keep_settings(path, {"theme": "light"})
+    assert path.read_text() == 'theme = "light"\n', "a missing file is made with its folder"
+    target.write_text('theme = "dark"\n')
+    path.unlink()
+    path.symlink_to(target)
+    keep_settings(path, {"theme": "contrast"})
+    assert path.is_symlink() and target.read_text() == 'theme = "contrast"\n'
+    for content, code in (
+        ('theme = """\ndark"""\n', "config.not_kept"),  # over two lines
+        ('"theme" = "dark"\n', "config.not_kept"),  # a second line for the same key
+        ("theme = [", "file.not_toml"),
+    ):
+        target.write_text(content)
+        with pytest.raises(ProfileError) as refused:
+            keep_settings(target, {"theme": "light"})
+        assert [problem.code for problem in refused.value.problems] == [code]
+        assert target.read_text() == content
+
+
+def test_every_setting_is_a_key_with_its_choices_and_later_places_win(tmp_path: Path) -> None:
+    own = tmp_path / "trilobe" / "config.toml"
+    environment = {"XDG_CONFIG_HOME": str(tmp_path)}
+    for key, choices in CHOICES.items():
+        assert key in KEYS
+        for value in choices:
+            keep_settings(own, {key: value})
+            found = read_configuration(environment, tmp_path / "no-site.toml")
+            assert (found.problems, found.value(key), found.settings[key].origin) == ((), value, Origin.FILE)
+    found = read_configuration({**environment, "TRILOBE_THEME": "light", "TRILOBE_CALM": "yes"}, tmp_path / "no")
+    assert found.settings["theme"].place == "TRILOBE_THEME"
+    assert [(problem.key, problem.code) for problem in found.problems] == [("calm", "value.not_choice")]
+
+
+def test_own_keys_are_read_as_they_are_written() -> None:
+    keys = {"alarms.all": "q", "jobs.page_up": "f10", "recover": "z"}
+    assert own_keys(own_keys_text(keys)) == keys and fault_in_keys(own_keys_text(keys)) == ""
+    for wrong in ("run.arm", "run.arm=f9", "run.arm=f12", "run.arm=space", "run.arm=Q", "run.arm=f13", "=q"):
+        assert fault_in_keys(f"alarms.all=q {wrong}") == wrong
+    shown = appearance_of({"theme": "light", "keys": "alarms.all=q", "machine": "x"}, "ko")
+    assert (shown.theme, shown.language, shown.keys, shown.glyphs) == (
+        "light",
+        "ko",
+        {"alarms.all": "q"},
+        "unicode",
+    )

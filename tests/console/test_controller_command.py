@@ -1,91 +1,34 @@
-"""`console controller` and `console doctor`: what they print, what they write, and with which exit code."""
+"""`console controller` and `console doctor`: what they print, write, and with which exit code."""
 
 from __future__ import annotations
 
+import os
 import re
 import tomllib
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 import console as package
-from console.cli.machine.card_access import Card
-from console.session.data.kept_files import data_folder
+from console.cli.machine.data_folder_checks import data_folder_checks
+from console.text.catalogue import LANGUAGES, load
+from console.text.checks import check_fields
+from drivers.commissioning.backup import backup_text
 from drivers.commissioning.check import Group
+from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
-from drivers.commissioning.verification import StoppingDistance
-from profiles.machine import SAFETY_DEVICES, MachineProfile
+from drivers.commissioning.stops import StoppingDistance
+from profiles.machine import SAFETY_DEVICES
 from profiles.store import load_machine
-from tests.console.typed_answer import answers
-from tests.drivers.commissioned import Commissioned, commissioned, of_family
-
-Console = Callable[..., Any]
-LANGUAGES = ("en", "ko")
-
-
-on_one = pytest.mark.parametrize("card", ["pmac"], indirect=True)
-"""For what the command decides; that both families are proven, the other tests show."""
-
-
-@pytest.fixture(params=["pmac", "turbo"])
-def card(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> Commissioned:
-    """The controller that the commands meet, on simulated time."""
-    machine = of_family(load_machine("lee-2001-lathe").machine, request.param)
-    made = commissioned(machine)
-
-    @contextmanager
-    def opened(*_: object) -> Iterator[Card]:
-        version, kind = made.client.connect()
-        yield Card(
-            client=made.client,
-            stop=made.stop,
-            clock=made.sim,
-            machine=made.machine,
-            address="memory",
-            simulated=True,
-            version=version,
-            kind=kind,
-            data=data_folder(None),
-        )
-
-    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
-    return made
-
-
-def signed(machine: MachineProfile, signed_for: str) -> MachineProfile:
-    return replace(machine, safety=replace(machine.safety, signed_for=signed_for))
-
-
-def real(card: Commissioned, monkeypatch: pytest.MonkeyPatch, signed_for: str = "machine") -> None:
-    """Let the commands take the card for one of iron, whose safety devices somebody has signed for."""
-    machine = signed(card.machine, signed_for)
-
-    @contextmanager
-    def opened(*_: object) -> Iterator[Card]:
-        yield Card(
-            client=card.client,
-            stop=card.stop,
-            clock=card.sim,
-            machine=machine,
-            address="tcp:lathe:1",
-            simulated=False,
-            version="1.17",
-            kind="PMAC1, X1",
-            data=data_folder(None),
-        )
-
-    monkeypatch.setattr("console.cli.machine.card_access.opened_card", opened)
+from tests.console.commands import Console, answers, on_one, real
+from tests.drivers.commissioned import Commissioned
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_doctor_is_green_on_a_fresh_card(
-    console: Console, card: Commissioned, language: str, data_folder: Path
-) -> None:
+def test_doctor_is_green(console: Console, card: Commissioned, language: str, data_folder: Path) -> None:
     said = console("doctor", "--lang", language)
     assert (said.code, said.err) == (0, "")
     assert "\n  ✗" not in said.out
@@ -124,9 +67,7 @@ WHO_CHECKS = {
 
 
 @pytest.mark.parametrize("who", list(WHO_CHECKS))
-def test_doctor_tells_who_checks_that_a_motion_line_arrives_as_it_was_sent(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, who: str
-) -> None:
+def test_doctor_tells_who_checks(console: Console, card: Commissioned, monkeypatch: MonkeyPatch, who: str) -> None:
     """A controller that does not answer control-N is no reason not to work; it has to be known."""
     monkeypatch.setattr(card.link, "checks_bytes", who == "network")
     heard = card.line.receive
@@ -150,7 +91,7 @@ def test_doctor_writes_nothing_without_prove(console: Console, card: Commissione
 
 @pytest.mark.long
 def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     """On a link that checks no bytes, so that the checksum of each line that moves comes first."""
     monkeypatch.setattr(card.link, "checks_bytes", False)
@@ -161,9 +102,7 @@ def test_doctor_proves_when_asked_and_a_simulated_machine_leaves_no_record(
     assert proofs == {f"proof_{name}": "holds" for name in names_of(card.machine)}
 
 
-def test_iron_is_not_moved_without_its_name(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_iron_is_not_moved_unnamed(console: Console, card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     real(card, monkeypatch)
     said = console("doctor", "--prove")  # no terminal to ask at
     assert (said.code, "--yes" in said.err) == (1, True)
@@ -182,7 +121,7 @@ def stop_lines(said: Any) -> dict[str, str]:
 
 @on_one
 def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_stops_otherwise(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     real(card, monkeypatch)
     assert stop_lines(console("doctor", "--json")) == {"stops_no_record": "warned"}
@@ -208,9 +147,7 @@ def test_iron_is_moved_when_its_name_is_typed_and_has_a_stop_record_until_it_sto
 
 
 @on_one
-def test_a_machine_of_another_console_is_not_proven(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_machine_of_another_is_untouched(console: Console, card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     real(card, monkeypatch)
     card.tell("P1000=77")
     said = console("doctor", "--prove", "--yes")
@@ -221,29 +158,23 @@ def test_a_machine_of_another_console_is_not_proven(
 
 @pytest.mark.first(1)
 def test_backup_then_diff(console: Console, card: Commissioned, tmp_path: Path) -> None:
-    file = str(tmp_path / "card.pmac")
-    assert console("controller", "backup", file).code == 0
-    assert console("controller", "diff", file).code == 0
+    file = tmp_path / "card.pmac"
+    assert console("controller", "backup", str(file)).code == 0
+    assert console("controller", "diff", str(file)).code == 0
     card.tell("I116=400")
-    said = console("controller", "diff", file)
+    said = console("controller", "diff", str(file))
     assert said.code == 1
     assert "400 counts/ms (80 mm/s), was 500 counts/ms (100 mm/s) (I116=500)" in " ".join(said.out.split())
-    again = console("controller", "backup", file)
+    again = console("controller", "backup", str(file))
     assert (again.code, "exists" in again.err) == (1, True)
-    broken = tmp_path / "other.pmac"
-    broken.write_text("I116=400\n", encoding="ascii")
-    assert console("controller", "diff", str(broken)).code == 1
-
-
-def test_a_backup_of_another_family_is_refused(console: Console, card: Commissioned, tmp_path: Path) -> None:
-    from drivers.commissioning.backup import backup_text
-    from drivers.commissioning.configuration import Configuration
-
     other = "turbo" if card.dialect.name == "pmac" else "pmac"
-    file = tmp_path / "other.pmac"
-    file.write_text(backup_text(Configuration(family=other, kind="K", version="1", settings={}), "D"), "ascii")
-    said = console("controller", "diff", str(file))
-    assert (said.code, other in said.err) == (1, True)
+    for text, word in (
+        ("I116=400\n", ""),
+        (backup_text(Configuration(family=other, kind="K", version="1", settings={}), "D"), other),
+    ):
+        file.write_text(text, encoding="ascii")
+        said = console("controller", "diff", str(file))
+        assert said.code == 1 and word in said.err
 
 
 def test_verify_tells_only_what_is_worth_telling(console: Console, card: Commissioned) -> None:
@@ -273,7 +204,9 @@ def test_apply_shows_first_and_sends_when_told(console: Console, card: Commissio
     assert b"SAV" not in card.line.heard
 
 
-def test_apply_writes_nothing_without_a_backup(console: Console, card: Commissioned, tmp_path: Path) -> None:
+def test_apply_writes_nothing_without_a_backup_nor_with_the_drives_on(
+    console: Console, card: Commissioned, tmp_path: Path
+) -> None:
     card.tell("I130=600")
     blocked = tmp_path / "blocked"
     blocked.mkdir()
@@ -281,26 +214,17 @@ def test_apply_writes_nothing_without_a_backup(console: Console, card: Commissio
     said = console("controller", "apply", "--yes", "--data", str(blocked))
     assert (said.code, str(blocked) in said.err, len(said.err.splitlines())) == (1, True, 1)
     assert "report" not in said.err  # it is no fault of the program
-    assert card.client.numbers("I130") == (600.0,)
-
-
-def test_apply_refuses_with_the_drives_on(console: Console, card: Commissioned) -> None:
-    card.tell("I130=600", "#1J/")
+    card.tell("#1J/")
     said = console("controller", "apply", "--yes")
     assert (said.code, "#1" in said.err) == (1, True)
     assert card.client.numbers("I130") == (600.0,)
 
 
-@pytest.mark.parametrize(
-    "words",
-    [("controller",), ("controller", "backup"), ("controller", "diff"), ("controller", "mend"), ("doctor", "x")],
-)
-def test_what_is_not_said_right_is_wrong_usage(console: Console, words: tuple[str, ...]) -> None:
-    said = console(*words)
-    assert (said.code, len(said.err.splitlines())) == (2, 1)
-
-
-def test_an_address_that_is_none_is_refused_before_anything_is_started(console: Console) -> None:
+def test_what_is_not_said_right_is_wrong_usage_before_anything_is_started(console: Console) -> None:
+    controller = (("controller", *rest) for rest in ((), ("backup",), ("diff",), ("mend",)))
+    for words in (*controller, ("doctor", "x")):
+        said = console(*words)
+        assert (said.code, len(said.err.splitlines())) == (2, 1)
     said = console("doctor", "--link", "parallel:1")
     assert (said.code, "parallel:1" in said.err) == (1, True)
 
@@ -329,7 +253,7 @@ def test_everything_that_can_be_said_has_words(language: str) -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 def test_a_signature_for_the_simulator_fails_on_iron(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, language: str
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, language: str
 ) -> None:
     real(card, monkeypatch, signed_for="simulator")
     for command in (("doctor",), ("doctor", "--prove", "--yes"), ("controller", "verify")):
@@ -341,9 +265,7 @@ def test_a_signature_for_the_simulator_fails_on_iron(
 
 
 @on_one
-def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_iron(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_unsigned_gains_are_not_written(console: Console, card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     card.tell("I130=77")
     real(card, monkeypatch, signed_for="simulator")
     said = console("controller", "apply", "--yes")
@@ -356,7 +278,7 @@ def test_gains_of_a_profile_that_is_signed_for_the_simulator_are_not_written_to_
 
 
 def test_doctor_tells_of_another_package_that_brings_the_command(
-    console: Console, card: Commissioned, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, tmp_path: Path
 ) -> None:
     assert "use the command" not in console("doctor").out
     other = tmp_path / "console-0.9.dist-info"
@@ -367,3 +289,57 @@ def test_doctor_tells_of_another_package_that_brings_the_command(
     said = console("doctor")
     assert "use the command trilobe" in " ".join(said.out.split())
     assert said.code == 0, "a warning stops nothing"
+
+
+def said(data: Path, language: str = "en") -> list[tuple[str, str, str]]:
+    fields = check_fields(data_folder_checks(data), load(language))
+    return [(str(each["code"]), str(each["outcome"]), str(each["text"])) for each in fields]
+
+
+CASES = {
+    0o700: ("data_folder_private", "holds", "only its owner can write"),
+    0o755: ("data_folder_private", "holds", "only its owner can write"),  # and everybody can read
+    0o2770: ("data_folder_shared", "holds", "shared within the group"),
+    0o2777: ("data_folder_open", "fails", "chmod o-rwx"),
+    0o777: ("data_folder_open", "fails", "chmod o-rwx"),
+    0o2750: ("data_folder_half", "warned", "chmod 2770"),
+    0o770: ("data_folder_not_setgid", "warned", "chmod 2770"),
+    0o3770: ("data_folder_sticky", "warned", "chmod -t"),
+}
+
+
+def test_rights_that_share_too_much_or_only_half_are_said_with_the_remedy(tmp_path: Path) -> None:
+    for mode, (code, outcome, words) in CASES.items():
+        tmp_path.chmod(mode)
+        ((found, how, text),) = said(tmp_path)
+        assert (found, how, words in text, str(tmp_path) in text) == (code, outcome, True, True), text
+        assert re.search(r"GB free|\([d-][rwxstST-]{9} ", text), text
+        ((_, _, korean),) = said(tmp_path, "ko")
+        assert str(tmp_path) in korean and korean != text and "check." not in korean
+
+
+def test_what_the_group_cannot_use_is_counted_and_the_first_named(tmp_path: Path) -> None:
+    tmp_path.chmod(0o2770)
+    (tmp_path / "jobs").mkdir()
+    (tmp_path / "jobs").chmod(0o2770)
+    for name, mode in (("a.toml", 0o660), ("b.toml", 0o640), ("c.toml", 0o600)):
+        (tmp_path / "jobs" / name).touch()
+        (tmp_path / "jobs" / name).chmod(mode)
+    ((code, outcome, text),) = said(tmp_path)
+    assert (code, outcome) == ("data_folder_closed", "warned")
+    assert "2 files or folders, first jobs/b.toml" in text and "-exec chmod g+s '{}' +" in text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_a_missing_folder_is_none_a_full_disk_is(tmp_path: Path, monkeypatch: MonkeyPatch, language: str) -> None:
+    assert [each[:2] for each in said(tmp_path / "new", language)] == [("data_folder_missing", "noted")]
+
+    class Full:
+        f_bavail, f_frsize = 10, 4096
+
+    tmp_path.chmod(0o700)
+    monkeypatch.setattr(os, "statvfs", lambda _: Full)
+    ((code, outcome, text),) = said(tmp_path, language)
+    assert (code, outcome, "0.0 GB" in text) == ("data_folder_full", "warned", True)
+    (tmp_path / "file").touch()
+    assert [each[:2] for each in said(tmp_path / "file" / "data", language)] == [("data_folder_unusable", "fails")]

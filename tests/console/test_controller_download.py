@@ -1,4 +1,4 @@
-"""`console controller download`: a file of one's own programs arrives as the card lists it, or nothing is sent."""
+"""`console controller download`: arrives as the card lists it, or nothing is sent; whose place a command takes."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
+from console.session.station.owning import take_lock
+from console.text.catalogue import LANGUAGES
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.not_free import occupied
-from tests.console.test_controller_command import LANGUAGES, on_one, real
-from tests.console.test_controller_command import card as card
-from tests.console.typed_answer import answers
+from tests.console.commands import Console, answers, occupied, on_one, real
+from tests.console.consoles import logged
+from tests.console.floor import known
 from tests.drivers.commissioned import Commissioned
-
-Console = Callable[..., Any]
 
 LIMITS = "#define SPEED 20\n#define READY P50\n"
 TWO = """\
@@ -49,7 +49,7 @@ LISTED = {  # whole words, no blanks, the rest as typed, RETURN behind each (Sof
 
 
 @pytest.fixture(autouse=True)
-def profile(card: Commissioned, monkeypatch: pytest.MonkeyPatch) -> None:
+def profile(card: Commissioned, monkeypatch: MonkeyPatch) -> None:
     """The profile is that of the card, in both families."""
     loaded = SimpleNamespace(machine=card.machine, path="memory")
     monkeypatch.setattr("console.cli.backups.download_file.profile_of", lambda _: loaded)
@@ -78,9 +78,7 @@ def flat(text: str) -> str:
     return " ".join(text.split())
 
 
-def test_a_file_arrives_as_the_card_lists_it(
-    console: Console, card: Commissioned, own: Callable[..., str]
-) -> None:
+def test_a_file_arrives_as_it_is_listed(console: Console, card: Commissioned, own: Callable[..., str]) -> None:
     card.tell("OPEN PROG 101 CLEAR", "X7", "X8", "CLOSE", "OPEN PLC 5 CLEAR", "P9=P9+1", "CLOSE", "I5=2")
     card.tell("ENABLE PLC 5")
     card.line.heard = b""
@@ -174,7 +172,7 @@ REFUSED = {
 
 @on_one
 @pytest.mark.parametrize("why", REFUSED)
-def test_a_file_that_is_refused_sends_no_byte(
+def test_a_refused_file_sends_none(
     console: Console, card: Commissioned, own: Callable[..., str], why: str
 ) -> None:
     text, words = REFUSED[why]
@@ -203,7 +201,7 @@ def test_a_wrong_line_of_an_included_file_is_named_there(
 @on_one
 @pytest.mark.parametrize("why", ["drives", "owner", "gathering", "password", "signature", "name"])
 def test_a_machine_that_is_not_free_keeps_its_programs(
-    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: pytest.MonkeyPatch, why: str
+    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: MonkeyPatch, why: str
 ) -> None:
     words = {
         "drives": "drives are enabled (#1)",
@@ -227,7 +225,7 @@ def test_a_machine_that_is_not_free_keeps_its_programs(
     assert "OPEN" not in sent(card) and "CLEAR" not in sent(card)
 
 
-def when_sent(card: Commissioned, monkeypatch: pytest.MonkeyPatch, line: str, then: Callable[[], str]) -> None:
+def when_sent(card: Commissioned, monkeypatch: MonkeyPatch, line: str, then: Callable[[], str]) -> None:
     """Send something else in the place of a line."""
     send = card.client.send
 
@@ -243,7 +241,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
     console: Console,
     card: Commissioned,
     own: Callable[..., str],
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: MonkeyPatch,
     data_folder: Path,
     language: str,
 ) -> None:
@@ -262,7 +260,7 @@ def test_a_line_that_the_card_refuses_is_named_and_what_the_buffers_hold_is_read
 
 @on_one
 def test_a_link_that_is_lost_in_the_middle_leaves_word_of_what_is_there(
-    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: MonkeyPatch
 ) -> None:
     torn = False
     when_sent(card, monkeypatch, "F 20", lambda: tear())
@@ -288,7 +286,7 @@ def test_a_link_that_is_lost_in_the_middle_leaves_word_of_what_is_there(
 
 @on_one
 def test_a_card_that_keeps_something_else_is_found_out(
-    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: pytest.MonkeyPatch
+    console: Console, card: Commissioned, own: Callable[..., str], monkeypatch: MonkeyPatch
 ) -> None:
     when_sent(card, monkeypatch, "X-1000", lambda: "X-100")
     said = console("controller", "download", own(TWO))
@@ -296,9 +294,7 @@ def test_a_card_that_keeps_something_else_is_found_out(
     assert "PROG 101:5 is 'X-100', was 'X-1000'" in flat(said.out)
 
 
-def test_kinematics_go_to_their_coordinate_system(
-    console: Console, card: Commissioned, own: Callable[..., str]
-) -> None:
+def test_kinematics_go_to_their_system(console: Console, card: Commissioned, own: Callable[..., str]) -> None:
     text = "&2 OPEN INVERSE\nCLEAR\nP1 = Q7*10\nCLOSE\n&2\nOPEN FORWARD CLEAR\nQ7=P1/10\nCLOSE\n"
     card.line.heard = b""
     said = console("controller", "download", own(text))
@@ -330,3 +326,74 @@ def test_its_lines_fit_80_columns(
     lines = [line for line in said.out.splitlines() if str(data_folder) not in line]
     assert all(cell_width(line) <= 80 for line in lines), lines
     assert not re.search(r"download\.|configuration\.", said.out)
+
+
+ADDRESS = "tcp:lathe:1"
+"""That of the real controller of these tests."""
+
+DEAD = 4711
+BACKUP = "backup"
+COMMANDS = (
+    ("doctor", "--prove", "--yes"),
+    ("tune", "apply", "--factor", "0.9", "--yes"),
+    ("controller", "apply", "--yes"),
+    ("controller", "restore", BACKUP, "--yes"),
+    ("controller", "download", GOOD, "--yes"),
+)
+
+every_command = pytest.mark.parametrize("words", COMMANDS, ids=lambda words: "-".join(words[:2]))
+
+
+@pytest.fixture
+def command(
+    console: Console, card: Commissioned, monkeypatch: MonkeyPatch, tmp_path: Path, words: tuple[str, ...]
+) -> Callable[[], Any]:
+    """The command, for a real machine that has something to write: its filter differs from profile and backup."""
+    backup, program = tmp_path / "whole.pmac", tmp_path / "own.pmc"
+    assert console("controller", "backup", str(backup)).code == 0
+    program.write_text(GOOD, "utf-8")
+    files = {BACKUP: str(backup), GOOD: str(program)}
+    real(card, monkeypatch)
+    monkeypatch.setattr(card.client, "connect", lambda: ("1.17", "PMAC1, X1"))
+    if words[0] == "controller":
+        card.tell("I138=0.25")
+    return lambda: console(*(files.get(word, word) for word in words))
+
+
+def left_by(number: int, data: Path, *, dead: bool) -> Any:
+    """What a console leaves in the lock of its computer; its lock too, unless it is dead."""
+    lock = known(take_lock(data, ADDRESS))
+    lock.keep(number)
+    if dead:
+        lock.close()
+    return lock
+
+
+@on_one
+@every_command
+def test_a_dead_console_is_replaced(card: Commissioned, command: Callable[[], Any], data_folder: Path) -> None:
+    data = data_folder / "trilobe"
+    left_by(DEAD, data, dead=True)
+    card.tell(f"P1000={DEAD}")
+    said = command()
+    assert "control" not in said.err, said.err
+    assert said.code == 0, said.out + said.err
+    assert card.client.numbers("P1000") == (0.0,)
+    (line,) = logged(data)
+    assert line.startswith(f"{ADDRESS} in the place of a console that died: console {DEAD} -> console ")
+
+
+@on_one
+@every_command
+@pytest.mark.parametrize("whose", ["running", "elsewhere"])
+def test_a_console_that_may_be_alive_keeps_control(
+    card: Commissioned, command: Callable[[], Any], data_folder: Path, whose: str
+) -> None:
+    data = data_folder / "trilobe"
+    left_by(DEAD, data, dead=whose == "elsewhere")
+    held = DEAD if whose == "running" else DEAD + 1
+    card.tell(f"P1000={held}")
+    said = command()
+    assert (said.code, "control" in said.err) == (1, True), said.out + said.err
+    assert card.client.numbers("P1000") == (float(held),)
+    assert logged(data) == []

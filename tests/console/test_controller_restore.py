@@ -1,4 +1,4 @@
-"""`console controller restore`: a backup goes back whole, what cannot is said, and a busy machine gets nothing."""
+"""`console controller restore` and `console tune`: what was goes back whole, a busy machine gets nothing."""
 
 from __future__ import annotations
 
@@ -11,19 +11,15 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.backups import reading_progress, way_back
-from console.text.catalogue import load
+from console.text.catalogue import LANGUAGES, load
 from drivers.commissioning.reading import read_configuration
 from drivers.errors import LinkError
 from profiles.problem import Problem
-from tests.console.not_free import occupied
-from tests.console.test_controller_command import LANGUAGES, on_one, real
-from tests.console.test_controller_command import card as card
-from tests.console.typed_answer import answers
+from tests.console.commands import Console, answers, occupied, on_one, real
 from tests.drivers.commissioned import Commissioned
-
-Console = Callable[..., Any]
 
 SPOILED = (
     *("P7=9", "I130=100", "&2Q5=1", "M9=3", "DELETE PROG 5", "OPEN PROG 77 CLEAR", "X1", "CLOSE", "#1DELETE COMP"),
@@ -45,6 +41,7 @@ def backed_up(console: Console, card: Commissioned, tmp_path: Path) -> Path:
     return file
 
 
+@pytest.mark.first(1)
 def test_what_was_changed_comes_back_and_can_be_undone(
     console: Console, card: Commissioned, backed_up: Path, tmp_path: Path, data_folder: Path
 ) -> None:
@@ -66,9 +63,7 @@ def test_what_was_changed_comes_back_and_can_be_undone(
 
 
 @on_one
-def test_a_controller_that_has_it_all_is_left_alone(
-    console: Console, card: Commissioned, backed_up: Path, data_folder: Path
-) -> None:
+def test_what_it_has_is_not_sent(console: Console, card: Commissioned, backed_up: Path, data_folder: Path) -> None:
     said = console("controller", "restore", str(backed_up), "--json")
     assert (said.code, said.json["sent"], said.json["backup"], said.json["differences"]) == (0, 0, None, [])
     assert b"CLEAR" not in card.line.heard
@@ -77,9 +72,7 @@ def test_a_controller_that_has_it_all_is_left_alone(
 
 @on_one
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_limit_of_nothing_is_not_restored(
-    console: Console, card: Commissioned, tmp_path: Path, language: str
-) -> None:
+def test_no_limit_of_0_is_restored(console: Console, card: Commissioned, tmp_path: Path, language: str) -> None:
     """0 is no limit on a PMAC: it is never written, whoever asks."""
     card.tell("I113=0")
     file = tmp_path / "open.pmac"
@@ -93,7 +86,7 @@ def test_a_limit_of_nothing_is_not_restored(
 @on_one
 @pytest.mark.parametrize("answer", ["", "lathe\n"])
 def test_nothing_is_sent_to_a_machine_whose_name_was_not_typed(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, answer: str
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, answer: str
 ) -> None:
     card.tell("P7=9")
     real(card, monkeypatch)
@@ -110,7 +103,7 @@ def test_nothing_is_sent_to_a_machine_whose_name_was_not_typed(
 @on_one
 @pytest.mark.parametrize("why", ["drives", "owner", "gathering", "password", "type", "signature"])
 def test_a_machine_that_is_not_free_is_refused(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, why: str
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, why: str
 ) -> None:
     card.tell("P7=9")
     words = {
@@ -132,7 +125,7 @@ def test_a_machine_that_is_not_free_is_refused(
     assert b"CLEAR" not in card.line.heard and b"UNDEFINE" not in card.line.heard
 
 
-def at_program_5(card: Commissioned, monkeypatch: pytest.MonkeyPatch, then: Callable[[], None]) -> None:
+def at_program_5(card: Commissioned, monkeypatch: MonkeyPatch, then: Callable[[], None]) -> None:
     """Let something happen when program 5 is about to be sent."""
     send = card.client.send
 
@@ -146,7 +139,7 @@ def at_program_5(card: Commissioned, monkeypatch: pytest.MonkeyPatch, then: Call
 
 @on_one
 def test_a_restore_that_is_cut_off_names_the_way_back(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
 
@@ -163,7 +156,7 @@ def test_a_restore_that_is_cut_off_names_the_way_back(
 
 @on_one
 def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
     at_program_5(card, monkeypatch, lambda: signal.raise_signal(signal.SIGINT))
@@ -176,7 +169,7 @@ def test_ctrl_c_while_it_sends_waits_for_the_last_line_and_names_the_way_back(
 
 @on_one
 def test_ctrl_c_while_it_reads_again_names_the_way_back_to_the_same_machine(
-    console: Console, card: Commissioned, backed_up: Path, monkeypatch: pytest.MonkeyPatch, data_folder: Path
+    console: Console, card: Commissioned, backed_up: Path, monkeypatch: MonkeyPatch, data_folder: Path
 ) -> None:
     card.tell("P7=9")
     readings = []
@@ -204,9 +197,7 @@ class Terminal(io.StringIO):
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_how_far_a_reading_is_is_one_line_that_is_written_over_and_taken_away(
-    monkeypatch: pytest.MonkeyPatch, language: str
-) -> None:
+def test_how_far_a_reading_is_is_one_line(monkeypatch: MonkeyPatch, language: str) -> None:
     terminal, done = Terminal(), iter([0.0, 0.25, 0.5, 0.9])
     seen, enough = threading.Event(), 3
 
@@ -225,9 +216,76 @@ def test_how_far_a_reading_is_is_one_line_that_is_written_over_and_taken_away(
     assert said.endswith(f"\r{' ' * 78}\r")
 
 
-def test_without_a_terminal_nothing_is_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_terminal_nothing_is_shown(monkeypatch: MonkeyPatch) -> None:
     quiet = io.StringIO()
     monkeypatch.setattr("sys.__stderr__", quiet)
     with reading_progress.shown("configuration.reading", load("en"), lambda: 0.5):
         pass
     assert quiet.getvalue() == ""
+
+
+NAMES = ("I130", "I131", "I132", "I133")
+
+
+def stands(card: Commissioned) -> list[float]:
+    settings = card.sim.controller.variables.settings()
+    return [settings[int(name[1:])] for name in NAMES]
+
+
+@pytest.mark.first(1)
+@on_one
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_gains_are_tried_and_back(console: Console, card: Commissioned, data_folder: Path, language: str) -> None:
+    before = stands(card)
+    shown = console("tune", "show", "--factor", "0.9", "--lang", language)
+    assert shown.code == 0 and "I130  528 -> " in shown.out and not (data_folder / "trilobe" / "trials").exists()
+    assert "10.87 um/N" in shown.out, "what the published gains yield at most"
+    dry = console("tune", "apply", "--factor", "0.9", "--lang", language)
+    assert (dry.code, stands(card)) == (0, before) and "--yes" in dry.out
+    done = console("tune", "apply", "--factor", "0.9", "--yes", "--lang", language)
+    # Kp times 0.9 squared.
+    assert (done.code, stands(card)[0]) == (0, round(528 * 0.81))
+    told = console("controller", "verify", "--lang", language)
+    assert told.code == 1 and "console tune revert --yes" in " ".join(told.out.split())
+    found = console("tune", "show", "--json").json["trial"]
+    gains = {name: value for name, value in found["before"] if name in NAMES}
+    assert gains == dict(zip(NAMES, before, strict=True)) and found["whole"]
+    assert console("tune", "revert", "--yes", "--lang", language).code == 0
+    assert stands(card) == before
+    assert console("controller", "verify").code == 0
+    assert console("tune", "revert", "--yes").code == 1
+
+
+@on_one
+@pytest.mark.parametrize("language", ["en", "ko"])
+def test_an_unstated_filter_is_written_away(console: Console, card: Commissioned, language: str) -> None:
+    card.tell("I136=-0.5", "I138=0.25")
+    shown = console("tune", "show", "--lang", language)
+    assert "I136 -0.5 (0), I138 0.25 (0)" in shown.out
+    assert console("tune", "show", "--json").json["differing"]["I138"] == {"profile": 0.0, "found": 0.25}
+    assert console("controller", "verify").code == 1
+    assert console("controller", "apply", "--yes", "--lang", language).code == 0
+    assert card.client.numbers("I136", "I138") == (0.0, 0.0)
+    assert console("controller", "verify").code == 0
+    assert "I136" not in console("tune", "show").out
+
+
+@on_one
+def test_an_applied_profile_ends_a_trial(console: Console, card: Commissioned, data_folder: Path) -> None:
+    assert console("tune", "apply", "--factor", "0.9", "--yes").code == 0
+    assert "on trial" in console("controller", "verify").out
+    assert console("controller", "apply", "--yes").code == 0
+    verified = console("controller", "verify")
+    assert verified.code == 0 and "on trial" not in verified.out
+    assert console("tune", "show", "--json").json["trial"] is None
+
+
+@on_one
+def test_gains_beyond_the_bounds_are_refused_with_the_number(console: Console, card: Commissioned) -> None:
+    before = stands(card)
+    for factor, word in (("2.4", "phase margin with these gains 42.1 deg"), ("9", "0.4..3")):
+        said = console("tune", "apply", "--factor", factor, "--yes")
+        assert said.code == 1 and word in said.err and stands(card) == before
+    card.tell("#1J/")
+    said = console("tune", "apply", "--factor", "0.9", "--yes")
+    assert said.code == 1 and "#1" in said.err and stands(card) == before

@@ -79,55 +79,35 @@ def farthest(machine: MachineProfile, axis: AxisName, step: float) -> float:
 
 
 @pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_no_stop_in_a_step_runs_further_than_is_promised(
+def test_no_step_goes_further_faster_or_longer_than_is_promised(
     machine: MachineProfile, axis: AxisName, rung: int
 ) -> None:
+    """A stop in it may go beyond the step where the abort is soft, and is told so."""
     step = Steps(mm=rung, deg=rung).of(axis)
-    assert farthest(machine, axis, step) <= stopping_distance(machine, axis, step) + 1e-9
-
-
-@pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_a_soft_abort_may_go_beyond_the_step_and_is_told_so(
-    machine: MachineProfile, axis: AxisName, rung: int
-) -> None:
-    soft = with_variable(machine, f"I{MOTORS[axis]}15", 0.01)
-    step = Steps(mm=rung, deg=rung).of(axis)
-    assert farthest(soft, axis, step) <= stopping_distance(soft, axis, step) + 1e-9
-
-
-@pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_no_step_is_faster_than_its_bound(machine: MachineProfile, axis: AxisName, rung: int) -> None:
-    step = Steps(mm=rung, deg=rung).of(axis)
+    for lathe in (machine, with_variable(machine, f"I{MOTORS[axis]}15", 0.01)):
+        assert farthest(lathe, axis, step) <= stopping_distance(lathe, axis, step) + 1e-9
     pieces = trajectory(machine, axis, step)
     end_ms = sum(piece.duration_ms for piece in pieces)
     fastest = max(at(pieces, end_ms * n / 500.0)[1] for n in range(501))
     settings = settings_of(machine, axis)
     assert fastest * 1000.0 <= settings.step_speed(step) * settings.counts_per_unit + 1e-6
+    assert jog_s(machine, axis, -step) == pytest.approx(end_ms / 1000.0)
 
 
-def test_a_long_step_of_the_tool_runs_on_about_half_a_millimetre(machine: MachineProfile) -> None:
+def test_how_far_a_step_of_the_tool_runs_on(machine: MachineProfile) -> None:
     # 10 mm/s for 55 ms, then 50 counts/ms at 40 counts/ms2: 31 counts of 0.2 um.
     assert stopping_distance(machine, AxisName.TOOL, 10.0) == pytest.approx(0.550 + 0.00625)
-
-
-def test_a_short_step_never_reaches_the_jog_speed(machine: MachineProfile) -> None:
-    assert stopping_distance(machine, AxisName.TOOL, 0.01) < 0.01
-    assert stopping_distance(machine, AxisName.TOOL, -0.01) == stopping_distance(machine, AxisName.TOOL, 0.01)
-
-
-def test_without_an_abort_rate_nothing_is_promised(machine: MachineProfile) -> None:
+    short_mm = stopping_distance(machine, AxisName.TOOL, 0.01)
+    assert short_mm < 0.01 and stopping_distance(machine, AxisName.TOOL, -0.01) == short_mm
+    # Without an abort rate nothing is promised.
     assert stopping_distance(with_variable(machine, "I115", 0.0), AxisName.TOOL, 0.001) == float("inf")
 
 
-def test_the_ladder_is_in_degrees_for_the_spindle_alone() -> None:
+def test_the_ladder_of_steps_and_how_long_one_may_be() -> None:
     assert [Steps(mm=2, deg=2).of(axis) for axis in AxisName] == [0.1, 1.0, 0.1]
     assert len(STEPS_MM) == len(STEPS_DEG)
-
-
-def test_steps_toward_the_work_keep_to_the_gap_that_is_known() -> None:
-    assert longest_in_mm(None) == 1.0
-    assert longest_in_mm(2.5) == 2.5
-    assert longest_in_mm(-0.1) == 0.01
+    assert [longest_in_mm(gap_mm) for gap_mm in (None, 2.5, -0.1)] == [1.0, 2.5, 0.01]
+    assert (is_too_long(1.0, 0.9996), is_too_long(1.0, 0.9990)) == (False, True), "half a micrometre is nothing"
 
 
 def over_the_part(tool_mm: float, carriage_mm: float) -> Snapshot:
@@ -178,9 +158,7 @@ def test_the_gap_is_known_by_the_touch_off_on_the_clamped_part(machine: MachineP
         (-1.5, 0.0),
     ],
 )
-def test_before_the_touch_off_steps_are_short_where_the_surface_may_be(
-    machine: MachineProfile, gap_mm: float, longest_mm: float
-) -> None:
+def test_steps_are_short_before_the_touch_off(machine: MachineProfile, gap_mm: float, longest_mm: float) -> None:
     # Home at R 76 mm, a ring of R 24 mm: its surface is within 1.5 mm of there, as the touch-off accepts it.
     look = over_the_part(76.0 - 24.0 - gap_mm, OVER_MM)
     assert longest_toward_mm(look, machine, clamped_ring()) == pytest.approx(longest_mm)
@@ -218,24 +196,9 @@ def test_a_touch_off_of_another_tool_does_not_tell_where_this_one_is(machine: Ma
     )
 
 
-def test_half_a_micrometre_does_not_make_a_step_too_long() -> None:
-    assert not is_too_long(1.0, 0.9996)
-    assert is_too_long(1.0, 0.9990)
-
-
-def test_the_tool_radius_is_that_of_the_touch_off(machine: MachineProfile) -> None:
+def test_the_tool_radius_is_that_of_the_touch_off_and_a_long_jog_has_one_ramp(machine: MachineProfile) -> None:
     assert tool_radius_mm(250_000.0, machine, Alignment()) == pytest.approx(26.0)
     touched = Alignment(touch_off=TouchOff(zero_radius_mm=76.1, diameter_mm=52.0, at="08:45"))
     assert tool_radius_mm(250_000.0, machine, touched) == pytest.approx(26.1)
-
-
-@pytest.mark.parametrize(("axis", "rung"), STEPS)
-def test_the_time_of_a_step_is_that_of_its_trajectory(machine: MachineProfile, axis: AxisName, rung: int) -> None:
-    step = Steps(mm=rung, deg=rung).of(axis)
-    end_ms = sum(piece.duration_ms for piece in trajectory(machine, axis, step))
-    assert jog_s(machine, axis, -step) == pytest.approx(end_ms / 1000.0)
-
-
-def test_a_long_jog_takes_its_way_at_its_speed_and_a_ramp(machine: MachineProfile) -> None:
     # 100 mm at 10 mm/s, and once the acceleration time of 100 ms.
     assert jog_s(machine, AxisName.CARRIAGE, 100.0) == pytest.approx(10.1)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -22,11 +21,9 @@ from console.text.catalogue import load
 from drivers.cutting.strategy import Strategy
 from profiles.compensations.learned import model_again
 from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
 from tests.signed_profile import signed_copy
 from tests.system.lathe_sites import compact_text
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 SOFT = ("--plant", "steady", "--seed", "11")
 PLAIN = ("--sim", "--json")
@@ -51,9 +48,7 @@ def lobe_um_pp(part: dict[str, Any]) -> float:
 
 
 @pytest.mark.long
-def test_a_first_part_is_cut_in_air_by_half_and_whole(
-    console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path
-) -> None:
+def test_a_first_part_step_by_step(console: Console, ring: str, lathe: tuple[str, str], tmp_path: Path) -> None:
     air = console("run", ring, *lathe, *PLAIN, "--stage", "air").json
     assert (air["stage"], air["compensation"], air["expected"]) == ("air", None, None)
     assert (air["before"], air["after"], air["within_tolerance"], air["collisions"]) == (None, None, None, [])
@@ -122,26 +117,7 @@ def learned(console: Console, ring: str, tmp_path: Path) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize(
-    ("words", "told"),
-    [
-        (("--strategy", "pvt", "--compensation", "newest"), ("--strategy cam",)),
-        (("--compensation", "7"), ("no version 7", "1 … 1")),
-        (("--stage", "partial", "--strategy", "paper"), ("paper", "pvt | cam | timebase")),
-        (("--stage", "air", "--part", "x.csv"), ("--part x.csv",)),
-        (("--learn", "2", "--compensation", "1"), ("--learn", "--compensation")),
-    ],
-)
-def test_what_is_not_meant_for_this_cut_is_refused_before_it(
-    console: Console, ring: str, learned: str, words: tuple[str, ...], told: tuple[str, ...]
-) -> None:
-    said = console("run", ring, "--sim", *(() if "--strategy" in words else ("--strategy", "cam")), *words)
-    assert (said.code, said.out) == (1, "")
-    for word in told:
-        assert word in said.err
-
-
-def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, learned: str, tmp_path: Path) -> None:
+def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, learned: str) -> None:
     def unused(*words: str) -> list[tuple[str, str, str]]:
         options = build(load("en")).parse_args(["run", ring, "--sim", *words])
         found = [(problem.code, problem.key, problem.value) for problem in requested(options).warnings]
@@ -150,15 +126,12 @@ def test_a_run_without_what_was_learned_says_so(console: Console, ring: str, lea
     assert unused("--strategy", "cam") == unused("--strategy", "pvt") == [("learned.not_used", "1", "cam")]
     newest = unused("--strategy", "cam", "--compensation", "newest")
     assert newest == [("learned.lathe_unknown", "1", "ideal")], "its trace does not say on which lathe it was cut"
-    for words in (("--learn", "2"), ("--strategy", "none")):
-        assert unused(*(() if "--strategy" in words else ("--strategy", "cam")), *words) == []
+    assert unused("--strategy", "cam", "--learn", "2") == unused("--strategy", "none") == []
     assert console("learn", "--job", ring, "--revert", "0", "--sim", "--keep").code == 0
     assert unused("--strategy", "cam") == []
 
 
-def test_what_was_changed_in_a_job_since_it_was_learned_is_named(
-    console: Console, ring: str, learned: str
-) -> None:
+def test_what_was_changed_since_it_was_learned_is_named(console: Console, ring: str, learned: str) -> None:
     def holds() -> tuple[bool, str]:
         (version,) = console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]
         return version["holds"], console("learn", "--job", ring, "--list", "--sim").out
@@ -175,22 +148,31 @@ def test_what_was_changed_in_a_job_since_it_was_learned_is_named(
     assert air.code == 0 and any("feed_mm_per_rev 0.1 → 0.09" in each for each in air.json["warnings"])
 
 
-@pytest.mark.parametrize(
-    ("change", "told"),
-    [
-        (("# start_mark: spindle index", "# start_mark: unknown"), "the phase of the trace is unknown"),
-        (("# stage: full", ""), "--stage"),
-        (("# strategy: cam", "# strategy: none"), "console calibrate lobe"),
-        (("# compensation: none", "# compensation: 4"), "no version 4"),
-    ],
-)
-def test_a_part_of_which_too_little_is_known_teaches_nothing(
-    console: Console, ring: str, learned: str, change: tuple[str, str], told: str
-) -> None:
+def test_what_is_not_meant_for_this_cut_is_refused_before_it(console: Console, ring: str, learned: str) -> None:
+    for words, told in (
+        ("--strategy pvt --compensation newest", ("--strategy cam",)),
+        ("--strategy cam --compensation 7", ("no version 7", "1 … 1")),
+        ("--stage partial --strategy paper", ("paper", "pvt | cam | timebase")),
+        ("--strategy cam --stage air --part x.csv", ("--part x.csv",)),
+        ("--strategy cam --learn 2 --compensation 1", ("--learn", "--compensation")),
+    ):
+        said = console("run", ring, "--sim", *words.split())
+        assert (said.code, said.out) == (1, "")
+        assert all(word in said.err for word in told)
+
+
+def test_a_part_of_which_too_little_is_known_teaches_nothing(console: Console, ring: str, learned: str) -> None:
     path = Path(learned)
-    path.write_text(path.read_text().replace(*change))
-    said = console("learn", learned, "--job", ring, "--keep")
-    assert said.code == 1 and told in said.err
+    sound = path.read_text()
+    for before, after, told in (
+        ("# start_mark: spindle index", "# start_mark: unknown", "the phase of the trace is unknown"),
+        ("# stage: full", "", "--stage"),
+        ("# strategy: cam", "# strategy: none", "console calibrate lobe"),
+        ("# compensation: none", "# compensation: 4", "no version 4"),
+    ):
+        path.write_text(sound.replace(before, after))
+        said = console("learn", learned, "--job", ring, "--keep")
+        assert said.code == 1 and told in said.err
     assert len(console("learn", "--job", ring, "--list", "--sim", "--json").json["versions"]) == 1
 
 
@@ -235,9 +217,7 @@ def test_the_last_part_is_meant_unless_somebody_says_another() -> None:
     assert made_with(told, {}, [None, second]) == model
 
 
-def test_on_a_machine_the_last_line_says_how_to_learn(
-    ring: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_last_line_says_how_to_learn(ring: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     text, machine = load("en"), str(signed_copy("lee-2001-lathe", tmp_path))
     words = ["run", ring, "--machine", machine, "--link", "tcp:127.0.0.1:1", "--data", str(tmp_path)]
     options = build(text).parse_args(words)
@@ -249,9 +229,7 @@ def test_on_a_machine_the_last_line_says_how_to_learn(
     ]
 
 
-def test_what_was_learned_on_a_simulated_lathe_is_not_for_iron(
-    console: Console, ring: str, learned: str, tmp_path: Path
-) -> None:
+def test_what_was_simulated_is_not_for_iron(console: Console, ring: str, learned: str, tmp_path: Path) -> None:
     machine = str(signed_copy("lee-2001-lathe", tmp_path / "signed"))
     there = ("--machine", machine, "--link", "tcp:127.0.0.1:1", "--strategy", "cam", "--yes")
     said = console("run", ring, *there, "--compensation", "newest")
@@ -260,6 +238,7 @@ def test_what_was_learned_on_a_simulated_lathe_is_not_for_iron(
     assert said.code == 1 and "the part is not measured here" in said.err
 
 
+@pytest.mark.long
 def test_a_version_makes_up_for_the_push_that_its_part_has_shown_also_after_a_restart(
     console: Console, job_file: JobFile, lathe: tuple[str, str], tmp_path: Path
 ) -> None:

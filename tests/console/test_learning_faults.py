@@ -1,4 +1,4 @@
-"""What goes wrong while a cut learns: the machine is well, so the cut ends as a hold does, or simply goes on."""
+"""Parts in a row of `console run --learn`: the limits of a real machine, and what goes wrong meanwhile."""
 
 from __future__ import annotations
 
@@ -7,7 +7,9 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
+from benchmarks.learning import OFF, lobe_um_pp
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.run import plan_run
 from console.session.learning import learning
@@ -28,8 +30,81 @@ from drivers.simulator.plant.true_parameters import ideal
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
+from tests.console.commands import Console, JobFile
 
-pytestmark = pytest.mark.long
+pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
+
+HALF_MM, QUARTER_MM = "4.0", "2.0"
+"""Half and a quarter of the cut of the paper's jobs: there is less to learn from, and the limits are the same."""
+
+
+def test_the_third_part_is_as_the_machine(console: Console, close: tuple[str, str], job_file: JobFile) -> None:
+    words = (
+        str(job_file(cut_length_mm=HALF_MM)),
+        *close,
+        "--sim",
+        "--plant",
+        "steady",
+        "--seed",
+        "11",
+        "--strategy",
+        "cam",
+        "--learn",
+        "3",
+        "--json",
+    )
+    result = console("run", *words).json
+    first, second, third = result["passes"]
+    floor = result["floor"]
+    assert result["before"]["RONt_um"] > 50.0
+    assert first["RONt_um"] <= 5.0
+    assert third["RONt_um"] <= min(3.0, floor["RONt_um"] + 1.0)
+    assert lobe_um_pp(third) < 0.7
+    assert result["after"] == {key: third[key] for key in result["after"]}
+    # In air the tool was 10 um off and more, as friction makes it; it was learned away before the first part.
+    air = first["learned"]["air_lobe_error_um_pp"]
+    assert air[0] > 8.0 and air[-1] < 0.5
+    # The cutting force makes a wave of its own on a soft servo, which the first part learns away while it is cut.
+    assert 1.0 < first["learned"]["trim"][0]["amplitude_um"] < 4.0
+    assert second["learned"]["trim"][0]["amplitude_um"] < 0.5
+    assert [part["learned"]["frozen"] for part in result["passes"]] == [[], [], []]
+    assert {3, 9} <= set(first["learned"]["learned_waves"])
+    # The mean depth comes with the parts: the force holds the first one too large.
+    assert abs(third["mean_deviation_um"]) < 2.0 < first["mean_deviation_um"]
+
+
+def test_a_gain_is_learned(console: Console, close: tuple[str, str], tmp_path: Path, job_file: JobFile) -> None:
+    job = str(job_file(lobe_error_um_pp="33.0", cut_length_mm=QUARTER_MM))
+    plant = tmp_path / "weak.toml"
+    plant.write_text(OFF, encoding="utf-8")
+    words = (*close, "--sim", "--plant", str(plant), "--seed", "5", "--strategy", "cam", "--learn", "1", "--json")
+    (first,) = console("run", job, *words).json["passes"]
+    assert first["RONt_um"] <= 6.0
+    assert lobe_um_pp(first) == pytest.approx(0.05 * 33.0, abs=0.7), "the wrench is what is left"
+
+
+def test_learning_needs_a_table_and_a_gauge(console: Console) -> None:
+    said = console("run", "lee-2001-experiment-1", "--sim", "--strategy", "pvt", "--learn", "3")
+    assert said.code != 0
+    assert "cam" in said.err
+    there = ("--machine", "lee-2001-lathe", "--link", "sim:", "--strategy", "cam", "--learn", "3", "--yes")
+    said = console("run", "lee-2001-experiment-1", *there)
+    assert said.code != 0
+    assert "not measured" in said.err
+    assert console("run", "lee-2001-experiment-1", "--sim", "--strategy", "cam", "--learn", "0").code == 2
+
+
+def test_a_low_process_gain(console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path) -> None:
+    """A fifth of 55 um stays on the first part, whatever was learned in air: the scale does not see it."""
+    plant = tmp_path / "eight-tenths.toml"
+    plant.write_text('like = "steady"\n[cut]\nprocess_gain = 0.8\n', encoding="utf-8")
+    words = (*close, "--sim", "--plant", str(plant), "--seed", "11", "--strategy", "cam", "--learn", "3", "--json")
+    result = console("run", str(job_file(cut_length_mm=QUARTER_MM)), *words).json
+    first, second, third = (part["RONt_um"] for part in result["passes"])
+    assert 0.2 * 55.0 - 2.0 < first < 0.2 * 55.0 + 3.0
+    assert third < second < first
+    assert third < result["floor"]["RONt_um"] + 2.0
+
 
 MACHINE = compact_machine().machine
 JOB = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=2.0)
@@ -63,7 +138,7 @@ class Row:
             self.due_s = None
             self.meanwhile(self.sim)
 
-    def learn(self, monkeypatch: pytest.MonkeyPatch) -> float:
+    def learn(self, monkeypatch: MonkeyPatch) -> float:
         """Return the roundness of the part."""
         monkeypatch.setattr(learning, "MOST_AIR_PASSES", 0)
         plan = plan_run(JOB, MACHINE, Strategy.CAM, watchdog=cut_condition(MACHINE))
@@ -78,7 +153,7 @@ def lost_reply(sim: SimulatedLathe) -> None:
     sim.faults.inject("dropped-ack", replies=1)
 
 
-def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: MonkeyPatch) -> None:
     row = Row(stranger)
     with pytest.raises(ProblemError) as refused:
         row.learn(monkeypatch)
@@ -91,11 +166,11 @@ def test_who_deletes_the_gathering_ends_the_cut_with_the_tool_out(monkeypatch: p
     assert row.sim.controller.variables.get(VariableKind.I, 51) == 0.0
 
 
-def test_a_reply_that_is_lost_costs_a_batch_and_no_part(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reply_that_is_lost_costs_a_batch_and_no_part(monkeypatch: MonkeyPatch) -> None:
     assert Row(lost_reply).learn(monkeypatch) < 0.3
 
 
-def test_a_line_of_9600_baud_is_asked_for_shorter_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_line_of_9600_baud_is_asked_for_shorter_pieces(monkeypatch: MonkeyPatch) -> None:
     row = Row(lambda _: None)
     slow = row.tell
 
@@ -119,7 +194,7 @@ encoder_noise_um = 0.3
 """abs(1 - T'/T) is 0.45 at 50 Hz and 1.51 at 150 Hz: what is learned of 9/rev grows by half in each pass."""
 
 
-def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     plant = tmp_path / "strong.toml"
     plant.write_text(STRONG, encoding="utf-8")
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, plant_named(str(plant), MACHINE, 3)))
@@ -140,7 +215,7 @@ def test_what_grows_in_air_is_learned_no_more_and_said(tmp_path: Path, monkeypat
     assert "9/rev is not learned: it grew from" in load("en").problem(problem)
 
 
-def test_a_part_that_its_compensation_makes_worse_ends_the_row(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_part_that_its_compensation_makes_worse_ends_the_row(monkeypatch: MonkeyPatch) -> None:
     """2 sin(3 d / 2) of the lobe is left with jaw 1 d degrees off: 1.22 of 55 um at 25 degrees."""
     row = Row(lambda _: None, sim=SimulatedLathe(MACHINE, replace(ideal(MACHINE), jaw_offset_deg=25.0)))
     for compared in ("reference", "floor"):
@@ -153,7 +228,7 @@ def test_a_part_that_its_compensation_makes_worse_ends_the_row(monkeypatch: pyte
     assert row.met[-1].at_rest
 
 
-def test_an_axis_that_needs_more_than_friction_takes_is_named_in_air(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_axis_that_needs_more_than_friction_takes_is_named_in_air(monkeypatch: MonkeyPatch) -> None:
     def off(*_: object, **__: object) -> tuple[Problem, ...]:
         return (Problem(code="path.beyond", key="command", value="60.0 um", limit="<= 41.8 um"),)
 

@@ -1,8 +1,9 @@
-"""The operator's loop: cut, measure, accept, cut again, and back; with the files and records of the commands."""
+"""The operator's loop of cut, measure, accept, cut again; which response is cut with; why a part fails."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import cmath
+import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,11 @@ import numpy as np
 import pytest
 
 from console.session.cut.simulated_parts import next_part
+from console.session.data.identified import asked_response, kept_responses
+from console.session.data.identified import store as store_response
 from console.session.data.learned_store import asked_for, store
 from console.session.data.measured_part import CutPart, cuts_of, parts_made
+from console.session.data.run_reader import measured_parts, runs, story
 from console.session.errors import SessionError
 from console.session.learning.part_learning import PartLearning, accept, learning_of, revert
 from console.session.stages import Stage, nominal_path
@@ -31,16 +35,20 @@ from console.session.station.commands import (
 )
 from console.session.station.progress import CutStage
 from console.session.station.state import Armed, MeasuredPart, StationState
-from drivers.cutting.planning import Strategy
+from drivers.cutting.strategy import Strategy
+from drivers.identification.nominal import nominal_response
+from drivers.identification.result import IdentifiedPoint, IdentifiedResponse, Origin
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.which_lathe import WhichLathe
 from profiles.compensations.learned import LearnedCompensation, model_again
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
 from profiles.store import LoadedJob, LoadedMachine, load_job, load_machine
 from profiles.traces import Trace, write_trace
+from tests.console.commands import Console, JobFile
 from tests.console.floor import Floor, open_floor
 from tests.system.lathe_sites import compact_text
 
-Console = Callable[..., Any]
 SEED = 11
 
 
@@ -73,9 +81,7 @@ class Shop:
         return measured
 
     def clamp(self) -> None:
-        self.floor.do(DisableDrives())
-        self.floor.do(ConfirmClamping(job=self.job.job))
-        self.floor.do(EnableDrives())
+        self.floor.do(DisableDrives(), ConfirmClamping(job=self.job.job), EnableDrives())
 
     def refused(self, **more: Any) -> list[str]:
         state = self.order(**more)
@@ -90,7 +96,7 @@ def opened_shop(data: Path, job: LoadedJob, machine: LoadedMachine, turned_deg: 
 
 
 @pytest.fixture
-def shop(tmp_path: Path, job_file: Callable[..., Path], data_folder: Path) -> Shop:
+def shop(tmp_path: Path, job_file: JobFile, data_folder: Path) -> Shop:
     lathe = tmp_path / "lathe.toml"
     lathe.write_text(compact_text("pmac"), encoding="utf-8")
     job = load_job(str(job_file(cut_length_mm="0.5", feed_mm_per_rev="0.1")))
@@ -132,9 +138,7 @@ def test_a_command_on_the_same_lathe_cuts_the_part_after_those_of_the_screens(sh
 
 
 @pytest.mark.long
-def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
-    shop: Shop, console: Console, tmp_path: Path
-) -> None:
+def test_what_a_part_teaches_goes_with_jaw_1(shop: Shop, console: Console, tmp_path: Path) -> None:
     first = shop.part()
     # The table takes the carriage back to where it began; what was cut is cut.
     ended = shop.floor.state.cut
@@ -177,9 +181,7 @@ def test_what_a_part_teaches_makes_the_next_rounder_wherever_jaw_1_is_found(
 
 
 @pytest.mark.long
-def test_a_part_with_jaw_1_taken_elsewhere_is_not_offered_anywhere(
-    shop: Shop, console: Console, tmp_path: Path
-) -> None:
+def test_a_part_with_jaw_1_elsewhere_is_not_offered(shop: Shop, console: Console, tmp_path: Path) -> None:
     """25 degrees of spindle are 75 of a lobe of three: 55 um become 61."""
     for order in (Forget(), Forget(), Jog(axis=AxisName.SPINDLE, distance=25.0), TakeJaw()):
         shop.floor.do(order)
@@ -257,3 +259,97 @@ def test_a_part_that_teaches_nothing_says_why(shop: Shop, change: dict[str, Any]
     assert found.taught is None and [problem.code for problem in found.problems] == [code]
     with pytest.raises(SessionError, match=code.replace(".", r"\.")):
         accept(found, shop.data)
+
+
+EXPERIMENT = "lee-2001-experiment-1"
+MACHINE = load_machine("lee-2001-lathe").machine
+NEW = "2026-01-03T09:30:00.000Z"
+
+
+def of_model(
+    machine: MachineProfile, path: Strategy, date: str, factor: float = 1.0, **of: Any
+) -> IdentifiedResponse:
+    """The response of the model, or a fraction of it, as if it had been identified."""
+    variables, motor = machine.controller.variables, machine.tool.motor
+    gains = {name: variables[name] for number in range(30, 36) if (name := f"I{motor}{number}") in variables}
+    kind = "TURBO PMAC2" if machine.controller.family == "turbo" else "PMAC1, X1"
+    told = {"machine": machine.name, "simulated": True, "version": "1.17", "kind": kind, "gains": gains}
+    points = []
+    for hz in (10.0, 30.0, 50.0, 80.0):
+        found = factor * nominal_response(path, machine, hz)
+        points.append(
+            IdentifiedPoint(
+                frequency_hz=hz,
+                gain=abs(found),
+                phase_deg=math.degrees(cmath.phase(found)),
+                gain_ci=0.002,
+                phase_ci_deg=0.1,
+                coherence=0.999,
+                amplitude_um=30.0,
+            )
+        )
+    period_ms = machine.controller.servo_period_ms
+    return IdentifiedResponse(
+        origin=Origin(**{**told, "servo_period_ms": period_ms, **of}),
+        path=path,
+        how="measured",
+        delay_cycles=0,
+        date=date,
+        points=tuple(points),
+    )
+
+
+def test_newest_a_name_and_a_file_are_the_same_response(tmp_path: Path) -> None:
+    store_response(tmp_path, of_model(MACHINE, Strategy.PVT, "2026-01-01T00:00:00.000Z"))
+    file = store_response(tmp_path, of_model(MACHINE, Strategy.PVT, NEW, 0.9))
+    found = [asked_response(tmp_path, asked, MACHINE, Strategy.PVT) for asked in ("newest", file.name, str(file))]
+    assert [each.identified for each in found] == [found[0].identified] * 3
+    assert found[0].name == file.name and found[0].identified.date == NEW
+    with pytest.raises(SessionError, match="is kept for strategy"):
+        kept_responses(tmp_path, MACHINE, Strategy.CAM)
+    outside = file.parent.parent / file.name
+    file.rename(outside)
+    with pytest.raises(ProfileError) as refused:
+        asked_response(tmp_path, f"../{file.name}", MACHINE, Strategy.PVT)
+    assert refused.value.problems[0].code == "file.unreadable"
+
+
+def test_a_file_that_cannot_be_read_leaves_the_others(tmp_path: Path) -> None:
+    good = store_response(tmp_path, of_model(MACHINE, Strategy.PVT, NEW))
+    (good.parent / "pvt-99990101T000000000Z.json").write_text("{", encoding="ascii")
+    assert [each.file for each in kept_responses(tmp_path, MACHINE, Strategy.PVT)] == [good]
+
+
+def test_the_command_refuses_the_newest_of_a_strategy_that_has_none(console: Console, data_folder: Path) -> None:
+    data = data_folder / "trilobe"
+    store_response(data, of_model(MACHINE, Strategy.PVT, NEW))
+    refused = console("preview", EXPERIMENT, "--strategy", "cam", "--identified", "newest")
+    assert refused.code == 1 and "console identify" in refused.err
+
+
+@pytest.mark.long
+def test_the_cut_inverts_the_chosen_response_and_its_record_says_so(shop: Shop) -> None:
+    """A response of 0.8 of the model commands another path, and the part teaches by that path."""
+    machine = shop.machine.machine
+    file = store_response(shop.data, of_model(machine, Strategy.CAM, NEW, 0.8))
+    (kept,) = kept_responses(shop.data, machine, Strategy.CAM, simulated=True)
+    assert shop.refused(inverts=kept, strategy=Strategy.PVT) == ["response.of_another"]
+    by_model = shop.armed()
+    armed = shop.armed(inverts=kept)
+    assert armed.made.inverted == file.name and by_model.made.inverted == "model"
+    assert armed.plan.text != by_model.plan.text
+    content = file.read_text("utf-8")
+    file.write_text(content.replace("0.999", "0.998"), encoding="utf-8")
+    assert shop.refused(inverts=kept) == ["response.file_changed"]
+    file.unlink()
+    assert shop.refused(inverts=kept) == ["file.unreadable"]
+    file.write_text(content, encoding="utf-8")
+
+    part = shop.part(inverts=kept)
+    assert part.learning is not None and part.learning.problems == (), "what it was cut with is found by its name"
+    assert part.learning.made.inverted == file.name
+    (row, *_) = runs(shop.data)
+    assert story(shop.data, row.run_id).setup["inverted"] == file.name
+    (point,) = measured_parts(shop.data, shop.job.job.name, machine.name, True)
+    assert (row.inverted, point.inverted, row.compensation) == (file.name, file.name, "none")
+    assert lobe_um_pp(part) > 0.0

@@ -1,23 +1,31 @@
-"""The thread behind the screen: no stop is lost, whenever it comes, and the machine is left at rest."""
+"""The thread behind the screen, and a controller that falls silent or whose time is held."""
 
 from __future__ import annotations
 
 import signal
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
+from itertools import count
 from pathlib import Path
+from typing import Any
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.station import link_thread
-from console.session.station.commands import Acknowledge, Command, EnableDrives, Home
+from console.session.station.alarms import Priority
+from console.session.station.commands import Acknowledge, Command, EnableDrives, Home, Start
 from console.session.station.link.opening import Opened
 from console.session.station.link_thread import LinkThread
 from console.session.station.state import Activity, StationState
 from drivers.errors import LinkError
+from drivers.lathe import heartbeat
+from drivers.lathe.heartbeat import RATE, RATE_READINGS
 from drivers.lathe.snapshot import Snapshot
+from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.problem import Problem
-from tests.console.floor import Floor, open_floor
+from tests.console.floor import Floor, experiment_1, in_turn, open_floor
 
 SOON_S = 10.0
 
@@ -63,9 +71,7 @@ def ordered(link: LinkThread, intent: Command) -> None:
 
 
 @pytest.mark.parametrize("act", [LinkThread.stop, LinkThread.kill])
-def test_a_stop_before_the_machine_is_there_is_the_first_thing_it_gets(
-    act: Callable[[LinkThread, str], None], floor: Floor
-) -> None:
+def test_a_stop_before_the_machine_comes_first(act: Callable[[LinkThread, str], None], floor: Floor) -> None:
     go = threading.Event()
 
     def open_slowly() -> Opened:
@@ -180,7 +186,7 @@ def test_a_machine_that_cannot_be_opened_says_why(fault: Exception, code: str) -
 
 
 def test_a_machine_that_is_switched_on_later_is_connected_by_itself(
-    floor: Floor, monkeypatch: pytest.MonkeyPatch
+    floor: Floor, monkeypatch: MonkeyPatch
 ) -> None:
     monkeypatch.setattr(link_thread, "CONNECT_AGAIN_S", 0.01)
     receive, silent = floor.link.receive, True
@@ -268,3 +274,102 @@ def test_a_signal_in_the_midst_of_a_call_does_not_wait_for_itself(link: LinkThre
         signal.setitimer(signal.ITIMER_REAL, 0.0)
         signal.signal(signal.SIGALRM, before)
     wait_until(lambda: link.state.stop is not None)
+
+
+SILENT_S = 3.0
+
+
+class Silence:
+    """A link on which nobody answers for some seconds; what is sent meanwhile is lost."""
+
+    def __init__(self, floor: Floor, patch: MonkeyPatch) -> None:
+        self._floor, self.began_s = floor, float("inf")
+        self._receive = floor.link.receive
+        patch.setattr(floor.link, "receive", self.receive)
+        for name in ("send", "send_urgent"):
+            patch.setattr(floor.link, name, self._sending(getattr(floor.link, name)))
+
+    @property
+    def is_on(self) -> bool:
+        return self.began_s <= self._floor.sim.now_s() < self.began_s + SILENT_S
+
+    def receive(self, timeout_s: float) -> bytes:
+        if not self.is_on:
+            return self._receive(timeout_s)
+        self._floor.sim.wait(timeout_s)
+        return b""
+
+    def _sending(self, send: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        return lambda data: None if self.is_on else send(data)
+
+
+def test_a_silence_in_motion_is_lost_within_a_second(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
+    """Once it answers, nobody is told that it does not: what is left is to see it at rest."""
+    floor = open_floor(tmp_path, owned=True)
+    floor.do(EnableDrives())
+    silence = Silence(floor, monkeypatch)
+    told: list[tuple[float, StationState]] = []
+    tell = floor.context.tell
+
+    def listen(**changes: object) -> None:
+        tell(**changes)
+        told.append((floor.sim.now_s(), floor.context.state))
+
+    monkeypatch.setattr(floor.context, "tell", listen)
+
+    def begin() -> None:
+        silence.began_s = floor.sim.now_s()
+
+    floor.when(lambda seen: "desired_velocity_zero" not in seen.tool.flags, begin)
+    floor.station.post(Home())
+    floor.station.step()
+    began_s = silence.began_s
+    moving = next(state for at_s, state in reversed(told) if at_s <= began_s and state.snapshot is not None)
+    assert not moving.is_unanswered(began_s + 0.3) and moving.is_unanswered(began_s + 0.75)
+    lost_s = next(at_s for at_s, state in told if state.activity is Activity.LOST)
+    assert lost_s - began_s < 1.0
+    again = [state for at_s, state in told if at_s > began_s + SILENT_S]
+    answered = next(place for place, state in enumerate(again) if state.snapshot is not moving.snapshot)
+    assert {state.activity for state in again[answered + 1 :]} <= {Activity.STOPPING, Activity.STOPPED}
+    assert floor.state.activity is Activity.STOPPED
+
+
+def holding(floor: Floor, held_s: list[float]) -> None:
+    """Have the lathe report this much held time."""
+    look = floor.sim.look
+
+    def held() -> WorkshopView:
+        return replace(look(), held_s=held_s[0])
+
+    floor.sim.look = held  # type: ignore[method-assign]
+
+
+def test_time_that_is_held_in_a_cut_is_told_once_and_at_rest_not_at_all(aligned: Floor) -> None:
+    held_s = [0.0]
+    holding(aligned, held_s)
+    aligned.idle(2.0)
+    held_s[0] = 3.0
+    assert aligned.idle(2.0).alarms == ()
+    aligned.arm(experiment_1())
+    aligned.when(lambda _: in_turn(aligned, 5.0), lambda: held_s.__setitem__(0, 4.2))
+    assert aligned.do(Start()).cut_done
+    (alarm,) = aligned.idle().alarms
+    assert (alarm.problem.code, alarm.problem.value) == ("simulator.held", "1.2 s")
+    assert (alarm.priority, alarm.count) == (Priority.LOW, 1)
+
+
+@pytest.mark.parametrize("held", [True, False])
+def test_held_time_judges_no_watchdog(aligned: Floor, held: bool, monkeypatch: MonkeyPatch) -> None:
+    readings = count()
+
+    def read(*_: Any) -> Any:
+        next(readings)
+
+    monkeypatch.setattr(heartbeat, "read_heartbeat", read)
+    monkeypatch.setattr(heartbeat, "heartbeat_problems", lambda *_: (Problem(code=RATE),))
+    times = count()
+    held_s = (lambda: float(next(times))) if held else None
+    guard = heartbeat.Heartbeat(aligned.lathe._client, aligned.sim, aligned.context.machine, held_s=held_s)
+    _, problems = guard._looked()
+    assert [problem.code for problem in problems] == ([] if held else [RATE])
+    assert next(readings) == RATE_READINGS

@@ -31,21 +31,10 @@ from profiles.axis.notch import Notch, Reading
 from profiles.axis.sampled_loop import loop_of
 from profiles.axis.servo_gains import gains_from_variables, notch_settings, with_variables
 from profiles.store import load_machine
-from tests.console.cable import cabled, until_back
-from tests.console.consoles import MACHINE, WithStation, station_of
-from tests.console.test_gain_trial import BEFORE, cut_after, record, stands
+from tests.console.consoles import MACHINE, WithStation, cabled, station_of, until_back
+from tests.console.floor import known as given
+from tests.console.test_gain_trial import BEFORE, LATHE, PUBLISHED, cut_after, fill, record, stands
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
-
-LATHE = load_machine(MACHINE).machine
-PUBLISHED = {name: value for name, value in LATHE.controller.variables.items() if "I130" <= name <= "I135"}
-
-
-def fill(data: Path) -> None:
-    """Keep the response of a tool that bends at 300 Hz by 40 % of its motion, with the published gains.
-
-    It names Ix30 to Ix35 alone, as before there was a filter.
-    """
-    store(data, identified(swept(bending(), 0.0002), PUBLISHED, simulated=False))
 
 
 def station_with(data: Path, reading: Reading, friction_n: float = 0.0) -> WithStation:
@@ -72,14 +61,11 @@ def apply(owner: WithStation, facts: GainFacts) -> dict[str, float]:
 
 def doubts_after_a_test(owner: WithStation, data: Path, step_um: float = 25.0) -> list[str]:
     """What a health test in air leaves to be said of the gains on trial; the drives are disabled again."""
-    owner.do(EnableDrives())
-    owner.do(Home())
-    state = owner.do(CheckHealth(step_um=step_um))
+    state = owner.do(EnableDrives(), Home(), CheckHealth(step_um=step_um))
     assert owner.refusals == [] and state.stop is None, "it neither trips nor is it stopped"
     owner.do(DisableDrives())
     place = TrialPlace(client=owner.client, machine=LATHE, data=data, simulated=False)
-    kept = place.trial()
-    assert kept is not None
+    kept = given(place.trial())
     return [problem.code for problem in air_doubts(place, kept[1], place.gains.read())]
 
 
@@ -131,13 +117,12 @@ def test_a_link_that_is_cut_while_a_filter_is_written_leaves_a_loop_without_forc
     owner.do(ApplyGains(settings=tuple(FIRST.items()), shown=tuple(BEFORE.items())))
     cable.mend()
     until_back(owner)
-    trial = owner.state.trial
-    assert trial is not None and not trial.whole
+    trial = given(owner.state.trial)
+    assert not trial.whole
     assert (stands(owner)["I130"], stands(owner)["I136"], stands(owner)["I137"]) == (0.0, -1.09375, 0.0)
     (told,) = trial.problems
     assert (told.code, told.limit) == ("trial.stands", "I130 0")
-    owner.do(Recover())
-    owner.do(EnableDrives())
+    owner.do(Recover(), EnableDrives())
     assert owner.refusals[0] == "trial.stands"
     found = proposed(owner, tmp_path)
     assert found.proposal is not None and found.proposal.factor is None, "there is no loop to compare with"
@@ -182,8 +167,8 @@ def test_with_the_reading_proven_the_published_gains_get_a_filter_and_not_gains_
     assert found.proposal is not None and found.reasons == found.notes == ()
     assert found.proposal.settings["I136"] < -0.5
     assert found.stiffness is not None and found.stiffness[1].most_um_per_n < 5.0 < 10.0
-    fit = found.known.fit
-    assert fit is not None and unseen_hz(found.known.loop, found.proposal.gains, fit) is None
+    fit = given(found.known.fit)
+    assert unseen_hz(found.known.loop, found.proposal.gains, fit) is None
 
 
 def test_gains_that_are_proven_and_yield_less_than_what_may_be_proposed_are_kept(tmp_path: Path) -> None:
@@ -224,9 +209,7 @@ def test_what_no_sweep_can_show_is_not_asked_for(tmp_path: Path, reaches_hz: flo
 
 
 @pytest.mark.parametrize("present", [PUBLISHED, STIFF], ids=["published", "stiff"])
-def test_a_filter_that_a_hidden_mode_might_meet_is_told_so_whatever_the_present_gains(
-    tmp_path: Path, present: dict[str, float]
-) -> None:
+def test_a_filter_that_a_hidden_mode_might_meet_is_told(tmp_path: Path, present: dict[str, float]) -> None:
     """Responses so vague that a mode could hide above them: not that no filter would be safe."""
     store(tmp_path, identified(swept(bending(), 0.04), PUBLISHED, simulated=False))
     found = gain_facts(with_variables(LATHE, present), None, tmp_path, simulated=False)
@@ -260,9 +243,7 @@ def test_proven_in_air_it_makes_room_for_a_stiffer_one(tmp_path: Path) -> None:
     ("reading", "friction_n"),
     [(Reading.NUMERATOR, 0.0), (Reading.DENOMINATOR, 0.0), (Reading.BOTH, 0.0), (Reading.DENOMINATOR, 1.0)],
 )
-def test_a_controller_that_reads_it_otherwise_is_told_by_the_numbers_and_swings_at_no_time(
-    tmp_path: Path, reading: Reading, friction_n: float
-) -> None:
+def test_a_controller_that_reads_it_otherwise_is_told(tmp_path: Path, reading: Reading, friction_n: float) -> None:
     fill(tmp_path)
     owner = station_with(tmp_path, reading, friction_n)
     apply(owner, proposed(owner, tmp_path))

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -28,11 +27,9 @@ from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import plant_named
 from profiles.compensations.learned import MODEL, model_again
 from profiles.store import load_job, load_machine
-from tests.console.floor import floor_at
+from tests.console.commands import Console, JobFile
+from tests.console.floor import floor_at, known
 from tests.system.lathe_sites import compact_text
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 SIX = ("--sim", "--plant", "realistic", "--seed", "6")
 
@@ -61,11 +58,6 @@ def cut(console: Console, ring: str, machine: str) -> Callable[..., tuple[int, f
         return found["lathe"]["part"], found["before"]["RONt_um"]
 
     return one
-
-
-def test_each_command_cuts_the_next_part(cut: Callable[..., tuple[int, float]]) -> None:
-    (one, first_um), (two, second_um) = cut(), cut()
-    assert (one, two) == (1, 2) and first_um != second_um
 
 
 @pytest.mark.long
@@ -99,13 +91,15 @@ def test_the_first_can_be_had_again_and_what_was_refused_has_taken_none(
     assert "realistic, seed 6: part 2 of this job" in said.out and "--lathe-part 1" in said.out
 
 
-def test_a_number_needs_a_lathe_that_can_be_had_again(console: Console, ring: str) -> None:
+def test_each_command_cuts_the_next_part_of_a_lathe_that_can_be_had_again(
+    console: Console, ring: str, machine: str, cut: Callable[..., tuple[int, float]]
+) -> None:
+    """Lathes whose parts are alike are not counted."""
+    (one, first_um), (two, second_um) = cut(), cut()
+    assert (one, two) == (1, 2) and first_um != second_um
     for words in (("--sim", "--lathe-part", "2"), ("--lathe-part", "2"), (*SIX, "--lathe-part", "0")):
         said = console("run", ring, *words)
         assert said.code == 2 and "internal" not in said.err and "--lathe-part" in said.err
-
-
-def test_lathes_whose_parts_are_alike_are_not_counted(console: Console, ring: str, machine: str) -> None:
     found = console("run", ring, "--machine", machine, "--sim", "--strategy", "none", "--json").json
     assert "lathe" not in found
 
@@ -260,7 +254,6 @@ def test_a_screen_on_another_lathe_sets_it_aside_and_does_not_arm_with_it(
     assert [(each.code, each.limit, each.value) for each in here.set_aside] == [
         ("learned.other_lathe", "realistic, seed 6", "realistic, seed 9")
     ]
-    newest = accepted(work.loaded, work.machine, data, simulated=True)
-    assert newest is not None
+    newest = known(accepted(work.loaded, work.machine, data, simulated=True))
     problems = chosen_problems(using(work, newest), simulated=True, lathe="realistic, seed 9")
     assert [each.code for each in problems] == ["learned.other_lathe"]

@@ -1,11 +1,10 @@
-"""`console preview` with an identified response: what is left and its band, and files that belong elsewhere."""
+"""What a preview says with an identified response, before its program is there, and which response is chosen."""
 
 from __future__ import annotations
 
 import cmath
 import json
 import math
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,19 +13,23 @@ import numpy as np
 import pytest
 
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.cutting.strategy import INVERTING
 from drivers.identification.nominal import path_response
 from drivers.identification.result import SCHEMA
 from drivers.preview.band import predicted_band
+from drivers.preview.closed_form import closed_form
+from drivers.preview.outlook import outlook
 from drivers.preview.preview import preview
 from drivers.preview.program_prediction import predict
 from profiles.axis.response import ServoResponse, identified_response
 from profiles.axis.servo import sampled_response
+from profiles.compensations.path import CutPath, PathHarmonic
 from profiles.findings import refusals
+from profiles.problem import ProblemError
 from profiles.rules import check
 from profiles.store import load_job, load_machine
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from tests.console.commands import Console, JobFile
+from tests.console.floor import known as given
 
 EXPERIMENT = "lee-2001-experiment-1"
 JOB = load_job(EXPERIMENT).job
@@ -118,8 +121,7 @@ def test_the_band_of_the_model_has_the_true_lathe_in_it_and_identification_narro
 def test_what_may_be_friction_counts_where_the_cut_swings_further_than_what_was_identified() -> None:
     """The true lathe answers 0.2 off the profile. Were that friction, twice the swing would halve it."""
     seen = preview(SHORT, MACHINE, Strategy.PVT, of_true_lathe(COMMAND_UM / 2))
-    band = predicted_band(seen, Strategy.PVT)
-    assert band is not None
+    band = given(predicted_band(seen, Strategy.PVT))
     off = abs(complex(sampled_response(MACHINE, 50.0)) / complex(sampled_response(TRUE, 50.0)) - 1.0)
     assert band.friction_um == pytest.approx(55.0 * 0.5 * off, rel=0.01)
     assert band.high_um > 0.5 * 55.0 * off
@@ -177,25 +179,23 @@ def test_the_highest_safe_speed_is_where_the_first_limit_is_reached(console: Con
     assert 0.0 < margins["grip_n_percent"] < 100.0
 
 
-@pytest.mark.parametrize(
-    ("origin", "said"),
-    [
+def test_a_response_of_another_machine_path_or_band_is_refused(console: Console, tmp_path: Path) -> None:
+    of_others: tuple[tuple[dict[str, Any], str], ...] = (
         ({"machine": "another"}, "identified with machine another, but here it is lee-2001-lathe"),
         ({"gains": {"I130": 400.0}}, "identified with I130 400, but here it is 528"),
         ({"kind": "TURBO PMAC2"}, "identified with controller TURBO PMAC2, but here it is pmac"),
-    ],
-)
-def test_a_response_of_another_machine_is_refused(
-    console: Console, tmp_path: Path, origin: dict[str, object], said: str
-) -> None:
-    refused = console("preview", EXPERIMENT, "--identified", str(file_of(tmp_path, **origin)))  # type: ignore[arg-type]
-    assert refused.code == 1
-    assert said in refused.err
+    )
+    asked = ("preview", EXPERIMENT, "--identified")
+    for origin, said in of_others:
+        refused = console(*asked, str(file_of(tmp_path, **origin)))
+        assert refused.code == 1 and said in refused.err
+    refused = console(*asked, str(file_of(tmp_path)), "--strategy", "none")
+    assert (refused.code, "identified with strategy pvt, but here it is none" in refused.err) == (1, True)
+    refused = console(*asked, str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0)))
+    assert (refused.code, "50 Hz was not identified (identified: 10 … 30 Hz)" in refused.err) == (1, True)
 
 
-def test_people_are_told_what_is_inverted_what_is_left_and_how_fast_it_may_turn(
-    console: Console, tmp_path: Path, job_file: JobFile
-) -> None:
+def test_people_are_told_what_is_inverted_and_left(console: Console, tmp_path: Path, job_file: JobFile) -> None:
     shown = console("preview", str(job_file(cut_length_mm="1.0")), "--identified", str(file_of(tmp_path))).out
     for words in (
         "identified there.json, ± 0.2",
@@ -205,10 +205,70 @@ def test_people_are_told_what_is_inverted_what_is_left_and_how_fast_it_may_turn(
         assert words in shown
 
 
-def test_a_response_of_another_path_or_band_is_refused(console: Console, tmp_path: Path) -> None:
-    file = str(file_of(tmp_path))
-    refused = console("preview", EXPERIMENT, "--identified", file, "--strategy", "none")
-    assert (refused.code, "identified with strategy pvt, but here it is none" in refused.err) == (1, True)
-    away = str(file_of(tmp_path, "pvt", 10.0, 20.0, 30.0))
-    refused = console("preview", EXPERIMENT, "--identified", away)
-    assert (refused.code, "50 Hz was not identified (identified: 10 … 30 Hz)" in refused.err) == (1, True)
+SHORT = replace(load_job("lee-2001-experiment-1").job, cut_length_mm=1.0)
+
+# A lathe that is not as its profile says: 10 % more mass and 10 % less thrust.
+
+
+@pytest.mark.parametrize("strategy", [*INVERTING, Strategy.NONE])
+def test_the_closed_form_says_what_the_program_says_afterwards(strategy: Strategy) -> None:
+    """The second method: the program, walked through move by move, and its spectrum through the sampled loop."""
+    seen = preview(SHORT, MACHINE, strategy)
+    early, made = closed_form(outlook(SHORT, MACHINE, strategy), strategy), seen.predictions[strategy]
+    assert early is not None
+    assert float(np.ptp(early.residual_um)) == pytest.approx(made.ront_um, abs=0.05)
+    assert early.stroke_um == pytest.approx(made.stroke_um, abs=0.05)
+    command_um = np.interp(early.angle_deg, made.angle_deg, made.command_um, period=360.0)
+    # Both know the late servo cycle, 4.3 um; what is left are chords of the table and a time base in whole parts.
+    assert np.abs(early.command_um - command_um).max() < 0.5
+    assert early.lobe_frequency_hz == pytest.approx(made.lobe_frequency_hz)
+    assert early.response.gain == pytest.approx(made.response.gain)
+    assert early.demands["force_n"].percent == pytest.approx(made.demands["force_n"].percent, rel=0.01)
+
+
+def test_an_inverse_of_another_axis_leaves_what_the_two_responses_are_apart() -> None:
+    """E |1 - T / T_hat|: 9.1 um of 55 for a lathe with 10 % more mass and 10 % less thrust."""
+    true, known = (complex(sampled_response(machine, 50.0)) for machine in (TRUE, MACHINE))
+    seen = outlook(SHORT, TRUE, Strategy.PVT, path_response(Strategy.PVT, MACHINE))
+    early = given(closed_form(seen, Strategy.PVT))
+    assert float(np.ptp(early.residual_um)) == pytest.approx(55.0 * abs(1.0 - true / known), abs=0.05)
+    assert float(np.ptp(early.residual_um)) == pytest.approx(9.1, abs=0.2)
+
+
+def test_what_only_a_program_can_say_is_not_guessed() -> None:
+    seen = outlook(SHORT, MACHINE, Strategy.CAM)
+    assert closed_form(seen, Strategy.PAPER) is None
+    # Its command would be another one than that of the strategy that was chosen.
+    assert closed_form(seen, Strategy.PVT) is None
+
+
+def test_a_learned_path_is_what_everything_is_of() -> None:
+    """One wave more in the command, of 2 um: what it leaves is that wave as the loop answers to it."""
+    model = outlook(SHORT, MACHINE, Strategy.CAM)
+    path = CutPath(target=model.target, command=model.command.plus({6: 2.0 + 0.0j}))
+    seen = preview(SHORT, MACHINE, Strategy.CAM, path=path)
+    early = given(closed_form(outlook(SHORT, MACHINE, Strategy.CAM, path=path), Strategy.CAM))
+    assert seen.command == path.command
+    delay_s = MACHINE.controller.servo_period_ms / 1000.0
+    answer = complex(sampled_response(MACHINE, 100.0)) * cmath.exp(-2j * math.pi * 100.0 * delay_s)
+    extra = PathHarmonic.of(6, -2.0 * answer).at_um(early.angle_deg)
+    assert early.residual_um == pytest.approx(extra, abs=1e-6)
+    assert seen.predictions[Strategy.CAM].ront_um == pytest.approx(float(np.ptp(extra)), abs=0.1)
+    # The others are of the model, as they were.
+    assert seen.predictions[Strategy.TIMEBASE].ront_um < 0.1
+    with pytest.raises(ProblemError) as refused:
+        raise preview(SHORT, MACHINE, Strategy.PVT, path=path).strategies[Strategy.PVT]  # type: ignore[misc]
+    assert [problem.code for problem in refused.value.problems] == ["program.no_overtones"]
+
+
+@pytest.mark.parametrize(("depth_mm", "error_um"), [(0.02, 55.0), (0.1, 300.0)])
+def test_a_tool_that_leaves_the_part_leaves_what_it_does_not_reach(depth_mm: float, error_um: float) -> None:
+    """Round where it is clamped, the part keeps all of the lobe where the path is out of it: A - depth of A."""
+    job = replace(SHORT, depth_of_cut_mm=depth_mm, lobe_error_um_pp=error_um)
+    out_um = error_um / 2 - 1000 * depth_mm
+    early = closed_form(outlook(job, MACHINE), Strategy.PVT)
+    made = preview(job, MACHINE).predictions[Strategy.PVT]
+    assert early is not None
+    for left_um in (early.residual_um, made.residual_um):
+        assert float(np.ptp(left_um)) == pytest.approx(out_um, abs=0.1)
+        assert abs(float(np.mean(left_um))) < 1e-9

@@ -1,9 +1,10 @@
-"""Rights of the data folder: its owner's alone, or its group's if it is shared, whatever the umask."""
+"""Rights of the data folder, and every kind of file of our own: read or refused with a problem."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from datetime import date
 from functools import cache
 from pathlib import Path
@@ -17,16 +18,19 @@ from console.session.data.kept_files import jobs_folder
 from console.session.data.records import RunRecord
 from console.session.data.trace_folder import export_trace, trace_folder
 from console.session.station.owning import LOG_NAME, take_lock
-from console.session.work import opened, saved_as
+from console.session.work import Work, edited, opened, parsed, saved_as, undone, with_strategy
 from drivers.commissioning.stop_record import StopRecord
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.machine import SimulatedLathe
 from profiles.files import write_atomically
 from profiles.folder_rights import rights_in
+from profiles.job import SIMULATED_SOURCE
+from profiles.problem import Problem, ProfileError
 from profiles.store import load_job, load_machine
 from profiles.traces import Trace, write_trace
 from tests.console.consoles import ADDRESS, MACHINE, console_of
-from tests.console.test_identified_store import RESPONSE
+from tests.console.floor import known
+from tests.console.test_identify_command import RESPONSE
 
 RUN = ("software", "job", "job_sha256", "machine", "machine_sha256", "strategy", "program")
 EXPERIMENT = "lee-2001-experiment-1"
@@ -57,8 +61,7 @@ def keeps_a_stop_record(data: Path) -> None:
 
 
 def locks(data: Path) -> None:
-    lock = take_lock(data, ADDRESS)
-    assert lock is not None
+    lock = known(take_lock(data, ADDRESS))
     lock.keep(4711)
     lock.close()
 
@@ -157,3 +160,93 @@ def test_a_trace_that_is_saved_into_a_shared_folder_by_its_path_is_its_groups_to
     finally:
         os.umask(before)
     assert (data / "part.csv").stat().st_mode & 0o7777 == 0o660
+
+
+@pytest.fixture
+def work() -> Work:
+    return opened(load_job("lee-2001-experiment-1"), load_machine("lee-2001-lathe"))
+
+
+MEANT = {"1314": 1314.0, "1314.5": 1314.5, "1314,5": 1314.5, " 20 ": 20.0, "0,100": 0.1, ".5": 0.5, "7.": 7.0}
+REFUSED = {
+    **dict.fromkeys(("1,314", "1.314.5", "1,314.5"), "value.ambiguous"),
+    **dict.fromkeys(("1_000", "1e3", "nan", "١٢", "--5"), "value.not_number"),
+    **dict.fromkeys(("-5", "0", "100001"), "value.out_of_range"),
+}
+
+
+def refusal(typed: str, key: str = "chucking_force_n") -> Problem:
+    with pytest.raises(ProfileError) as raised:
+        parsed(typed, key)
+    (problem,) = raised.value.problems
+    return problem
+
+
+def test_a_number_may_have_a_point_or_a_comma_and_what_may_be_two_is_refused() -> None:
+    """Separated thousands are never taken for another number."""
+    assert {typed: parsed(typed, "chucking_force_n") for typed in MEANT} == MEANT
+    for typed, code in REFUSED.items():
+        problem = refusal(typed)
+        limit = ">= 0.1, <= 100000 N"
+        assert (problem.code, problem.key, problem.limit) == (code, "chucking_force_n", limit)
+    thousands = ("1,234.5", "1.234,5", "1 234,5", "1\u00a0234", "1\u202f234", "1'234.5", "1\u2019234")
+    for typed in (f"{sign}{each}" for each in thousands for sign in ("", "-", "\u2212")):
+        assert refusal(typed).code in ("value.ambiguous", "value.not_number")
+    assert [refusal(typed, "jaws").code for typed in ("3.5", "3,0", "three", "")] == ["value.not_whole"] * 4
+    assert parsed("6", "jaws") == 6
+
+
+def test_an_edit_can_be_undone_step_by_step(work: Work) -> None:
+    after = edited(edited(work, "spindle_speed_rpm", "800"), "material", "Steel")
+    assert (after.job.spindle_speed_rpm, after.job.material, after.edited) == (800.0, "Steel", True)
+    assert undone(after).job.material == "Al"
+    assert undone(undone(after)).job == work.job
+    assert not undone(undone(after)).edited and undone(work) is work
+    assert edited(work, "chucking_force_n", "1314") is work, "what was computed is kept"
+
+
+def test_a_force_that_the_operator_gives_is_not_assumed_and_the_error_stays_with_its_own(work: Work) -> None:
+    after = edited(work, "chucking_force_n", "900")
+    assert (after.job.chucking_force_n, after.job.error_force_n) == (900.0, 1314.0)
+    assert [("chucking_force_n" in each.job.assumed) for each in (work, after, undone(after))] == [
+        True,
+        False,
+        True,
+    ]
+    assert "feed_mm_per_rev" in after.job.assumed
+
+
+def test_a_job_saved_under_another_name_is_the_one_in_hand(work: Work, tmp_path: Path) -> None:
+    folder = tmp_path / "new" / "jobs"
+    before = edited(with_strategy(work, "paper"), "feed_mm_per_rev", "0.04")
+    after = saved_as(before, "ring", folder)
+    assert after.loaded.path == folder / "ring.toml"
+    assert (after.job.name, after.job.feed_mm_per_rev, after.strategy) == ("ring", 0.04, "paper")
+    assert not after.edited
+    assert load_job("ring", folder).job == after.job
+
+
+def test_saving_never_writes_over_a_file_nor_into_one(work: Work, tmp_path: Path) -> None:
+    (tmp_path / "ring.toml").write_text("mine")
+    (tmp_path / "jobs").write_text("a file")
+    for folder, code in ((tmp_path, "file.exists"), (tmp_path / "jobs", "file.not_writable")):
+        with pytest.raises(ProfileError) as raised:
+            saved_as(work, "ring", folder)
+        assert raised.value.problems[0].code == code
+    assert (tmp_path / "ring.toml").read_text() == "mine"
+
+
+def test_a_copy_says_what_it_was_copied_from_and_not_the_source_of_that(work: Work, tmp_path: Path) -> None:
+    steel = edited(work, "material", "steel")
+    assert "Table 6" in steel.job.source
+    copied = saved_as(steel, "mine", tmp_path).job
+    assert (copied.source, copied.copied_from) == ("", "lee-2001-experiment-1")
+    assert (copied.material, copied.lobe_material) == ("steel", "Al")
+    again = saved_as(saved_as(steel, "mine-2", tmp_path), "mine-3", tmp_path).job
+    assert again.copied_from == "mine-2"
+
+
+def test_a_copy_keeps_it_that_its_lobe_is_one_of_a_simulated_part(work: Work, tmp_path: Path) -> None:
+    practice = replace(work.job, source=f"Table 6; {SIMULATED_SOURCE}")
+    copied = saved_as(replace(work, job=practice), "mine", tmp_path).job
+    assert copied.source == SIMULATED_SOURCE

@@ -33,8 +33,7 @@ from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from tests.compact import compact_machine
-from tests.console.cable import TRIES, Cable, cabled, until_back
-from tests.console.consoles import STOP_CHARACTERS, WithStation
+from tests.console.consoles import STOP_CHARACTERS, TRIES, Cable, WithStation, cabled, until_back
 from tests.console.floor import experiment_1
 
 READ_ONLY = (b"J", b"HM", b"R\r", b"J=", b"A\r", b"M70=", b"P1000=", b"P1003=", b"ENABLE", b"\x01")
@@ -75,11 +74,22 @@ def harmless(said: bytes) -> bool:
     return not any(word in said for word in READ_ONLY)
 
 
+def home(console: WithStation) -> None:
+    console.do(EnableDrives(), Home())
+
+
+def back(console: WithStation, cable: Cable) -> tuple[StationState, bytes]:
+    """Mend the cable, and return the state and what was said on the way back."""
+    console.hear()
+    cable.mend()
+    until_back(console)
+    return console.state, console.hear()
+
+
 def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
     """Rule R3: the true state, with what happened; rule A10: how old what is shown is."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    home(console)
     cable.cut()
     console.look()
     assert activity(console) is Activity.LOST and "link.lost" in console.alarms
@@ -90,25 +100,30 @@ def test_at_rest_it_comes_back_stopped_with_its_home(site: Site) -> None:
     assert lost is not None and lost.attempts >= 2 and lost.problem is not None
     assert lost.problem.code == "link.refused" and lost.back_s is None
     assert not console.station.post(Home()) and console.refusals == ["session.lost"]
-    console.hear()
-    cable.mend()
-    until_back(console)
-    state, said = console.state, console.hear()
+    state, said = back(console, cable)
     assert state.activity is Activity.STOPPED and state.standing is Standing.OWNER
     assert harmless(said), said
     assert state.snapshot is not None and state.snapshot.loops_open and state.snapshot.homed
-    assert held(state) == {
-        "home": (True, "home_kept"),
-        "jaw": (False, "none"),
-        "touch_off": (False, "none"),
-        "clamping": (False, "none"),
-    }
+    none = dict.fromkeys(("jaw", "touch_off", "clamping"), (False, "none"))
+    assert held(state) == {"home": (True, "home_kept"), **none}
     assert "link.lost" not in console.alarms
     console.do(Recover())
     assert activity(console) is Activity.READY and console.state.lost_link is None
-    console.do(EnableDrives())
-    console.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    console.do(EnableDrives(), Jog(axis=AxisName.CARRIAGE, distance=1.0))
     assert console.state.activity is Activity.READY
+
+
+def test_what_is_gone_for_ever_is_not_tried_again(site: Site) -> None:
+    sim, console, cable = site
+    assert console.context.reopening is not None
+    console.context.reopening._over = lambda: True
+    cable.cut()
+    console.look()
+    for _ in range(3):
+        sim.wait(2.0)
+        console.look()
+    lost = console.state.lost_link
+    assert lost is not None and lost.for_ever and lost.attempts == 0
 
 
 @pytest.mark.parametrize("moving", [AxisName.TOOL, AxisName.CARRIAGE])
@@ -119,10 +134,7 @@ def test_in_mid_homing_the_controller_ends_it_and_home_is_void(site: Site, movin
     console.station.post(Home())
     console.station.step()
     assert console.state.activity is Activity.LOST and console.state.stop is not None
-    console.hear()
-    cable.mend()
-    until_back(console)
-    state, said = console.state, console.hear()
+    state, said = back(console, cable)
     assert state.activity is Activity.STOPPED and harmless(said), said
     holds, why = held(state)["home"]
     assert not holds and why in ("home_lost", "home_none")
@@ -132,8 +144,7 @@ def test_in_mid_homing_the_controller_ends_it_and_home_is_void(site: Site, movin
 def test_a_cable_that_is_back_at_once_does_not_let_the_motion_go_on(site: Site) -> None:
     """The watchdog of the lost motion still runs: it is not renewed, and the controller ends the motion."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
 
     def blink(snapshot: Snapshot) -> None:
         if "desired_velocity_zero" not in snapshot.carriage.flags and not cable.cuts:
@@ -154,35 +165,30 @@ def test_a_cable_that_is_back_at_once_does_not_let_the_motion_go_on(site: Site) 
 
 def test_a_stop_that_was_pressed_meanwhile_is_delivered_first(site: Site) -> None:
     _, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    home(console)
     cable.cut()
     console.look()
     console.look()
     console.stop.stop("space")
     assert not console.stop.delivered
-    console.hear()
-    cable.mend()
-    until_back(console)
-    assert b"\x0b" in console.hear()
-    assert console.state.activity is Activity.STOPPED
+    state, said = back(console, cable)
+    assert b"\x0b" in said and state.activity is Activity.STOPPED
+    cable.cut()  # a link that is lost at rest after a stop comes back, too
+    assert console.look().activity is Activity.LOST
+    assert back(console, cable)[0].activity is Activity.STOPPED
 
 
 @pytest.mark.parametrize("forgets", [False, True])
 def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forgets: bool) -> None:
     """P-variables are kept by a battery in some controllers: then the machine is still this console's."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    home(console)
     cable.cut()
     console.look()
     sim.power_cycle()
     if forgets:
         sim.controller.variables.set(VariableKind.P, OWNER, 0.0)
-    console.hear()
-    cable.mend()
-    until_back(console)
-    state, said = console.state, console.hear()
+    state, said = back(console, cable)
     assert "controller.was_reset" in console.alarms
     assert held(state)["home"] == (False, "home_reset")
     assert harmless(said), said
@@ -192,9 +198,8 @@ def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forget
     else:
         assert not state.controls and state.holder == NOBODY, "nobody is claimed for in silence"
         assert b"\x0b" not in said and state.activity is Activity.READY
-        assert "owner.restarted" in console.alarms and "owner.ousted" not in console.alarms, (
-            "no other console had it"
-        )
+        alarms = console.alarms
+        assert "owner.restarted" in alarms and "owner.ousted" not in alarms, "no other console had it"
         console.do(TakeControl())
         assert "owner.restarted" not in console.alarms
     assert console.state.controls and console.state.lost_link is None
@@ -203,13 +208,11 @@ def test_a_controller_that_was_switched_off_has_lost_its_home(site: Site, forget
 def test_a_console_that_took_the_machine_meanwhile_is_left_alone(site: Site, tmp_path: Path) -> None:
     """Rule R2: a take-over is respected, by the stop that nobody took, too."""
     sim, console, cable = site
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
     cable.cut()
     console.look()
     other, _ = cabled(sim, tmp_path / "there")
-    other.do(TakeControl())
-    other.do(Jog(axis=AxisName.CARRIAGE, distance=1.0))
+    other.do(TakeControl(), Jog(axis=AxisName.CARRIAGE, distance=1.0))
     console.hear()
     cable.mend()
     until_back(console)
@@ -236,47 +239,16 @@ def test_an_observer_looks_on_again(site: Site, tmp_path: Path) -> None:
     cable.cut()
     observer.look()
     assert activity(observer) is Activity.LOST
-    observer.hear()
-    cable.mend()
-    until_back(observer)
-    assert observer.state.activity is Activity.READY and observer.state.lost_link is None
-    assert harmless(observer.hear()) and observer.state.stop is None
+    state, said = back(observer, cable)
+    assert state.activity is Activity.READY and state.lost_link is None
+    assert harmless(said) and state.stop is None
     assert console.look().activity is Activity.READY
-
-
-def test_what_is_gone_for_ever_is_not_tried_again(tmp_path: Path) -> None:
-    sim = SimulatedLathe(compact_machine().machine)
-    console, cable = cabled(sim, tmp_path)
-    assert console.context.reopening is not None
-    console.context.reopening._over = lambda: True
-    cable.cut()
-    console.look()
-    for _ in range(3):
-        sim.wait(2.0)
-        console.look()
-    lost = console.state.lost_link
-    assert lost is not None and lost.for_ever and lost.attempts == 0
-
-
-def test_a_link_that_is_lost_at_rest_after_a_stop_comes_back_too(site: Site) -> None:
-    _, console, cable = site
-    console.stop.kill("f9")
-    assert console.look().activity is Activity.STOPPED
-    cable.cut()
-    assert console.look().activity is Activity.LOST
-    cable.mend()
-    until_back(console)
-    assert console.state.activity is Activity.STOPPED
 
 
 def armed(console: WithStation) -> None:
     """Clamp, home, take jaw 1 and the touch-off wherever the axes are, and arm."""
     job = experiment_1()
-    console.do(ConfirmClamping(job=job))
-    console.do(EnableDrives())
-    console.do(Home())
-    console.do(TakeJaw())
-    console.do(Approach(job=job))
+    console.do(ConfirmClamping(job=job), EnableDrives(), Home(), TakeJaw(), Approach(job=job))
     console.do(Jog(axis=AxisName.TOOL, distance=0.5))
     for _ in range(5):  # steps are short where the surface may be
         console.do(Jog(axis=AxisName.TOOL, distance=0.1))
@@ -287,9 +259,7 @@ def armed(console: WithStation) -> None:
 
 
 @pytest.mark.parametrize("slow", [False, True])
-def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_marked_it(
-    site: Site, slow: bool
-) -> None:
+def test_only_a_tool_that_stood_in_the_part_has_marked_it(site: Site, slow: bool) -> None:
     """The program takes the tool out at the end of its turn; where it cannot, the controller aborts it."""
     sim, console, cable = site
     armed(console)
@@ -316,8 +286,7 @@ def test_after_a_cut_that_lost_its_cable_only_a_tool_that_stood_in_the_part_has_
 
 def test_a_stop_no_longer_says_that_the_drives_hold_once_a_reset_has_opened_them(site: Site) -> None:
     sim, console, _ = site
-    console.do(EnableDrives())
-    console.do(Home())
+    console.do(EnableDrives(), Home())
     cut_short(console)
     stop = console.state.stop
     assert console.state.activity is Activity.STOPPED and stop is not None and stop.can_retract

@@ -1,10 +1,11 @@
-"""`console records`: what was cut is found again, read in full, and taken elsewhere."""
+"""`console records`: what was cut is found again; what an upgraded profile still holds for."""
 
 from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
+import re
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -16,18 +17,22 @@ from console.cli.machine.run_cut import add_end
 from console.session.cut.engine import NotAsPlannedError
 from console.session.cut.run import roundness_of
 from console.session.data import records
+from console.session.data.learned_store import asked_for, chosen, store, versions
 from console.session.data.record_file import FILE_NAME
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_reader import runs, story
 from console.session.data.run_rows import How
 from console.session.errors import SessionError
+from console.session.stages import nominal_path
 from console.text.columns import cell_width
+from drivers.cutting.strategy import Strategy
+from profiles.compensations.learned import HoldsFor, model_again
 from profiles.problem import Problem
+from profiles.store import LoadedMachine, load_job, load_machine
 from profiles.traces import parse_trace
+from tests.console.commands import Console, JobFile
+from tests.console.floor import known
 from tests.console.test_run_reader import RUN, USER, part
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
 
 
 @pytest.fixture
@@ -73,9 +78,7 @@ def test_each_run_is_listed_with_its_result_and_what_is_simulated_says_so(consol
 
 
 @pytest.mark.parametrize(("lang", "words"), [("en", "not proven"), ("ko", "진원도 3.2 um, 지름 39.2 um")])
-def test_what_the_plan_says_of_a_cut_is_shown_with_its_run(
-    console: Console, tmp_path: Path, lang: str, words: str
-) -> None:
+def test_the_verdict_of_a_cut_is_shown(console: Console, tmp_path: Path, lang: str, words: str) -> None:
     """A part that is not judged may be one whose cut is not proven; a word of a stranger's record says nothing."""
     tool = {"roundness_um": 3.2, "size_um": 39.2}
     for verdict, told in (("not_proven", True), ("splendid", False)):
@@ -171,18 +174,16 @@ def test_a_run_without_a_screen_says_how_it_ended_and_who_stopped_it(tmp_path: P
     ]
 
 
-def test_without_free_space_no_run_is_started(
-    console: Console, close: tuple[str, str], job_file: JobFile, data_folder: Path, monkeypatch: pytest.MonkeyPatch
+def test_without_free_space_no_run_is_started_and_a_damaged_record_is_refused(
+    console: Console, job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
-    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", *close)
-    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
-    assert not (data_folder / "trilobe" / FILE_NAME).exists()
-
-
-def test_without_a_record_the_list_is_empty_and_a_damaged_one_is_refused(console: Console, tmp_path: Path) -> None:
-    said = console("records", "list", "--data", str(tmp_path / "new"))
+    new = tmp_path / "new"
+    said = console("records", "list", "--data", str(new))
     assert (said.code, said.err) == (0, "") and "No recorded run" in said.out
+    monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
+    said = console("run", str(job_file(cut_length_mm="0.5")), "--sim", "--data", str(new))
+    assert (said.code, said.out, said.err.count("\n")) == (1, "", 1) and "are free" in said.err
+    assert not (new / FILE_NAME).exists()
     (tmp_path / FILE_NAME).write_bytes(b"no database" * 500)
     refused = console("records", "list", "--data", str(tmp_path))
     assert refused.code == 1 and refused.err.count("\n") == 1
@@ -195,3 +196,87 @@ def test_a_name_that_would_control_the_terminal_is_escaped(console: Console, tmp
     for words in (("list",), ("show", run.run_id)):
         said = console("records", *words, "--data", str(tmp_path))
         assert said.code == 0 and "\x1b" not in said.out
+
+
+JOB = load_job("lee-2001-experiment-1")
+THEN = load_machine("lee-2001-lathe")
+
+BOUNDS = {
+    r"^I111 = .*$": "I111 = 14000",  # fatal following error
+    r"^I122 = .*$": "I122 = 40",  # jog speed
+    r"^travel_min_mm = -2.0.*$": "travel_min_mm = -1.5",
+    r"^jaw_stiffness_n_per_um = .*$": "jaw_stiffness_n_per_um = 60.0",
+    r"^max_force_n = .*$": "max_force_n = 6000.0",
+    r"^signed_by = .*$": 'signed_by = "somebody else"',
+    r"^continuous_force_n = .*$": "continuous_force_n = 380.0",
+}
+"""What bounds or predicts a cut."""
+
+
+def upgraded(folder: Path, changes: dict[str, str]) -> LoadedMachine:
+    """The bundled lathe as a later release has it."""
+    text = THEN.text
+    for pattern, line in changes.items():
+        text, count = re.subn(pattern, line, text, flags=re.MULTILINE)
+        assert count == 1, pattern
+    (folder / "lee-2001-lathe.toml").write_text(text)
+    found = load_machine("lee-2001-lathe", folder)
+    assert found.sha256 != THEN.sha256
+    return found
+
+
+def learned(data: Path, **changes: object) -> None:
+    """A version that was learned with the release before."""
+    holds = replace(asked_for(JOB, THEN, "cam", simulated=True), **changes)  # type: ignore[arg-type]
+    store(data, model_again(holds, nominal_path(JOB.job, THEN.machine, Strategy.CAM), 1, "2026-05-01T08:00:00Z"))
+
+
+def chosen_now(data: Path, machine: LoadedMachine) -> HoldsFor:
+    asked = asked_for(JOB, machine, "cam", simulated=True)
+    found = known(chosen("newest", versions(data, asked), asked))
+    return found.holds_for
+
+
+def refused(data: Path, machine: LoadedMachine) -> str:
+    with pytest.raises(SessionError) as error:
+        chosen_now(data, machine)
+    return error.value.problems[0].code
+
+
+def test_bounds_and_predictions_that_an_upgrade_changes_end_nothing(tmp_path: Path) -> None:
+    learned(tmp_path)
+    assert chosen_now(tmp_path, upgraded(tmp_path, BOUNDS)).machine_sha256 == THEN.sha256
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {r"^I130 = .*$": "I130 = 400"},
+        {r"^home_radius_mm = .*$": "home_radius_mm = 75.0"},
+        {r"^force_per_torque_n_per_n_m = .*$": "force_per_torque_n_per_n_m = 300.0"},
+    ],
+)
+def test_what_shapes_the_path_still_ends_it(tmp_path: Path, change: dict[str, str]) -> None:
+    learned(tmp_path)
+    assert refused(tmp_path, upgraded(tmp_path, BOUNDS | change)) == "learned.settings_changed"
+
+
+def test_a_value_that_the_older_console_did_not_know_had_its_default(tmp_path: Path) -> None:
+    settings = dict(asked_for(JOB, THEN, "cam", simulated=True).settings)
+    del settings["tool.passive_force_fraction"]
+    settings["tool.name"] = settings["chuck.name"] = ""  # they had no names
+    learned(tmp_path, settings=settings)
+    assert chosen_now(tmp_path, upgraded(tmp_path, BOUNDS))
+    pushed = {r"^wiper_land_mm = .*$": "wiper_land_mm = 0.4\npassive_force_fraction = 0.4"}
+    assert refused(tmp_path, upgraded(tmp_path, pushed)) == "learned.settings_changed"
+
+
+def test_a_version_without_settings_has_those_of_the_texts_of_its_cuts(tmp_path: Path) -> None:
+    learned(tmp_path, settings={})
+    later = upgraded(tmp_path, BOUNDS)
+    assert refused(tmp_path, later) == "learned.machine_changed"
+    hashes = {"job_sha256": JOB.sha256, "machine_sha256": THEN.sha256}
+    texts = {"job_text_sha256": JOB.text, "machine_text_sha256": THEN.text}
+    RunRecord(tmp_path, {**RUN, **hashes, **texts}).close()
+    assert chosen_now(tmp_path, later)
+    assert refused(tmp_path, upgraded(tmp_path, {r"^I130 = .*$": "I130 = 400"})) == "learned.settings_changed"

@@ -213,14 +213,19 @@ def test_the_verdict_names_its_reason_and_needs_no_colour(tmp_path: Path) -> Non
         assert sign in found.said("strong") and reason in " ".join(found.said("li", "p").split()), reason
 
 
-def test_a_value_just_beyond_its_limit_is_not_shown_as_equal_to_it() -> None:
+def test_a_value_is_shown_as_typed_and_one_beyond_its_limit_not_as_equal_to_it() -> None:
+    for value, shown in (
+        *((0.931476016162, "0.9315 µm"), (55.0, "55 µm"), (0.125, "0.125 µm"), (51.80012, "51.80012 µm")),
+        *((1234.56789012345, "1234.5679 µm"), (0.0000123456789, "1.235e-05 µm")),
+    ):
+        assert exact(value, "µm") == shown
     assert against_limit(5.0000004, 5.0) == ("5.0000004", "5.0000000")
     assert against_limit(4.9999996, 5.0) == ("5.000", "5.000")  # within: nothing contradicts it
     assert against_limit(5.0, 5.0) == ("5.000", "5.000")
     assert against_limit(11.3029, 5.0) == ("11.303", "5.000")
 
 
-def test_one_changed_digit_of_a_trace_takes_the_verdict_away(tmp_path: Path) -> None:
+def test_one_changed_digit_or_a_verdict_that_was_turned_round_takes_the_verdict_away(tmp_path: Path) -> None:
     run = recorded(tmp_path, {"after": lobed(1.0)})
     change_trace(tmp_path, run, b"\n90.0,1.0\n", b"\n90.0,1.1\n")
     said = words(page_of(tmp_path, run))
@@ -232,20 +237,15 @@ def test_one_changed_digit_of_a_trace_takes_the_verdict_away(tmp_path: Path) -> 
     execute(tmp_path, "UPDATE traces SET content = x'0102' WHERE run_id = ?", (run,))
     said = words(page_of(tmp_path, run))
     assert "? NO VERDICT" in said and "Damaged, left out of this report: trace of measurement 1." in said
-
-
-def test_a_verdict_that_was_turned_round_is_no_verdict(tmp_path: Path) -> None:
-    run = recorded(tmp_path, {"after": lobed(4.0)})
-    execute(tmp_path, "DROP TRIGGER measurements_stay")
-    execute(tmp_path, "UPDATE measurements SET passed = 1")
-    said = words(page_of(tmp_path, run))
+    run = recorded(tmp_path / "other", {"after": lobed(4.0)})
+    execute(tmp_path / "other", "DROP TRIGGER measurements_stay")
+    execute(tmp_path / "other", "UPDATE measurements SET passed = 1")
+    said = words(page_of(tmp_path / "other", run))
     assert "? NO VERDICT" in said and "The recorded verdict does not follow" in said and "PASS" not in said
 
 
 @pytest.mark.parametrize("table", ["events", "measurements", "telemetry", "traces", "texts"])
-def test_a_damaged_record_still_gives_a_report_that_says_what_is_damaged(
-    tmp_path: Path, table: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_a_report_says_what_is_damaged(tmp_path: Path, table: str, capsys: pytest.CaptureFixture[str]) -> None:
     run = recorded(tmp_path, {"before": lobed(27.0), "after": lobed(1.0)})
     root, size = first_page(tmp_path / FILE_NAME, table)
     with open(tmp_path / FILE_NAME, "r+b") as file:
@@ -305,39 +305,16 @@ def test_the_run_chart_has_the_parts_up_to_this_one(tmp_path: Path) -> None:
     mean = 2.0 * 1.1 * PASSED_3
     # The moving ranges of 0, 1, 2, 0, 1, 2 ... tenths: five or so of 1, the others of 2.
     reach = 3.0 / 1.128 * 2.0 * 0.1 * PASSED_3 * (6 * 1 + 2 * 2) / 8
-    assert "RONt of the last 9 whole parts" in said
-    assert (
-        f"Mean {mean:.3f} µm; limits of the individuals chart {mean - reach:.3f} µm to {mean + reach:.3f} µm"
-        in said
-    )
+    limits = f"limits of the individuals chart {mean - reach:.3f} µm to {mean + reach:.3f} µm"
+    assert "RONt of the last 9 whole parts" in said and f"Mean {mean:.3f} µm; {limits}" in said
     assert "Run chart" not in words(page_of(tmp_path, runs[0]))
-
-
-def test_the_run_chart_claims_no_more_than_the_page_records_does(tmp_path: Path) -> None:
-    """Parts of another strategy are left out, and limits start over with another compensation."""
+    # It claims no more than the page Records: limits start over with another compensation or strategy.
     recorded(tmp_path, {"": lobed(9.0)}, strategy="none")
-    for version in (None, 2):
-        for number in range(20):
-            run = recorded(tmp_path, {"": lobed(1.0 + 0.1 * (number % 3))}, compensation=version)
+    for number in range(20):
+        run = recorded(tmp_path, {"": lobed(1.0 + 0.1 * (number % 3))}, compensation=2)
     said = words(page_of(tmp_path, run))
-    assert "RONt of the last 40 whole parts" in said
-    assert "Limits and indices: the last 20 parts" in said
+    assert "RONt of the last 30 whole parts" in said and "Limits and indices: the last 20 parts" in said
     assert "Cpk: not claimed from 20 parts made alike: it takes 30." in said
-
-
-@pytest.mark.parametrize(
-    ("value", "shown"),
-    [
-        (0.931476016162, "0.9315 µm"),
-        (55.0, "55 µm"),
-        (0.125, "0.125 µm"),
-        (51.80012, "51.80012 µm"),
-        (1234.56789012345, "1234.5679 µm"),
-        (0.0000123456789, "1.235e-05 µm"),
-    ],
-)
-def test_a_value_is_shown_as_typed_and_rounded_if_nobody_types_so_many_digits(value: float, shown: str) -> None:
-    assert exact(value, "µm") == shown
 
 
 def test_the_command_writes_the_newest_run_once_and_says_which(

@@ -1,13 +1,15 @@
-"""What is recorded of a run is read again: page by page, in full, and with what is damaged left out."""
+"""What is recorded of a run is read again: page by page, in full, with what is damaged left out."""
 
 from __future__ import annotations
 
 import hashlib
 import os
 import pwd
+import re
 import sqlite3
 import subprocess
 import threading
+import time
 from collections.abc import Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import replace
@@ -17,11 +19,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.session.cut.run import roundness_of
 from console.session.data import records
+from console.session.data.history import last_results
 from console.session.data.measured_part import RecordedPart
-from console.session.data.record_file import FILE_NAME
+from console.session.data.record_file import FILE_NAME, opened
 from console.session.data.records import RunRecord, add_to_run
 from console.session.data.run_log import RunLog
 from console.session.data.run_reader import RunFilters, measured_parts, run_of_trace, runs, story
@@ -174,7 +178,7 @@ def test_an_accepted_learning_step_joins_the_run_of_its_part(aligned: Floor) -> 
 
 
 def test_telemetry_that_cannot_be_written_ends_no_cut_and_is_told_once(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch
+    aligned: Floor, monkeypatch: MonkeyPatch
 ) -> None:
     def full(*_: object) -> None:
         raise sqlite3.OperationalError("database or disk is full")
@@ -190,9 +194,7 @@ def test_telemetry_that_cannot_be_written_ends_no_cut_and_is_told_once(
     assert (row.ended.how, row.passed, told.complete) == (How.DONE, True, False)
 
 
-def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(
-    aligned: Floor, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_cut_does_not_wait_for_a_disk_that_takes_its_time(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     begun, free, write = threading.Event(), threading.Event(), RunLog._write
 
     def slow(*given: Any) -> None:
@@ -222,7 +224,7 @@ def test_an_alarm_that_was_over_before_the_run_is_not_in_its_record(aligned: Flo
     assert [alarm.problem.code for alarm in story(context.records, row.run_id).alarms] == ["record.incomplete"]
 
 
-def test_without_free_space_nothing_is_armed(aligned: Floor, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_free_space_nothing_is_armed(aligned: Floor, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(records, "LEAST_FREE_BYTES", 10**18)
     state = aligned.arm(experiment_1())
     assert state.armed is None and [problem.code for problem in state.refusals] == ["record.no_space"]
@@ -354,7 +356,7 @@ def small_disk(folder: Path, size: str) -> Iterator[None]:
 
 
 def test_a_disk_that_gets_full_is_told_and_what_was_recorded_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     folder = tmp_path / "disk"
     with small_disk(folder, "2m"):
@@ -393,3 +395,67 @@ def test_a_folder_in_the_place_of_the_record_is_no_empty_record(tmp_path: Path) 
     with pytest.raises(SessionError) as caught:
         runs(tmp_path, RunFilters())
     assert [each.code for each in caught.value.problems] == ["record.not_readable"]
+
+
+def test_the_queries_of_the_document_work(tmp_path: Path) -> None:
+    opened(tmp_path, time.monotonic() + 5.0).close()
+    document = (Path(__file__).parents[2] / "docs" / "records.md").read_text(encoding="utf-8")
+    queries = re.findall(r"^```sql\n(.*?)^```", document, re.MULTILINE | re.DOTALL)
+    assert len(queries) == 4
+    with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
+        for query in queries:
+            assert database.execute(query).fetchall() == []
+
+
+def run(folder: Path, *measured: dict[str, object], simulated: bool = True) -> None:
+    record = RunRecord(
+        folder,
+        {
+            "software": "test",
+            "job": "",
+            "job_sha256": "",
+            "machine": "",
+            "machine_sha256": "",
+            "simulated": int(simulated),
+            "strategy": "pvt",
+            "program": "",
+        },
+    )
+    record.add("started", {"job": "ring", "ront_um": 99.0})
+    for data in measured:
+        record.add("measured", data)
+    record.close()
+
+
+def test_the_last_measured_part_of_its_kind_is_the_one_that_is_told(tmp_path: Path) -> None:
+    run(tmp_path, {"job": "ring", "ront_um": 7.0}, simulated=False)
+    run(tmp_path, {"job": "ring", "ront_um": 55.0, "strategy": "none"}, {"job": "bar", "ront_um": 1.5})
+    strange: list[dict[str, object]] = [{"job": "ring", "ront_um": value} for value in ("much", "9.9", True)]
+    run(tmp_path, {"job": "ring", "ront_um": 2.6, "strategy": "pvt"}, {"job": "ring"}, *strange)
+    results = last_results(tmp_path, simulated=True)
+    assert sorted(results) == ["bar", "ring"]
+    ring = results["ring"]
+    assert (ring.ront_um, ring.strategy, ring.parts) == (2.6, "pvt", 2), (
+        "what another version wrote is passed over"
+    )
+    assert ring.measured_at.tzinfo is not None
+    assert last_results(tmp_path, simulated=False)["ring"].ront_um == 7.0
+
+
+def test_without_a_record_or_with_a_broken_one_nothing_is_known_and_nothing_is_made(tmp_path: Path) -> None:
+    assert last_results(tmp_path / "new", simulated=True) == {}
+    assert not (tmp_path / "new").exists()
+    for content in (b"", b"no database" * 500):
+        (tmp_path / FILE_NAME).write_bytes(content)
+        assert last_results(tmp_path, simulated=True) == {}
+
+
+def test_a_locked_record_says_nothing(tmp_path: Path) -> None:
+    run(tmp_path, {"job": "ring", "ront_um": 2.6})
+    writer = sqlite3.connect(tmp_path / FILE_NAME, isolation_level=None)
+    writer.execute("PRAGMA journal_mode=DELETE")
+    writer.execute("BEGIN EXCLUSIVE")
+    assert last_results(tmp_path, simulated=True) == {}
+    writer.execute("ROLLBACK")
+    assert "ring" in last_results(tmp_path, simulated=True)
+    writer.close()

@@ -1,4 +1,4 @@
-"""The file of the records is never stamped down nor written while damaged; what is lost or killed is told."""
+"""The file of the records is never stamped down nor written while damaged; what is left or killed is told."""
 
 from __future__ import annotations
 
@@ -14,21 +14,35 @@ from contextlib import closing
 from datetime import datetime, timedelta, tzinfo
 from itertools import cycle
 from pathlib import Path
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
+from console.session.cut.alignment import problems
 from console.session.data import kept_files, record_file, records, run_log
 from console.session.data.record_file import FILE_NAME
-from console.session.data.records import FOLDER, RESERVE_BYTES, RunRecord, killed_or_refused, killed_runs
-from console.session.data.run_reader import story
+from console.session.data.records import (
+    FOLDER,
+    LEFT_IN_PART,
+    RESERVE_BYTES,
+    RunRecord,
+    killed_or_refused,
+    killed_runs,
+)
+from console.session.data.run_reader import ended_early, story
 from console.session.data.run_story import TELEMETRY_END
 from console.session.errors import SessionError
+from console.session.station.commands import ConfirmClamping, EnableDrives, Home, Retract, TakeControl
 from console.text.catalogue import load
-
-Console = Callable[..., Any]
-JobFile = Callable[..., Path]
+from drivers.cutting.planning import CutPlan
+from drivers.lathe.snapshot import AxisName
+from drivers.simulator.machine import SimulatedLathe
+from profiles.store import load_job, load_machine
+from tests.console.commands import Console, JobFile
+from tests.console.consoles import MACHINE, WithStation, station_of
 
 RUN = {
     **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
@@ -100,22 +114,13 @@ def stamp_newer(data: Path) -> None:
     change(data, "PRAGMA user_version = 3")
 
 
-def stamp_away(data: Path) -> None:
-    """What another program has made has no version of ours."""
-    change(data, "PRAGMA user_version = 0")
-
-
-REFUSED = {
-    "record.other_schema": (stamp_newer, "schema 3"),
-    "record.damaged": (damage, "damaged"),
-}
-
-
-@pytest.mark.parametrize("code", REFUSED)
-def test_a_record_that_is_newer_or_damaged_is_refused_and_left_as_it_is(
-    console: Console, job_file: JobFile, data: Path, code: str
+@pytest.mark.parametrize(
+    ("act", "code", "word"),
+    [(stamp_newer, "record.other_schema", "schema 3"), (damage, "record.damaged", "damaged")],
+)
+def test_a_newer_or_damaged_record_is_refused_and_stays(
+    console: Console, job_file: JobFile, data: Path, act: Callable[[Path], None], code: str, word: str
 ) -> None:
-    act, word = REFUSED[code]
     act(data)
     before = (data / FILE_NAME).read_bytes()
     with pytest.raises(SessionError) as refused:
@@ -129,23 +134,12 @@ def test_a_record_that_is_newer_or_damaged_is_refused_and_left_as_it_is(
 
 
 def test_a_database_of_another_program_gets_no_tables_of_ours(data: Path) -> None:
-    stamp_away(data)
+    """It has no version of ours."""
+    change(data, "PRAGMA user_version = 0")
     with pytest.raises(SessionError) as refused:
         RunRecord(data, RUN)
     assert codes(refused) == ["record.other_schema"]
     assert rows(data, "PRAGMA user_version") == [(0,)]
-
-
-def take_folder(data: Path) -> None:
-    shutil.rmtree(data)
-
-
-def take_file(data: Path) -> None:
-    (data / FILE_NAME).unlink()
-
-
-def take_journal(data: Path) -> None:
-    (data / f"{FILE_NAME}-wal").unlink()
 
 
 def replace_file(data: Path) -> None:
@@ -153,11 +147,19 @@ def replace_file(data: Path) -> None:
     os.replace(data / "copy", data / FILE_NAME)
 
 
-@pytest.mark.parametrize("take", [take_folder, take_file, take_journal, replace_file])
-def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, take: Callable[[Path], None]) -> None:
+TAKE: dict[str, Callable[[Path], object]] = {
+    "folder": shutil.rmtree,
+    "file": lambda data: (data / FILE_NAME).unlink(),
+    "journal": lambda data: (data / f"{FILE_NAME}-wal").unlink(),
+    "replaced": replace_file,
+}
+
+
+@pytest.mark.parametrize("taken", TAKE)
+def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, taken: str) -> None:
     record = RunRecord(data, RUN)
     record.add("planned", {})
-    take(data)
+    TAKE[taken](data)
     with pytest.raises(SessionError) as lost:
         record.add("step", {})
     assert codes(lost) == ["record.lost"]
@@ -166,7 +168,7 @@ def test_what_is_added_to_a_file_that_is_gone_is_told_as_lost(data: Path, take: 
 
 
 def test_a_run_whose_folder_is_taken_away_fails(
-    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    console: Console, close: tuple[str, str], job_file: JobFile, tmp_path: Path, monkeypatch: MonkeyPatch
 ) -> None:
     kept = tmp_path / "kept"
     original = RunRecord.add
@@ -212,8 +214,12 @@ def test_a_writer_that_takes_longer_than_a_second_is_waited_for(data: Path) -> N
     assert len(rows(data, "SELECT run_id FROM runs")) == 3
 
 
-def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None:
-    run_id = killed(begins(data, "planned", "step"))
+def test_a_run_that_was_killed_is_told_once_at_its_machine_and_gets_its_end(data: Path) -> None:
+    with begins(data, "planned", "step") as living:
+        assert killed_runs(data, "lathe", simulated=True) == (), "it goes on"
+        run_id = killed(living)
+    for machine, simulated in (("lathe", False), ("another", True)):
+        assert killed_runs(data, machine, simulated=simulated) == ()
     (told,) = killed_runs(data, "lathe", simulated=True)
     assert (told.code, told.key) == ("record.killed", "ring")
     assert "UTC" in told.value and "killed" in load("en").problem(told)
@@ -223,32 +229,12 @@ def test_a_run_that_was_killed_is_told_once_and_gets_its_end(data: Path) -> None
     assert list((data / FOLDER).iterdir()) == []
 
 
-@pytest.mark.parametrize(("machine", "simulated"), [("lathe", False), ("another", True)])
-def test_a_run_that_was_killed_is_told_where_its_machine_is_worked(
-    data: Path, machine: str, simulated: bool
-) -> None:
-    killed(begins(data, "started"))
-    assert killed_runs(data, machine, simulated=simulated) == ()
-    assert len(killed_runs(data, "lathe", simulated=True)) == 1
-
-
 @pytest.mark.parametrize("kinds", [("armed",), ("armed", "started", "cut"), ("armed", "started", "stopped")])
 @pytest.mark.first(1)
-def test_a_console_that_was_killed_beside_a_cut_has_left_none_without_an_end(
-    data: Path, kinds: tuple[str, ...]
-) -> None:
+def test_a_kill_beside_a_cut_has_left_none(data: Path, kinds: tuple[str, ...]) -> None:
     killed(begins(data, *kinds))
     assert killed_runs(data, "lathe", simulated=True) == ()
     assert list((data / FOLDER).iterdir()) == []
-
-
-def test_a_run_that_goes_on_is_not_told_as_killed(data: Path) -> None:
-    with begins(data, "planned") as living:
-        assert living.stdout is not None
-        run_id = living.stdout.readline().strip()
-        assert killed_runs(data, "lathe", simulated=True) == ()
-        living.kill()
-    assert [mark.name for mark in (data / FOLDER).iterdir()] == [run_id]
 
 
 def test_the_next_run_tells_of_one_that_was_killed(
@@ -266,9 +252,7 @@ def test_the_next_run_tells_of_one_that_was_killed(
     assert "was killed" not in console(*words).err
 
 
-def test_a_clock_that_is_set_in_mid_run_changes_no_duration(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_clock_that_is_set_in_mid_run_changes_no_duration(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     """An hour ahead, and back: by the time signal of a plant, or by hand."""
     hours = cycle((0, 1, -1))
 
@@ -290,9 +274,7 @@ def test_a_clock_that_is_set_in_mid_run_changes_no_duration(
     assert len(dates) == 4 and max(dates) - min(dates) < timedelta(minutes=1)
 
 
-def test_what_other_writers_keep_out_is_written_when_they_let_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_other_writers_keep_out_is_written_when_they_let_it(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     """Two hundred commands at once had lost a tenth of the telemetry of the runs they made."""
     monkeypatch.setattr(run_log, "WRITE_TIMEOUT_S", 0.0)
     tries, write = threading.Semaphore(0), run_log.RunLog._write
@@ -318,7 +300,7 @@ def test_what_other_writers_keep_out_is_written_when_they_let_it(
     assert (end["rows"], end["lost"]) == (30, 0)
 
 
-def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     run = RunRecord(tmp_path, RUN)
     assert os.fstat(run._reserve or 0).st_blocks * 512 >= RESERVE_BYTES, "room that nobody else can take"
     write = record_file.transaction
@@ -336,3 +318,154 @@ def test_how_a_run_ended_still_fits_on_a_full_disk(tmp_path: Path, monkeypatch: 
     assert [problem.code for problem in lost.value.problems] == ["record.lost"], "it does not go on"
     run.close()
     assert [event.kind for event in story(tmp_path, run.run_id).events] == ["stopped"]
+
+
+ON_A_MACHINE = {
+    **dict.fromkeys(("software", "job_sha256", "machine_sha256", "strategy", "program"), ""),
+    "job": "ring",
+    "machine": MACHINE,
+    "simulated": 0,
+}
+
+
+def beside_another(data: Path) -> tuple[SimulatedLathe, WithStation]:
+    """A console that looks on, because another one of this computer has the machine."""
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    station_of(sim, data)
+    new = station_of(sim, data)
+    assert not new.state.controls
+    return sim, new
+
+
+def cut_left(data: Path) -> RunRecord:
+    record = RunRecord(data, ON_A_MACHINE)
+    record.add("started", {})
+    record.add("stopped", {"reason": "SIGHUP"})
+    return record
+
+
+def leave(record: RunRecord) -> None:
+    record.add(LEFT_IN_PART, {})
+    record.close(marked=True)
+
+
+def test_whoever_takes_control_is_told_of_a_tool_that_was_left_in_the_part(tmp_path: Path) -> None:
+    _, new = beside_another(tmp_path)
+    leave(cut_left(tmp_path))
+    assert "record.left_in_part" not in new.alarms
+    new.do(TakeControl())
+    assert new.state.controls
+    (told,) = [alarm.problem for alarm in new.state.alarms if alarm.problem.code == "record.left_in_part"]
+    assert told.key == "ring"
+
+
+def test_a_console_that_is_still_ending_is_waited_for(tmp_path: Path) -> None:
+    sim, new = beside_another(tmp_path)
+    ending = cut_left(tmp_path)
+    new.do(TakeControl())
+    sim.wait(2.0)
+    new.look()
+    assert "record.left_in_part" not in new.alarms
+    leave(ending)
+    sim.wait(2.0)
+    new.look()
+    assert new.alarms.count("record.left_in_part") == 1
+    sim.wait(2.0)
+    new.look()
+    assert new.alarms.count("record.left_in_part") == 1, "told once"
+
+
+def test_a_console_that_starts_while_the_one_before_is_ending_is_told_too(tmp_path: Path) -> None:
+    ending = cut_left(tmp_path)
+    sim = SimulatedLathe(load_machine(MACHINE).machine)
+    new = station_of(sim, tmp_path)
+    assert new.state.controls and "record.left_in_part" not in new.alarms
+    leave(ending)
+    sim.wait(2.0)
+    new.look()
+    assert new.alarms.count("record.left_in_part") == 1
+
+
+def test_a_restart_remembers_that_the_last_cut_ended_early_until_a_clamping_is_confirmed(tmp_path: Path) -> None:
+    cut_left(tmp_path).close()
+    job = load_job("lee-2001-experiment-1").job
+    new = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    assert "alignment.ended_early" in [problem.code for problem in problems(new.state.alignment, job)]
+    new.do(ConfirmClamping(job=job))
+    assert new.state.alignment.clamping is not None
+    assert "alignment.ended_early" not in [problem.code for problem in problems(new.state.alignment, job)]
+
+
+def add_cut(data: Path, kinds: tuple[str, ...], **changes: object) -> None:
+    record = RunRecord(data, {**ON_A_MACHINE, **changes})
+    for kind in kinds:
+        record.add(kind, {})
+    record.close()
+
+
+def test_a_cut_that_reached_its_end_or_no_part_leaves_nothing(tmp_path: Path) -> None:
+    begun = ("armed", "started")
+    cuts: tuple[tuple[dict[str, object], tuple[str, ...], bool], ...] = (
+        *(({}, (*begun, end), True) for end in ("stopped", "held", "ended")),
+        ({}, (*begun, "cut"), False),
+        ({"stage": "air"}, (*begun, "stopped"), False),
+        ({}, ("armed",), False),
+        ({"machine": "another"}, (*begun, "stopped"), False),
+        ({"simulated": 1}, (*begun, "stopped"), False),
+    )
+    for number, (run, kinds, early) in enumerate(cuts):
+        add_cut(tmp_path / str(number), kinds, **run)
+        assert ended_early(tmp_path / str(number), MACHINE) is early, (run, kinds)
+
+
+def test_of_several_cuts_the_last_one_that_was_started_counts(tmp_path: Path) -> None:
+    assert not ended_early(tmp_path, MACHINE)
+    cuts: tuple[tuple[dict[str, object], tuple[str, ...], bool], ...] = (
+        ({}, ("started", "stopped"), True),
+        ({}, ("armed",), True),
+        ({"stage": "air"}, ("started", "cut"), True),  # to look at what was wrong
+        ({}, ("started", "cut"), False),
+    )
+    for run, kinds, early in cuts:
+        add_cut(tmp_path, kinds, **run)
+        assert ended_early(tmp_path, MACHINE) is early, kinds
+
+
+def test_who_looks_on_at_a_cut_is_not_told_that_it_ended_early(tmp_path: Path) -> None:
+    """It has no end yet, because it runs."""
+    lathe = SimulatedLathe(load_machine(MACHINE).machine)
+    first = station_of(lathe, tmp_path)
+    assert first.state.controls
+    record = RunRecord(tmp_path, ON_A_MACHINE)
+    record.add("started", {})
+    second = station_of(lathe, tmp_path)
+    assert not second.state.controls
+    job = load_job("lee-2001-experiment-1").job
+    assert "alignment.ended_early" not in [problem.code for problem in problems(second.state.alignment, job)]
+    record.close()
+
+
+def test_homing_takes_the_tool_out_first_and_f8_never_moves_it_in(tmp_path: Path) -> None:
+    """Nobody knows where the tool stands; no blank has to be confirmed that is not there."""
+    cut_left(tmp_path).close()
+    new = station_of(SimulatedLathe(load_machine(MACHINE).machine), tmp_path)
+    new.do(EnableDrives())
+    before = new.state.snapshot
+    assert before is not None and not before.homed
+    plan = SimpleNamespace(setup=SimpleNamespace(retracted=before.tool.position + 1.0e5), zero_row_z=None)
+    new.context.plan = cast(CutPlan, plan)  # of the cut that was left, in the zero that is lost
+    new.do(Retract())
+    after = new.state.snapshot
+    assert new.refusals == [] and after is not None
+    assert after.tool.position < before.tool.position, "positive is toward the work"
+    assert after.carriage.commanded == before.carriage.commanded
+    moved: list[str] = []
+    new.looks.append(
+        lambda seen: moved.extend(a for a in AxisName if "desired_velocity_zero" not in seen.axis(a).flags)
+    )
+    new.do(Home())
+    assert list(dict.fromkeys(moved)) == [AxisName.TOOL, AxisName.CARRIAGE, AxisName.SPINDLE]
+    assert new.state.snapshot is not None and new.state.snapshot.homed
+    assert "alignment.ended_early" in [problem.code for problem in new.state.alignment.lost], "as it was recorded"
+    new.do(Retract())
+    assert new.refusals == ["screen.tool_is_out"]

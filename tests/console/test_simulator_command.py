@@ -1,29 +1,40 @@
-"""`console simulator`: which listeners are opened, at what speed, and what is refused before anything listens."""
+"""`console simulator` and the lathe behind `--sim`: what is opened, and refused before it."""
 
 from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
+import numpy as np
 import pytest
+from pytest import MonkeyPatch
 
 from console.cli.arguments import PLANTS as OFFERED_PLANTS
+from console.cli.commands import build
+from console.cli.library import simulated_address, true_parameters_of
 from console.cli.machine.simulator import DIALECTS as OFFERED
-from drivers.link.address import TcpAddress
+from console.text.catalogue import load
+from drivers.link.address import SimulatedAddress, TcpAddress
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.hosts.control_address import UnixAddress
+from drivers.simulator.hosts.process import SimulatorProcess
 from drivers.simulator.hosts.server import Listeners
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.presets import PLANTS
+from drivers.simulator.plant.true_parameters import TrueParameters, ideal
+from profiles.machine import MachineProfile
+from profiles.problem import ProfileError
+from profiles.store import load_job, load_machine
+from tests.console.commands import Console
+from tests.console.floor import known
 
-Console = Callable[..., Any]
 TCP = ("--tcp", "127.0.0.1:1025")
 
 
 @pytest.fixture
-def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Listeners, float]]:
+def served(monkeypatch: MonkeyPatch) -> list[tuple[Listeners, float]]:
     """What was to be served, by a server that ends at once."""
     calls: list[tuple[Listeners, float]] = []
 
@@ -36,9 +47,7 @@ def served(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Listeners, float]]:
     return calls
 
 
-def test_listeners_are_those_that_are_named_in_real_time(
-    console: Console, served: list[tuple[Listeners, float]]
-) -> None:
+def test_listeners_are_those_that_are_named(console: Console, served: list[tuple[Listeners, float]]) -> None:
     address = TcpAddress(host="127.0.0.1", port=1025)
     for words in (TCP, ("--ethernet", "127.0.0.1:1025"), ("--pty",), (*TCP, "--pty", "--speed", "0.01")):
         assert console("simulator", *words).code == 0
@@ -60,9 +69,7 @@ def test_each_listener_is_a_line(console: Console, served: list[tuple[Listeners,
     assert plain[1].endswith("serial:/dev/pts/7")
 
 
-def test_where_faults_are_asked_for_is_no_listener_of_its_own(
-    console: Console, served: list[tuple[Listeners, float]]
-) -> None:
+def test_faults_have_no_listener_of_their_own(console: Console, served: list[tuple[Listeners, float]]) -> None:
     assert console("simulator", "--control", "tcp:127.0.0.1:0").code == 2
     assert console("simulator", "--pty", "--control", "tcp:[::1]:5").code == 0
     assert console("simulator", "--pty", "--control", "control:unix:/run/faults").code == 0
@@ -72,56 +79,43 @@ def test_where_faults_are_asked_for_is_no_listener_of_its_own(
     ]
 
 
-@pytest.mark.parametrize("address", ["tcp:0.0.0.0:1", "tcp:192.168.1.5:1", "tcp:[::]:1", "tcp:lathe.example:1"])
+FAULTS_HERE = ("--control", "127.0.0.1", "unix:PATH")
+USAGE: list[tuple[tuple[str, ...], tuple[str, ...]]] = [
+    *(
+        ((*TCP, "--control", f"tcp:{at}:1"), FAULTS_HERE)
+        for at in ("0.0.0.0", "192.168.1.5", "[::]", "lathe.example")
+    ),
+    *(
+        ((*TCP, f"--control={address}"), ())
+        for address in ("", "tcp", "tcp:1", "unix:", "127.0.0.1:5", f"unix:/{'x' * 107}")
+    ),
+    ((), ("--tcp", "--ethernet", "--pty")),
+    *(
+        ((*TCP, f"--speed={speed}"), ("--speed", speed, "0.01 - 100"))
+        for speed in ("0", "0.009", "100.1", "-1", "nan", "inf", "fast", "")
+    ),
+    *(((option, "nonsense"), (option, "nonsense", "HOST:PORT")) for option in ("--tcp", "--ethernet")),
+    *(((*TCP, f"--clamping-sd={percent}"), ("--clamping-sd",)) for percent in ("-1", "51", "x", "nan")),
+    *(
+        ((*TCP, "--plant", "mounted", "--seed", seed), ("--seed", "4294967295"))
+        for seed in ("", "-1", "1.5", "x", "\u0663", "4294967296")
+    ),
+    ((*TCP, "--seed", "7"), ("--seed", "--plant", "mounted", "steady")),
+    ((*TCP, "--dialect", "power"), ("power", *OFFERED)),
+    ((*TCP, "--plant", "new"), ("--plant", "new", *OFFERED_PLANTS)),
+]
+
+
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_faults_are_asked_for_on_this_machine_alone(
-    console: Console, served: list[tuple[Listeners, float]], address: str, language: str
-) -> None:
-    said = console("simulator", *TCP, "--control", address, "--lang", language)
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("--control", "127.0.0.1", "unix:PATH"))
-    assert served == []
-
-
-@pytest.mark.parametrize("address", ["", "tcp", "tcp:1", "unix:", "127.0.0.1:5", f"unix:/{'x' * 107}"])
-def test_what_is_no_address_for_faults_is_refused(console: Console, address: str) -> None:
-    said = console("simulator", *TCP, f"--control={address}")
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-
-
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_without_a_listener_the_three_are_named(
+def test_wrong_usage_is_one_line_that_names_what_there_is(
     console: Console, served: list[tuple[Listeners, float]], language: str
 ) -> None:
-    said = console("simulator", "--lang", language)
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(option in said.err for option in ("--tcp", "--ethernet", "--pty"))
+    for words, told in USAGE:
+        said = console("simulator", *words, "--lang", language)
+        assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1), words
+        assert all(word in said.err for word in told), said.err
     assert served == []
-
-
-@pytest.mark.parametrize("speed", ["0", "0.009", "100.1", "-1", "nan", "inf", "fast", ""])
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_speed_out_of_range_is_refused_with_the_range(
-    console: Console, served: list[tuple[Listeners, float]], speed: str, language: str
-) -> None:
-    said = console("simulator", *TCP, f"--speed={speed}", "--lang", language)
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("--speed", speed, "0.01 - 100"))
-    assert served == []
-
-
-def test_the_families_are_those_that_there_are_and_no_others(console: Console) -> None:
-    assert sorted(OFFERED) == sorted(DIALECTS)
-    said = console("simulator", *TCP, "--dialect", "power")
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("power", *OFFERED))
-
-
-@pytest.mark.parametrize("option", ["--tcp", "--ethernet"])
-def test_what_is_no_address_is_refused_in_its_own_words(console: Console, option: str) -> None:
-    said = console("simulator", option, "nonsense")
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in (option, "nonsense", "HOST:PORT"))
+    assert (sorted(OFFERED), sorted(OFFERED_PLANTS)) == (sorted(DIALECTS), sorted(PLANTS))
 
 
 def test_a_file_that_save_did_not_write_is_refused_before_anything_listens(
@@ -136,38 +130,28 @@ def test_a_file_that_save_did_not_write_is_refused_before_anything_listens(
 
 
 @pytest.fixture
-def lathes(monkeypatch: pytest.MonkeyPatch) -> list[SimulatedLathe]:
+def lathes(monkeypatch: MonkeyPatch) -> list[SimulatedLathe]:
     """The lathes that were to be served, by a server that ends at once."""
     served: list[SimulatedLathe] = []
     monkeypatch.setattr("drivers.simulator.hosts.server.serve", lambda lathe, *_: served.append(lathe))
     return served
 
 
-def test_the_plants_are_those_that_there_are_and_no_others(console: Console) -> None:
-    assert sorted(OFFERED_PLANTS) == sorted(PLANTS)
-    said = console("simulator", *TCP, "--plant", "new")
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("--plant", "new", *OFFERED_PLANTS))
-
-
 def jaw_1_deg(lathe: SimulatedLathe) -> float:
     return lathe.look().jaw_1_past_mark_deg
 
 
-def test_without_a_word_the_lathe_is_as_its_profile_says(console: Console, lathes: list[SimulatedLathe]) -> None:
-    """Left 0.3456 turns from its index, where jaw 1 is: 124.42 deg."""
+def test_chance_is_drawn_from_the_seed(console: Console, lathes: list[SimulatedLathe]) -> None:
+    """Without a word the lathe is left 0.3456 turns from its index, where jaw 1 is: 124.42 deg."""
     for words in ((), ("--plant", "ideal")):
         assert console("simulator", *TCP, *words).code == 0
     assert [jaw_1_deg(lathe) for lathe in lathes] == [124.42, 124.42]
-
-
-@pytest.mark.parametrize("plant", ["mounted", "steady"])
-def test_chance_is_drawn_from_the_seed(console: Console, lathes: list[SimulatedLathe], plant: str) -> None:
-    for words in (("--seed", "7"), ("--seed", "7"), ("--seed", "8"), (), ()):
-        assert console("simulator", *TCP, "--plant", plant, *words).code == 0
-    jaws = [jaw_1_deg(lathe) for lathe in lathes]
-    assert jaws[0] == jaws[1]
-    assert len(set(jaws)) > 2
+    for plant in ("mounted", "steady"):
+        lathes.clear()
+        for words in (("--seed", "7"), ("--seed", "7"), ("--seed", "8"), (), ()):
+            assert console("simulator", *TCP, "--plant", plant, *words).code == 0
+        jaws = [jaw_1_deg(lathe) for lathe in lathes]
+        assert jaws[0] == jaws[1] and len(set(jaws)) > 2
 
 
 def test_a_plant_may_be_a_file_of_ones_own(console: Console, lathes: list[SimulatedLathe], tmp_path: Path) -> None:
@@ -194,32 +178,67 @@ def test_a_wrong_plant_file_says_what_is_wrong(console: Console, tmp_path: Path)
     assert all(word in said.err for word in ("mine.toml", "mass_facter", "mass_factor"))
 
 
-@pytest.mark.parametrize("percent", ["-1", "51", "x", "nan"])
-def test_what_is_no_spread_of_clampings_is_refused_with_the_range(
-    console: Console, lathes: list[SimulatedLathe], percent: str
-) -> None:
-    said = console("simulator", *TCP, f"--clamping-sd={percent}")
-    assert (said.code, len(said.err.splitlines())) == (2, 1)
-    assert "--clamping-sd" in said.err
-    assert lathes == []
+def told(*words: str) -> SimulatedAddress | None:
+    machine: MachineProfile = load_machine("lee-2001-lathe").machine
+    return simulated_address(build(load("en")).parse_args(["--sim", *words]), machine)
 
 
-@pytest.mark.parametrize("seed", ["", "-1", "1.5", "x", "\u0663", "4294967296"])
+def test_a_plant_a_seed_and_a_spread_are_handed_on(tmp_path: Path) -> None:
+    assert told() is None, "the lathe of every day"
+    asked = told("--plant", "steady", "--seed", "7", "--clamping-sd", "2.5")
+    assert asked == SimulatedAddress(plant="steady", seed=7, clamping_sd_percent=2.5)
+    assert told("--seed", "7") == SimulatedAddress(seed=7)
+    with pytest.raises(ProfileError, match=r"file.unreadable"):
+        told("--plant", str(tmp_path / "no.toml"))
+
+
+def plant(*words: str) -> TrueParameters | None:
+    machine: MachineProfile = load_machine("lee-2001-lathe").machine
+    return true_parameters_of(
+        build(load("en")).parse_args(["run", "lee-2001-experiment-1", "--sim", *words]), machine
+    )
+
+
+def test_a_run_that_nobody_aligns_is_on_a_lathe_that_needs_no_alignment() -> None:
+    """A seed or a spread alone leaves it as its profile says, with jaw 1 and the tip where the job has them."""
+    nominal = ideal(load_machine("lee-2001-lathe").machine)
+    assert plant() is None
+    assert plant("--seed", "1") == replace(nominal, seed=1)
+    assert plant("--seed", "1", "--clamping-sd", "3") == replace(nominal, seed=1, clamping_force_spread=0.03)
+    real = known(plant("--plant", "steady", "--seed", "1"))
+    assert (real.jaw_1_deg, real.home_radius_mm) == (None, nominal.home_radius_mm)
+
+
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_what_is_no_seed_is_refused_with_the_range(
-    console: Console, lathes: list[SimulatedLathe], seed: str, language: str
-) -> None:
-    said = console("simulator", *TCP, "--plant", "mounted", f"--seed={seed}", "--lang", language)
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("--seed", "4294967295"))
-    assert lathes == []
+def test_a_run_on_a_lathe_to_be_aligned_is_refused(console: Console, language: str) -> None:
+    words = ("run", "lee-2001-experiment-1", "--sim", "--plant", "mounted", "--seed", "1", "--lang", language)
+    said = console(*words)
+    assert (said.code, said.out) == (1, "")
+    assert all(word in said.err for word in ("console --sim --plant mounted", "ideal", "steady"))
 
 
-@pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_seed_for_a_lathe_without_chance_is_refused(
-    console: Console, lathes: list[SimulatedLathe], language: str
-) -> None:
-    said = console("simulator", *TCP, "--seed", "7", "--lang", language)
-    assert (said.code, said.out, len(said.err.splitlines())) == (2, "", 1)
-    assert all(word in said.err for word in ("--seed", "--plant", "mounted", "steady"))
-    assert lathes == []
+def test_how_the_simulated_lathe_is_says_nothing_of_a_real_one(console: Console) -> None:
+    said = console("run", "lee-2001-experiment-1", "--link", "tcp:127.0.0.1:9", "--yes", "--seed", "1")
+    assert said.code == 2
+    assert "--sim" in said.err
+
+
+@pytest.mark.long
+def test_the_process_behind_the_screen_has_the_iron_that_was_asked_for(tmp_path: Path) -> None:
+    """A lobe of 1.1 times the job's, and clampings that scatter; the chuck at an angle that the seed says."""
+    plant = tmp_path / "strong.toml"
+    plant.write_text("lobe_factor = 1.1\n", encoding="utf-8")
+    job, path = load_job("lee-2001-experiment-1").job, load_machine("lee-2001-lathe").path
+    lobes, angles = [], []
+    for sd_percent in (0.0, 3.0):
+        process = SimulatorProcess.start(path, seed=3, plant=str(plant), clamping_sd_percent=sd_percent)
+        try:
+            angles.append(process.look().jaw_1_past_mark_deg)
+            for _ in range(2):
+                process.mount(job)
+                lobes.append(abs(np.fft.rfft(process.measure().deviation_um)[3]) / 1800)
+        finally:
+            process.close()
+    assert lobes[:2] == pytest.approx([1.1 * 27.5] * 2)
+    assert len({round(lobe, 3) for lobe in lobes}) == 3
+    assert angles[0] == angles[1] != 124.42

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -36,12 +34,12 @@ from profiles.axis.step_figures import modelled
 from profiles.machine import MachineProfile
 from profiles.problem import Problem, ProblemError
 from profiles.store import load_machine
+from tests.console.commands import Console
 from tests.console.consoles import MACHINE, WithStation, station_of
 from tests.console.floor import experiment_1
-from tests.console.test_notch_trial import LATHE, PUBLISHED, fill
+from tests.console.test_gain_trial import LATHE, PUBLISHED, fill
 from tests.tui.tune_stage import FIRST, bending, filter_test, identified, swept
 
-Console = Callable[..., Any]
 JOB = experiment_1()
 FIRMWARE = "1.17", "PMAC"
 
@@ -145,9 +143,7 @@ def test_no_cut_is_armed_before_the_filter_was_tested_in_air(tmp_path: Path, rea
     assert [each.code for each in state.uncommissioned] == ["trial.filter_untested"]
     owner.do(order)
     assert owner.refusals == ["trial.filter_untested"]
-    owner.do(EnableDrives())
-    owner.do(Home())
-    owner.do(CheckHealth(step_um=25.0))
+    owner.do(EnableDrives(), Home(), CheckHealth(step_um=25.0))
     assert owner.refusals == []
     owner.do(order)
     if reading is Reading.STATED:
@@ -181,9 +177,7 @@ def test_the_command_that_cuts_asks_the_same_of_the_firmware_that_it_reads(tmp_p
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
-def test_a_simulated_controller_is_a_controller_like_another(
-    console: Console, data_folder: Path, tmp_path: Path, language: str
-) -> None:
+def test_simulated_is_like_another(console: Console, data_folder: Path, tmp_path: Path, language: str) -> None:
     own = tmp_path / "filtered.toml"
     write_machine(own)
     said = console("run", "lee-2001-experiment-1", "--machine", str(own), "--sim", "--lang", language)
@@ -227,9 +221,7 @@ def test_a_trip_with_a_filter_names_its_reading_too(language: str, tmp_path: Pat
 
 
 @pytest.mark.parametrize(("machine", "filtered"), [(stating(FIRST), True), (LATHE, False)])
-def test_a_measurement_that_trips_with_a_filter_names_its_reading_too(
-    tmp_path: Path, machine: MachineProfile, filtered: bool
-) -> None:
+def test_a_measurement_that_trips_names_it_too(tmp_path: Path, machine: MachineProfile, filtered: bool) -> None:
     """`console health` and `console identify` move the tool with the same filter."""
     owner = console_at(tmp_path, Reading.STATED)
     owner.lathe.machine = machine

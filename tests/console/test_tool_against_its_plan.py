@@ -1,22 +1,37 @@
-"""The tool is judged against its plan: what lasted for the whole feed is told, and what is not proven."""
+"""The tool is judged against its plan, and by the witness that the controller runs in each cycle."""
 
 from __future__ import annotations
 
 import json
 import math
-from dataclasses import replace
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 from functools import cache
 
 import numpy as np
 import pytest
 
-from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolError, ToolPolls, fit_tool_error
+from benchmarks.hostile_host import JOB as HOSTILE_JOB
+from benchmarks.hostile_host import WitnessedLathe, lathe_at, plan_of
+from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolPolls
+from console.session.cut.engine import CutContext, Step
 from console.session.cut.recording import TelemetryRows
-from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from console.session.cut.run import cut_part
+from console.session.cut.tool_error import ToolError, fit_tool_error
+from drivers.cutting.planning import CutPlan, plan_cut
+from drivers.cutting.strategy import Strategy
+from drivers.lathe.lathe import Lathe
+from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisState, Snapshot
-from drivers.pmac.witness import WitnessReport
+from drivers.lathe.stop import StopPath
+from drivers.link.memory import MemoryLink
+from drivers.pmac.client import PmacClient
+from drivers.pmac.program_constants import assigned
+from drivers.pmac.witness import CONSTANTS, Witness, WitnessReport
 from profiles.arrays import Floats, floats
+from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
+from tests.console.floor import known
 from tests.system.lathe_sites import compact
 
 MACHINE = compact("pmac")
@@ -38,8 +53,7 @@ def known_error(noise_um: float, count: int = 160) -> ToolError:
         -14.0 + 9.0 * z + 4.0 * np.cos(2.0 * np.pi * 3.0 * turns - 1.0) + 0.8 * np.sin(2.0 * np.pi * 7.0 * turns)
     )
     error_um += np.random.default_rng(5).normal(0.0, noise_um, count)
-    found = fit_tool_error(turns, past_mm, error_um, 3)
-    assert found is not None
+    found = known(fit_tool_error(turns, past_mm, error_um, 3))
     return found
 
 
@@ -58,8 +72,7 @@ def test_the_standard_errors_are_those_of_a_second_formulation() -> None:
     """The same model by `numpy.linalg.lstsq`, in columns written down anew, residual scatter over freedom."""
     turns, past_mm = polls_of(160)
     noise = np.random.default_rng(2).normal(0.0, 0.4, 160)
-    found = fit_tool_error(turns, past_mm, noise, 3)
-    assert found is not None
+    found = known(fit_tool_error(turns, past_mm, noise, 3))
     z = (past_mm - past_mm.mean()) / np.ptp(past_mm)
     decays = [np.exp(-turns / over) for over in (3.0, 12.0)]
     waves = [wave(2.0 * np.pi * n * turns) for n in range(1, 16) for wave in (np.cos, np.sin)]
@@ -84,22 +97,14 @@ def test_neighbours_that_are_alike_count_as_fewer_polls() -> None:
     assert alone.independent > 2700
 
 
-def test_what_is_only_scatter_is_no_roundness() -> None:
+def test_what_is_only_scatter_is_no_roundness_and_too_few_polls_tell_nothing() -> None:
+    """A poll a turn is always at the same angle: a mean and a lobe are the same there."""
     turns, past_mm = polls_of(160)
-    found = fit_tool_error(turns, past_mm, np.zeros(160), 3)
-    assert found is not None
+    found = known(fit_tool_error(turns, past_mm, np.zeros(160), 3))
     assert (found.roundness_um, found.size_um) == (0.0, 0.0)
     assert known_error(0.3).roundness_um == pytest.approx(9.5, abs=0.5), "4 and 0.8 um: 8 to 9.6 peak to peak"
-
-
-@pytest.mark.parametrize("count", [0, 1, 15])
-def test_too_few_polls_tell_nothing(count: int) -> None:
-    turns, past_mm = polls_of(count)
-    assert fit_tool_error(turns, past_mm, np.zeros(count), 3) is None
-
-
-def test_a_poll_a_turn_tells_no_harmonic() -> None:
-    """Always at the same angle: a mean and a lobe are the same there."""
+    for count in (0, 1, 15):
+        assert fit_tool_error(turns[:count], past_mm[:count], np.zeros(count), 3) is None
     turns = np.arange(100.0)
     assert fit_tool_error(turns, 0.05 * turns, np.zeros(100), 3) is None
 
@@ -172,38 +177,27 @@ def test_the_polls_of_a_cut_without_a_hold_are_what_the_following_error_of_its_w
     assert verdict(witness=report, unheld=False).changes == ()
 
 
-def test_a_tool_on_its_path_is_as_planned() -> None:
-    found = verdict()
-    assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
-
-
-@pytest.mark.parametrize("from_turn", [0, 2000])
-def test_a_cut_is_judged_the_same_however_far_its_spindle_has_turned_before(from_turn: int) -> None:
+def test_a_tool_on_its_path_is_as_planned_however_far_its_spindle_has_turned_before() -> None:
     """At 1000 rpm a servo cycle is 2.7 degrees: counted from the wrong turn it would be a disturbance."""
-    found = verdict(strategy=Strategy.CAM, from_turn=from_turn)
-    assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
+    for found in (verdict(), *(verdict(strategy=Strategy.CAM, from_turn=turn) for turn in (0, 2000))):
+        assert (found.judgement, found.problems) == (CutJudgement.AS_PLANNED, ())
 
 
-@pytest.mark.parametrize("order", [2, 3, 9])
-def test_a_command_that_is_off_all_along_is_a_disturbance(order: int) -> None:
-    """Every turn is like the others: only the plan tells."""
-    found = verdict(command=0.7 + 0j, tool=0.7 + 0j, order=order)
-    assert found.judgement is CutJudgement.DISTURBED
-    assert [(each.code, each.where) for each in found.problems] == [("cut.command_off_plan", f"{order}/rev")]
-    assert found.judgement.exit_code == 1
-
-
-def test_the_least_change_of_a_command_is_half_a_micrometre() -> None:
-    assert verdict(command=0.45 + 0j).judgement is not CutJudgement.DISTURBED
-    assert verdict(command=0.55 + 0j).judgement is CutJudgement.DISTURBED
-
-
-def test_a_command_that_is_off_for_a_moment_is_a_disturbance() -> None:
-    """In a mean over 160 polls three of them are nothing."""
+def test_a_command_that_is_off_by_half_a_micrometre_is_a_disturbance() -> None:
+    """All along every turn is like the others: only the plan tells. In a mean three polls of 160 are nothing."""
+    for order in (2, 3, 9):
+        found = verdict(command=0.7 + 0j, tool=0.7 + 0j, order=order)
+        assert found.judgement is CutJudgement.DISTURBED and found.judgement.exit_code == 1
+        assert [(each.code, each.where) for each in found.problems] == [("cut.command_off_plan", f"{order}/rev")]
     found = verdict(brief_um=0.8)
     assert found.judgement is CutJudgement.DISTURBED
     assert [each.code for each in found.problems] == ["cut.off_path"]
-    assert verdict(brief_um=0.4).judgement is not CutJudgement.DISTURBED
+    for found, disturbed in (
+        (verdict(command=0.45 + 0j), False),
+        (verdict(command=0.55 + 0j), True),
+        (verdict(brief_um=0.4), False),
+    ):
+        assert (found.judgement is CutJudgement.DISTURBED) is disturbed
 
 
 def test_a_spindle_of_uneven_speed_is_an_error_of_the_tool_and_no_disturbance() -> None:
@@ -223,48 +217,33 @@ def test_a_tool_that_does_not_follow_has_an_error_of_its_own() -> None:
     assert found.judgement.exit_code == 0, "the measured part decides"
 
 
-def test_the_mean_is_judged_by_the_tolerance_of_the_diameter() -> None:
+def test_the_mean_is_judged_by_the_tolerance_of_the_diameter_or_only_told() -> None:
     """The bundled job allows 60 um of diameter either way, 42 of them to the tool: 21 um of radius."""
     assert verdict(deeper_um=-19.0).judgement is CutJudgement.AS_PLANNED
-    assert [each.code for each in verdict(deeper_um=-23.0).problems] == ["cut.tool_off_size"]
-
-
-def test_without_a_tolerance_the_diameter_is_told_and_not_judged() -> None:
     judged = verdict(deeper_um=-23.0)
+    assert [each.code for each in judged.problems] == ["cut.tool_off_size"]
     told = replace(judged, size_limit_um=None)
     assert told.judgement is CutJudgement.AS_PLANNED
-    assert told.tool is not None
-    assert told.tool.size_um == pytest.approx(46.0, abs=1.0)
+    assert told.tool is not None and told.tool.size_um == pytest.approx(46.0, abs=1.0)
 
 
-def test_a_tool_at_its_limit_is_not_proven() -> None:
+def test_a_tool_at_its_limit_or_a_cut_without_polls_is_not_proven() -> None:
     found = verdict(tool=1.75 + 0j, scatter_um=1.0)
-    assert found.judgement is CutJudgement.NOT_PROVEN
-    assert found.judgement.exit_code == 4
-
-
-def test_a_cut_without_polls_is_not_proven() -> None:
+    assert found.judgement is CutJudgement.NOT_PROVEN and found.judgement.exit_code == 4
     found = ToolPolls(plan(), MACHINE, JOB).verdict()
     assert [each.code for each in found.problems] == ["cut.too_few_polls"]
+    assert sum(BUDGET.values()) == pytest.approx(1.0), "the whole tolerance"
 
 
-def test_the_budget_is_the_whole_tolerance() -> None:
-    assert sum(BUDGET.values()) == pytest.approx(1.0)
-
-
-def test_the_event_is_plain_json() -> None:
-    said = json.loads(json.dumps(verdict(tool=2.5 + 0j).event(), allow_nan=False))
-    assert said["cut_verdict"] == "tool_error"
-    wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
-    assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
-    assert wave["crest_deg"] == pytest.approx(0.0, abs=2.0)
-
-
-def test_the_crest_of_a_wave_is_told_in_degrees_of_the_spindle() -> None:
+def test_the_event_is_plain_json_with_the_crest_of_a_wave_in_degrees_of_the_spindle() -> None:
     """A third of a turn is a lobe: 60 degrees of its phase are 20 of the spindle."""
-    said = verdict(tool=2.5 * np.exp(-1j * np.pi / 3.0)).event()
-    (wave,) = (each for each in said["tool"]["orders"] if each["n"] == 3)  # type: ignore[index]
-    assert wave["crest_deg"] == pytest.approx(20.0, abs=2.0)
+    for turned, crest_deg in ((0.0, 0.0), (np.pi / 3.0, 20.0)):
+        event = verdict(tool=2.5 * np.exp(-1j * turned)).event()
+        said = json.loads(json.dumps(event, allow_nan=False))
+        assert said["cut_verdict"] == "tool_error"
+        wave = next(each for each in said["tool"]["orders"] if each["n"] == 3)
+        assert wave["amplitude_um"] == pytest.approx(2.5, abs=0.2)
+        assert wave["crest_deg"] == pytest.approx(crest_deg, abs=2.0)
 
 
 def test_a_poll_that_was_interrupted_is_not_judged() -> None:
@@ -283,9 +262,7 @@ def test_a_poll_that_was_interrupted_is_not_judged() -> None:
         (5.0, 0.5, "Ø"),
     ],
 )
-def test_of_what_a_command_is_off_its_plan_that_is_told_which_is_furthest_beyond_its_scatter(
-    mean_um: float, mean_se_um: float, where: str
-) -> None:
+def test_what_is_furthest_beyond_its_scatter_is_told(mean_um: float, mean_se_um: float, where: str) -> None:
     """At three a turn it is off by 0.9 um, known to 0.05: an uncertain figure hides it not."""
     command = replace(
         known_error(0.01),
@@ -330,3 +307,148 @@ def test_the_record_has_the_error_of_a_tool_whose_lobe_grows_along_the_part(past
     )
     (row,) = TelemetryRows(grown, JOB, MACHINE)([poll])
     assert row[4] == pytest.approx(2.5, abs=0.05)
+
+
+BRIEF_S = 0.012  # two background cycles; polls are 29 ms apart
+
+
+@dataclass(kw_only=True)
+class Cut:
+    """A cut of a family, in which another host sends lines at moments of the program."""
+
+    family: str = "pmac"
+    strategy: Strategy = Strategy.PVT
+    deeds: list[tuple[float, str]] = field(default_factory=list)
+    before: Callable[[WitnessedLathe], None] = lambda _: None
+
+    def made(self) -> CutVerdict | tuple[Problem, ...]:
+        machine, plan = compact(self.family), plan_of(self.family, self.strategy)
+        sim = WitnessedLathe(machine)
+        lathe = lathe_at(sim, machine)
+
+        def tell(step: Step, _: str) -> None:
+            if step is Step.ARM:
+                self.before(sim)
+            if step is Step.CUT:
+                sim.due = [(sim.now_s() + after_s, f"{line}\r".encode()) for after_s, line in self.deeds]
+
+        lathe.connect()
+        try:
+            return cut_part(CutContext(lathe=lathe, workshop=sim), HOSTILE_JOB, plan, tell).figures.verdict
+        except ProblemError as error:
+            return tuple(error.problems)
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+def test_no_program_writes_a_constant_that_is_witnessed(strategy: Strategy) -> None:
+    """Nor one that this console may trim while it cuts."""
+    witnessed = {f"P{number}" for number in CONSTANTS}
+    for trimmed in {False, strategy.traits.trims}:
+        program = plan_cut(HOSTILE_JOB, compact("pmac"), strategy, trimmed=trimmed).program
+        assert not witnessed & assigned(program)
+
+
+@pytest.fixture
+def nobody_reads_beside(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By chance a reading may fall into the moment."""
+    monkeypatch.setattr(Poller, "read_beside", lambda _: None)
+
+
+BRIEF = {
+    "gain": ("I130=I130/2", "I130=I130*2", "cut.witness_changed", "I130"),
+    "scale": ("I108=I108+1", "I108=I108-1", "cut.witness_changed", "I108"),
+    "encoder": ("I103=I103+1", "I103=I103-1", "cut.witness_changed", "I103"),
+    "servo period": ("I10=I10+37137", "I10=I10-37137", "cut.witness_changed", "I10"),
+    "constant": ("P22=P22+1", "P22=P22-1", "cut.witness_constant", "P11 … P621"),
+    "bias": ("M500->{bias} M500=M500+9216", "M500=M500-9216", "cut.witness_bias", "tool"),  # 3 counts
+    "correction": ("M500->{comp} M500=M500+9216", "M500=M500-9216", "cut.witness_compensation", "tool"),
+}
+REGISTERS = {"pmac": {"bias": "D:$813", "comp": "D:$46"}, "turbo": {"bias": "D:$CC", "comp": "D:$90"}}
+
+
+@pytest.mark.parametrize("name", BRIEF)
+@pytest.mark.parametrize("family", ["pmac", "turbo"])
+@pytest.mark.usefixtures("nobody_reads_beside")
+def test_what_lasts_for_two_cycles_is_seen(family: str, name: str) -> None:
+    first, later, code, key = BRIEF[name]
+    at_s = 0.5 * plan_of(family, Strategy.PVT).duration_s
+    deeds = [(at_s, first.format(**REGISTERS[family])), (at_s + BRIEF_S, later)]
+    found = Cut(family=family, deeds=deeds).made()
+    assert isinstance(found, tuple), found
+    assert (found[0].code, found[0].key) == (code, key)
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+@pytest.mark.parametrize("family", ["pmac", "turbo"])
+def test_a_cut_that_nobody_disturbs_has_nothing_to_say(family: str, strategy: Strategy) -> None:
+    found = Cut(family=family, strategy=strategy).made()
+    assert isinstance(found, CutVerdict), found
+    assert (found.changes, found.unwitnessed) == ((), None)
+    if strategy.traits.inverts:
+        assert found.judgement is CutJudgement.AS_PLANNED
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("DISABLE PLC21", "ENABLE PLC21"),
+        ("OPEN PLC21 CLEAR\rP971=P971+1\rCLOSE\rENABLE PLC21", "P972=2"),
+        ("P972=0", "P1=P1"),
+        ("P971=P971+50", "P1=P1"),
+    ],
+)
+def test_a_witness_that_was_stopped_or_changed_proves_nothing(lines: tuple[str, str]) -> None:
+    at_s = 0.5 * plan_of("pmac", Strategy.PVT).duration_s
+    found = Cut(deeds=[(at_s, lines[0]), (at_s + 0.1, lines[1])]).made()
+    assert isinstance(found, CutVerdict), found
+    assert found.judgement is CutJudgement.NOT_PROVEN
+    assert [each.code for each in found.problems] == ["cut.witness_gap"]
+
+
+@pytest.mark.parametrize(("text", "stays"), [("P900=P900+1", True), ("P971=P971+1", False)])
+def test_the_program_of_somebody_else_keeps_its_number(text: str, stays: bool) -> None:
+    """An older witness of ours, which begins in the same way, is replaced."""
+    machine = compact("pmac")
+    sim = WitnessedLathe(machine)
+    link = MemoryLink(sim.connect(), sim)
+    client = PmacClient(link, sim)
+    Lathe(client, machine, sim, StopPath(link)).connect()
+    client.download(("CLOSE", "OPEN PLC21", "CLEAR", text, "CLOSE", "ENABLE PLC21"))
+    Witness(client, machine).prepare()
+    listing = client.question("LIST PLC21", 1.0)
+    assert (listing[0], len(listing) < 4) == (text, stays)
+
+
+def test_a_controller_without_it_cuts_and_says_so() -> None:
+    def delete(sim: WitnessedLathe) -> None:
+        sim.enemy.receive(b"DELETE PLC21\r")
+        sim.enemy.take_output()
+
+    found = Cut(before=delete).made()
+    assert isinstance(found, CutVerdict), found
+    assert found.judgement is CutJudgement.AS_PLANNED
+    assert [each.code for each in found.problems] == ["cut.witness_missing"]
+
+
+def report(**extremes: tuple[float, float]) -> WitnessReport:
+    settings = {"I130": 400.0}
+    quiet = {"bias": (3.0, 3.0), "compensation": (0.0, 0.0), "following_error": (-1.0, 1.0)}
+    return WitnessReport(before=settings, first=settings, extremes={**quiet, **extremes})
+
+
+def test_a_following_error_between_the_polls_is_judged_by_that_of_the_polls() -> None:
+    """Polled are -2 to 2 um: beyond them by more than their 4 um of height is told; after a hold nothing is."""
+    within = report(following_error=(-5.9, 5.9))
+    beyond = report(following_error=(-2.0, 6.1))
+    assert list(within.changes(None, (-2.0, 2.0))) == []
+    found = list(beyond.changes(None, (-2.0, 2.0)))
+    assert [(each.code, each.value, each.limit) for each in found] == [
+        ("cut.witness_following_error", "4.10 um", "4.0 um")
+    ]
+    assert list(beyond.changes(None, None)) == []
+
+
+def test_the_correction_of_a_table_is_judged_by_its_entries() -> None:
+    inside, outside = report(compensation=(-28.0, 28.0)), report(compensation=(-28.0, 28.5))
+    assert list(inside.changes((-28.0, 28.0), None)) == []
+    assert [each.value for each in outside.changes((-28.0, 28.0), None)] == ["0.50 um"]

@@ -90,7 +90,7 @@ def _json(table: object) -> bytes:
 
 def _identified() -> list[bytes]:
     from drivers.identification.result import as_table
-    from tests.console.test_identified_store import RESPONSE
+    from tests.console.test_identify_command import RESPONSE
 
     return [_json(as_table(RESPONSE))]
 

@@ -1,10 +1,14 @@
-"""One cell of the matrix: one fault in one situation, and everything that was seen of it."""
+"""One cell of the matrix: one fault in one situation, what was seen of it, and whether that is right."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+import re
+from collections.abc import Callable, Collection, Iterator, Sequence, Set
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from itertools import pairwise, zip_longest
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import cast
 
 import pytest
@@ -13,23 +17,147 @@ from console.session.errors import SessionError
 from console.session.station.commands import Measure
 from console.session.station.context import Shop
 from console.session.station.handlers import measure
-from console.session.station.state import Activity
+from console.session.station.state import STALE_S, Activity
 from drivers.cutting.planning import Strategy
+from drivers.lathe.snapshot import AxisName, Snapshot
+from drivers.pmac.expected_replies import expected_replies
 from tests.branching import Branching
-from tests.matrix.checks import (
-    Kind,
-    after_stop,
-    energised,
-    kind_of,
-    misread,
-    restless,
-    slow_to_repeat,
-    slow_to_stop,
-    unasked,
+from tests.matrix.faults import NO_FAULT, SAME, TABLE, UNKNOWN, Row, right
+from tests.matrix.rig import (
+    MAY_MOVE,
+    MOTORS,
+    MOVING,
+    Begun,
+    Moment,
+    Rig,
+    Sent,
+    Situation,
+    Watched,
+    build_rig,
+    compact_machine,
+    enter,
+    planned_once,
+    short_job,
 )
-from tests.matrix.faults import Row
-from tests.matrix.rig import Rig, build_rig, compact_machine, planned_once, short_job
-from tests.matrix.situations import MAY_MOVE, MOVING, Begun, Situation, enter
+
+CARD_ENDS_S = 2.2
+"""A card that is alone ends what moves within 2 s of the last lease."""
+
+WATCHED_S = 0.3
+JITTER = {name: counts for name, counts in zip(MOTORS, (5.0, 20.0, 5.0), strict=True)}
+"""Counts by which an axis may stir that nobody moves: 1 um, 0.7 deg, 5 um."""
+
+READ_COUNTS = 1.0
+
+STOP_GAP_S = 0.29
+"""Between two repetitions of a stop that is not proven: 0.2 s, or a try to close a buffer in between."""
+
+
+class Kind(StrEnum):
+    """What a host sends, as far as it is more than a look."""
+
+    ABORT = "^A"
+    KILL = "^K"
+    RENEWAL = "renewals"
+    LINE = "lines"
+
+
+_LEASE = re.compile(r"M70=\d+( |$)")
+_GUARD_ENDED = "P1003=0"
+_WAY_BACK = re.compile(r"CLOSE|((I(3=2|6=1|4=0|64=1) )*P1001=\d+ P1001)?")
+"""What brings link and card back in step: it may be sent again and again, and changes nothing of the machine."""
+
+
+def kind_of(sent: Sent) -> Kind | None:
+    """What a piece is, None for a look and for what keeps the link in step."""
+    if sent.urgent:
+        return {b"\x01": Kind.ABORT, b"\x0b": Kind.KILL}[sent.data]
+    line = sent.line
+    rest = _LEASE.sub("", line)
+    if line == "\x18" or _WAY_BACK.fullmatch(line):
+        return None
+    if line == _GUARD_ENDED or (rest != line and (not rest or expected_replies(rest).reads_only)):
+        return Kind.RENEWAL
+    return None if expected_replies(line).reads_only else Kind.LINE
+
+
+def restless(watched: Watched, row: Row, *, lost: bool, idle: bool) -> list[str]:
+    """What moves behind the end; a machine that is lost is given the time in which the card ends it.
+
+    A lost machine whose drives are off may coast, and where an encoder does not count nobody can see it coast.
+    What another host moves while this one is `idle`, and does nothing, is that one's.
+    """
+    anothers = row.moves if idle else frozenset()
+    if lost:
+        watched.sim.wait(CARD_ENDS_S)
+    begun_s = watched.sim.now_s()
+    watched.sim.wait(WATCHED_S)
+    moments = watched.sim.since(begun_s)
+    return [
+        f"{axis} moves behind the end"
+        for place, axis in enumerate(MOTORS)
+        if axis != row.unseen
+        and axis not in anothers
+        and way(moments, place) > JITTER[axis]
+        and (not lost or moments[-1].powered[place])
+    ]
+
+
+def way(moments: list[Moment], place: int) -> float:
+    """Return how far the iron of an axis has gone to and fro, counts."""
+    track = [moment.true_position[place] for moment in moments]
+    return max(track) - min(track)
+
+
+def energised(watched: Watched, begun_s: float, row: Row) -> list[str]:
+    """Amplifiers that came on after the fault, in whatever situation: nobody has ordered that."""
+    since = (axis for at_s, axis in watched.sim.energised if at_s >= begun_s)
+    return [f"{axis} energised" for axis in since if axis not in row.moves]
+
+
+def unasked(moments: list[Moment], may_move: Set[AxisName], jitters: float = 1.0) -> list[str]:
+    return [
+        f"{axis} moves unasked by {way(moments, place):.0f} counts"
+        for place, axis in enumerate(MOTORS)
+        if axis not in may_move and way(moments, place) > jitters * JITTER[axis]
+    ]
+
+
+def slow_to_stop(sent: list[Sent], begun_s: float) -> list[str]:
+    """What moves and is not seen any more is stopped before what was seen last is stale."""
+    first_s = next((piece.at_s for piece in sent if piece.urgent), float("inf"))
+    late_s = first_s - begun_s
+    return [] if late_s <= STALE_S + STOP_GAP_S else [f"the first stop {late_s:.2f} s behind the fault"]
+
+
+def slow_to_repeat(sent: list[Sent], *, lost: bool) -> list[str]:
+    """A stop that is never proven goes out five times a second."""
+    stops = [piece.at_s for piece in sent if piece.urgent]
+    gaps = [after - before for before, after in pairwise(stops)]
+    if not lost or max(gaps, default=0.0) <= STOP_GAP_S:
+        return []
+    return [f"{max(gaps):.2f} s between two stops"]
+
+
+def after_stop(sent: Sequence[Sent]) -> list[str]:
+    """Lines that move or write behind the first stop."""
+    stops = [place for place, piece in enumerate(sent) if piece.urgent]
+    behind = sent[stops[0] :] if stops else []
+    return [f"behind a stop: {piece.line}" for piece in behind if kind_of(piece) is Kind.LINE]
+
+
+def misread(watched: Watched, snapshot: Snapshot) -> list[str]:
+    """Positions and amplifiers that the card did not have at any moment between request and reply."""
+    moments = watched.sim.since(snapshot.at_s - watched.lathe.round_trip_s - 0.005, snapshot.at_s)
+    wrong = []
+    for place, (axis, state) in enumerate(zip(MOTORS, snapshot.axes, strict=True)):
+        told = [moment.told[place] for moment in moments]
+        if not min(told) - READ_COUNTS <= state.position <= max(told) + READ_COUNTS:
+            wrong.append(f"{axis} is shown at {state.position}, was {min(told)} to {max(told)}")
+        if ("amplifier_enabled" in state.flags) not in {moment.powered[place] for moment in moments}:
+            wrong.append(f"{axis}: amplifier misread")
+    return wrong
+
 
 SETTLED_S, STEP_S = 0.6, 0.1
 """How long the station looks on before its end state counts, and between two of its turns."""
@@ -151,3 +279,103 @@ def _mend(rig: Rig) -> None:
         rig.sim.faults.clear()
     for _ in range(3):
         rig.step(STEP_S)
+
+
+HOLD = "M26=1"
+"""Asks a cut to end at the end of its turn: it moves nothing, and may be sent twice."""
+
+STRONGEST_FIRST = (Kind.LINE, Kind.RENEWAL)
+_FOUND: dict[tuple[Situation, Strategy, float], Seen] = {}
+
+
+def without_fault(situation: Situation, row: Row) -> Seen:
+    """What is seen without the fault of a row; found once."""
+    way = situation, row.strategy, row.cut_mm
+    if way not in _FOUND:
+        with TemporaryDirectory() as folder:
+            sound = replace(NO_FAULT, strategy=row.strategy, cut_mm=row.cut_mm)
+            _FOUND[way] = run_cell(sound, situation, Path(folder))
+    return _FOUND[way]
+
+
+def problems(row: Row, situation: Situation, seen: Seen) -> list[str]:
+    """Return everything that is not as it should be."""
+    target = right(row.name, situation)
+    told = [] if any(_fits(way, seen) for way in target.split(" or ")) else [f"{_said(seen)}, not {target}"]
+    again = _sent_again(seen, without_fault(situation, row))
+    return [*told, *seen.wrong, *again, *_not_mended(seen, target), *_not_done(situation, seen, target)]
+
+
+def unharmed(row: Row, situation: Situation) -> bool:
+    """Whether the fault makes no difference there."""
+    return TABLE[row.name][situation] == SAME
+
+
+def _fits(target: str, seen: Seen) -> bool:
+    state, _, codes = target.partition(": ")
+    end, _, sent = state.partition(", ")
+    return end == _end(seen) and sent_fits(sent, seen.sent) and told_fits(codes.split(), seen.told)
+
+
+def _end(seen: Seen) -> str:
+    return "armed" if seen.armed and seen.end is Activity.READY else seen.end.value
+
+
+def sent_fits(target: str, sent: Collection[Kind]) -> bool:
+    """The strongest that was sent is what is wanted; in parentheses is what may be sent besides."""
+    may = {word.strip("()") for word in target.split()}
+    must = {word for word in target.split() if not word.startswith("(")}
+    return must <= set(strongest(sent)) <= may
+
+
+def strongest(sent: Collection[Kind]) -> tuple[str, ...]:
+    """The stops, or where there are none the strongest thing that was sent."""
+    stops = tuple(kind.value for kind in Kind if kind in sent and kind in (Kind.ABORT, Kind.KILL))
+    others = [kind.value for kind in STRONGEST_FIRST if kind in sent]
+    return stops or tuple(others[:1]) or ("nothing",)
+
+
+BEHIND = ("machine.left_behind", "machine.tool_left_behind", "machine.behind_after_change")
+
+
+def told_fits(target: list[str], told: tuple[str, ...]) -> bool:
+    """Each code is told, and nothing else.
+
+    That the outcome of a look with its lease is unknown may be told, and of a fault how far the axis was behind.
+    """
+    left = list(told)
+    for code in target:
+        found = next((one for one in code.split("/") if one in left), None)
+        if found is None:
+            return False
+        left.remove(found)
+    may = {UNKNOWN, *(BEHIND if "machine.fault" in told else ())}
+    return may.issuperset(left)
+
+
+def _said(seen: Seen) -> str:
+    return f"{_end(seen)}, {' '.join(strongest(seen.sent))}: {' '.join(seen.told)}"
+
+
+def _sent_again(seen: Seen, usual: Seen) -> Iterator[str]:
+    """What moves or writes goes out as without the fault, up to where it ends; so no line is sent again."""
+    lines, others = ([line for line in each.lines if line != HOLD] for each in (seen, usual))
+    pairs = zip_longest(lines, others[: len(lines)], fillvalue="nothing")
+    odd = next(((line, other) for line, other in pairs if line != other), None)
+    if odd is not None:
+        yield f"{odd[0]} was sent, where without the fault it is {odd[1]}"
+
+
+def _not_mended(seen: Seen, target: str) -> Iterator[str]:
+    """A machine that was lost is found again at rest, once all is right; a link that is gone stays so."""
+    lost = seen.end is Activity.LOST
+    expected = Activity.STOPPED if lost and "link.lost" not in target else seen.end
+    if seen.mended is not expected:
+        yield f"when it was mended: {seen.mended.value}, not {expected.value}"
+
+
+def _not_done(situation: Situation, seen: Seen, target: str) -> Iterator[str]:
+    """A cut is done, and its part may be measured, where it has ended as without a fault, and nowhere else."""
+    done = situation is Situation.CUTTING and target == right(NO_FAULT.name, situation)
+    if seen.done is not done:
+        yield "the part may be measured" if seen.done else "a cut that was made is not called done"

@@ -13,10 +13,9 @@ import pytest
 from drivers.cutting.planning import Strategy
 from drivers.lathe import standstill
 from drivers.pmac.reserved import WITNESS
+from tests.matrix.cell import sent_fits, strongest, told_fits
 from tests.matrix.faults import NO_FAULT, ROWS
-from tests.matrix.headless import INTERRUPT, Moment, Part, make
-from tests.matrix.headless_expected import HEADLESS, KNOWN, TRIED, right_of
-from tests.matrix.judging import sent_fits, strongest, told_fits
+from tests.matrix.headless import HEADLESS, INTERRUPT, KNOWN, TRIED, Moment, Part, make, right_of
 from tests.matrix.rig import RUN_OUT_S, TIMEOUT_S
 
 pytestmark = pytest.mark.long
@@ -58,7 +57,7 @@ def sent_otherwise(part: Part, records: Path) -> list[str]:
 
 
 @pytest.mark.parametrize(("name", "moment"), TRIED, ids=[f"{name}-{moment}" for name, moment in TRIED])
-def test_a_part_with_a_fault_ends_as_it_should(
+def test_a_part_ends_as_it_should(
     name: str, moment: Moment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     timeout_s = TIMEOUT_S if moment in STANDING else RUN_OUT_S

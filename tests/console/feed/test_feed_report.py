@@ -73,9 +73,18 @@ def test_the_next_step_has_its_key_and_what_is_against_it() -> None:
     assert said(CUTTING, program=RUN)["next"] is None
 
 
-def test_a_tool_on_its_way_out_has_no_error() -> None:
+def test_what_is_not_known_or_not_to_be_known_is_in_no_line() -> None:
     left = replace(scenes.cut(), stage=CutStage.RETRACT, tool_error_um=-2069.7)
-    assert said(replace(CUTTING, cut=left))["tool_error_um"] is None
+    assert said(replace(CUTTING, cut=left))["tool_error_um"] is None, "on its way out it has none"
+    for spoilt in (math.nan, math.inf):
+        assert said(replace(CUTTING, spindle_rpm=spoilt))["spindle_rpm"] is None
+    truth = Truth(jaw_1_deg=123.456, zero_radius_mm=234.567, reachable_um=345.678)
+    view = WorkshopView(jaw_1_past_mark_deg=-45.678, tool_gap_mm=56.789)
+    assert said(replace(CUTTING, seen=view, truth=truth)) == said(CUTTING)
+    assert CUTTING.snapshot is not None
+    plain = replace(CUTTING.snapshot.tool, flags=frozenset())
+    unhomed = replace(CUTTING, snapshot=replace(CUTTING.snapshot, tool=plain, spindle=plain, carriage=plain))
+    assert set(said(unhomed)["axes"].values()) == set(said(StationState())["axes"].values()) == {None}
 
 
 def test_every_value_is_documented_and_every_documented_one_is_there() -> None:
@@ -83,20 +92,6 @@ def test_every_value_is_documented_and_every_documented_one_is_there() -> None:
         r"^\| `([a-z_]+)` ", DOCUMENT.read_text(encoding="utf-8").partition("## Metrics")[0], re.M
     )
     assert documented == list(said(CUTTING))
-
-
-def test_the_truth_of_a_simulated_lathe_is_in_no_line() -> None:
-    truth = Truth(jaw_1_deg=123.456, zero_radius_mm=234.567, reachable_um=345.678)
-    view = WorkshopView(jaw_1_past_mark_deg=-45.678, tool_gap_mm=56.789)
-    assert said(replace(CUTTING, seen=view, truth=truth)) == said(CUTTING)
-
-
-def test_a_lathe_that_is_not_homed_has_no_positions() -> None:
-    assert CUTTING.snapshot is not None
-    plain = replace(CUTTING.snapshot.tool, flags=frozenset())
-    unhomed = replace(CUTTING, snapshot=replace(CUTTING.snapshot, tool=plain, spindle=plain, carriage=plain))
-    assert set(said(unhomed)["axes"].values()) == {None}
-    assert set(said(StationState())["axes"].values()) == {None}
 
 
 STOPPED = StopState(reason="space", killed=False, sent_s=1.0)
@@ -134,11 +129,6 @@ def test_who_controls_is_named_as_far_as_known() -> None:
     signed = Signature(number=12, name="lee", host="cell-2", minute=0)
     held = said(replace(other, holder=12, held_by=signed))
     assert (held["controls"], held["controlled_by"]) == (False, {"number": 12, "name": "lee", "host": "cell-2"})
-
-
-def test_no_number_spoils_the_line() -> None:
-    assert said(replace(CUTTING, spindle_rpm=math.nan))["spindle_rpm"] is None
-    assert said(replace(CUTTING, spindle_rpm=math.inf))["spindle_rpm"] is None
 
 
 @given(st.floats(LEAST_HZ, MOST_HZ))

@@ -141,9 +141,7 @@ def link() -> Iterator[tuple[socket.socket, Stream, list[Problem]]]:
         stream.close()
 
 
-def test_lines_that_are_no_state_are_told_once_with_their_count_and_skipped(
-    link: tuple[socket.socket, Stream, list[Problem]],
-) -> None:
+def test_lines_that_are_no_state_are_told_once(link: tuple[socket.socket, Stream, list[Problem]]) -> None:
     theirs, stream, told = link
     good = line_of(asdict(STATES[0]))
     theirs.sendall(b"x\n" + good + spoilt("parts", -1) + b"\n" + good + b'{"schema":1,"refused":"RuntimeError"}\n')
@@ -153,9 +151,7 @@ def test_lines_that_are_no_state_are_told_once_with_their_count_and_skipped(
     assert [(each.code, each.value) for each in told[1:]] == [("feed.refused", "3")]
 
 
-def test_a_line_that_is_too_long_is_one_that_is_skipped(
-    link: tuple[socket.socket, Stream, list[Problem]],
-) -> None:
+def test_a_line_that_is_too_long_is_one_that_is_skipped(link: tuple[socket.socket, Stream, list[Problem]]) -> None:
     theirs, stream, told = link
     for _ in range(2 * LONGEST_LINE // 50_000):
         theirs.sendall(b" " * 50_000)

@@ -20,6 +20,7 @@ from console.flight.recording import read_header, read_recording
 from console.flight.ring import Ring
 from profiles.problem import ProfileError
 from tests.console.flight.bench import FlightBench, reasons
+from tests.console.floor import known
 from tests.preloaded import completed
 
 
@@ -151,8 +152,7 @@ def test_a_hostile_file_with_a_right_sum_is_refused_with_its_line(what: str, sou
 def test_the_ring_of_a_killed_console_is_frozen_once_and_a_running_one_is_left_alone(tmp_path: Path) -> None:
     killed = FlightBench(tmp_path)
     killed.runs(40.0)
-    ring = killed.recorder._ring
-    assert ring is not None
+    ring = known(killed.recorder._ring)
     other = FlightBench(tmp_path)
     other.recorder._freeze_left()
     assert (frozen_in(tmp_path), other.recorder.alarms) == ([], ())

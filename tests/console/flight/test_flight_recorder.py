@@ -7,6 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from pytest import MonkeyPatch
 
 from console.flight import frozen, ring
 from console.flight.frozen import frozen_in
@@ -62,7 +63,7 @@ def test_at_rest_once_a_second_in_motion_ten_times_and_what_else_changes_at_once
     assert turned == pytest.approx(BEGAN_S + 20.3, abs=0.01)
 
 
-def test_the_ring_is_bounded_in_number_and_in_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_ring_is_bounded_in_number_and_in_size(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(ring, "MOST_BYTES", 20_000)
     bench = FlightBench(tmp_path)
     bench.runs(60.0, lambda: bench.inbox.put(">", b"#1J^%d\r" % bench.now_s * 100))
@@ -145,9 +146,7 @@ def test_what_overruns_the_queue_is_lost_and_counted(tmp_path: Path) -> None:
     assert [note.text for note in notes if note.kind is Kind.LOST] == ["7"]
 
 
-def test_the_newest_files_are_kept_and_what_is_not_ours_stays(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_newest_files_are_kept_and_what_is_not_ours_stays(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     monkeypatch.setattr(frozen, "MOST_FILES", 3)
     folder = tmp_path / "flight"
     folder.mkdir()
@@ -169,9 +168,7 @@ def test_the_newest_files_are_kept_and_what_is_not_ours_stays(
     assert "stop-f12" in left.name  # the newest in any case
 
 
-def test_a_full_disk_is_one_low_alarm_and_recording_resumes(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_is_one_low_alarm_and_recording_resumes(tmp_path: Path, monkeypatch: MonkeyPatch) -> None:
     bench, write = FlightBench(tmp_path, work=signed()), os.write
     bench.runs(5.0)
 
@@ -215,7 +212,7 @@ def test_a_folder_that_cannot_be_is_one_low_alarm(tmp_path: Path, bad: str) -> N
     assert len(bench.frozen) == 1
 
 
-def test_an_operator_who_leaves_leaves_nothing_and_a_signal_freezes(tmp_path: Path) -> None:
+def test_an_operator_who_leaves_leaves_nothing_and_a_signal_or_a_stop_before_it_freezes(tmp_path: Path) -> None:
     bench = FlightBench(tmp_path)
     bench.runs(2.0)
     bench.recorder.leave()
@@ -229,15 +226,12 @@ def test_an_operator_who_leaves_leaves_nothing_and_a_signal_freezes(tmp_path: Pa
     other.recorder._finish()
     assert reasons(other.frozen[0]) == ["SIGHUP"]
     assert list((tmp_path / "flight" / "running").iterdir()) == []
-
-
-def test_a_stop_just_before_the_end_is_frozen_at_the_end(tmp_path: Path) -> None:
-    bench = FlightBench(tmp_path)
-    bench.stops("space")
-    bench.runs(1.0)
-    bench.recorder.leave()
-    bench.recorder._finish()
-    assert reasons(bench.frozen[0]) == ["stop space"]
+    stopped = FlightBench(tmp_path / "stopped")
+    stopped.stops("space")
+    stopped.runs(1.0)
+    stopped.recorder.leave()
+    stopped.recorder._finish()
+    assert reasons(stopped.frozen[0]) == ["stop space"]
 
 
 def test_a_recorder_that_fails_says_so_and_the_rest_goes_on(tmp_path: Path) -> None:
