@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -393,6 +394,19 @@ async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncI
         await pilot.press(*keys_to(scene.page), *scene.keys)
         await settle(app, pilot)
         yield pilot
+
+
+@asynccontextmanager
+async def console_on(
+    scene: Scene, data: Path, size: tuple[int, int] = (80, 24), *, filled: bool = True, **given: Any
+) -> AsyncIterator[tuple[ConsoleApp, Pilot[None], FixedControl]]:
+    """Run the console on the page of a scene, with jobs and results in its folder; no fault may come of it."""
+    if filled:
+        fill(data)
+    app, control = application(scene, data, **given)
+    async with played(app, scene, size) as pilot:
+        yield app, pilot, control
+    assert app.fault is None
 
 
 async def settle(app: ConsoleApp, pilot: Pilot[None]) -> None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -32,7 +33,7 @@ from profiles.compensations.learned import (
 )
 from profiles.forecast import LEAST_FORECAST_UM
 from tests.tui import run_stage
-from tests.tui.page_stage import PageScene, play_on, shown_on
+from tests.tui.page_stage import PageScene, on_page, shown_on
 from tests.tui.scenes import fixed_world, previewed, signed, taught_part
 from tests.tui.stage import EXPERIMENT, LANGUAGES
 
@@ -75,27 +76,26 @@ def keep(data: Path, **holds_for: object) -> None:
     store(data, replace(version, holds_for=replace(version.holds_for, **holds_for)))  # type: ignore[arg-type]
 
 
-def on_jobs(scene: Callable[[OnJobs], Awaitable[None]], data: Path) -> None:
+@asynccontextmanager
+async def on_jobs(data: Path) -> AsyncIterator[OnJobs]:
     """The console was started anew: no job is in hand."""
     with fixed_world():
-        play_on(OnJobs, scene, data)
+        async with on_page(OnJobs, data) as stage:
+            yield stage
 
 
-def test_what_was_accepted_is_used_after_a_restart_and_after_another_job(
+async def test_what_was_accepted_is_used_after_a_restart_and_after_another_job(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_page, "changed_since_opened", lambda _: ())  # the revision of this job is made up
     keep(tmp_path)
     opened: list[Work] = []
-
-    async def play(stage: OnJobs) -> None:
+    async with on_jobs(tmp_path) as stage:
         for name in (EXPERIMENT, "lee-2001-experiment-2"):
             opened.append(await stage.open(name))
             assert stage.codes == []
         await stage.act("jobs.up")
         opened.append(await stage.open(EXPERIMENT))
-
-    on_jobs(play, tmp_path)
     first, other, again = opened
     assert (first.compensation, first.strategy) == (learned(), "cam")
     assert (other.compensation, other.strategy, other.set_aside) == (None, "pvt", ())
@@ -114,7 +114,7 @@ def test_what_was_accepted_is_used_after_a_restart_and_after_another_job(
         ({}, True, "learned.file", "not a learned compensation"),
     ],
 )
-def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
+async def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
     settings: dict[str, str], spoil: bool, code: str, told: str, tmp_path: Path
 ) -> None:
     present = path_settings(signed().job, signed().machine.machine) if settings else {}
@@ -123,12 +123,9 @@ def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
     if spoil:
         file.write_text("{", encoding="utf-8")
     opened: list[Work] = []
-
-    async def play(stage: OnJobs) -> None:
+    async with on_jobs(tmp_path) as stage:
         opened.append(await stage.open(EXPERIMENT))
         assert stage.codes == [code]
-
-    on_jobs(play, tmp_path)
     (work,) = opened
     ready = shown_on(RunPage, run_stage.state(), work=work)
     assert work.compensation is None
@@ -137,11 +134,12 @@ def test_what_does_not_hold_any_more_is_not_used_and_that_is_said(
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_version_that_is_set_aside_is_told_with_the_key_that_uses_it(language: str, tmp_path: Path) -> None:
+async def test_a_version_that_is_set_aside_is_told_with_the_key_that_uses_it(
+    language: str, tmp_path: Path
+) -> None:
     keep(tmp_path)
     text, aside = load(language), []
-
-    async def play(stage: OnPreview) -> None:
+    async with on_page(OnPreview, tmp_path, work=cut_with(learned()), state=READY, language=language) as stage:
         await stage.act("preview.learned")
         assert stage.ui.work is not None
         aside.append(stage.ui.work)
@@ -152,17 +150,16 @@ def test_a_version_that_is_set_aside_is_told_with_the_key_that_uses_it(language:
         assert text.problem(problem)[:20] in plain(stage.page.in_full(stage.view, 200))
         await stage.act("preview.learned")
         assert (stage.ui.work.compensation, stage.ui.work.set_aside) == (learned(), ())
-
-    play_on(OnPreview, play, tmp_path, work=cut_with(learned()), state=READY, language=language)
     run = shown_on(RunPage, run_stage.state(), work=aside[0], language=language)
     assert f"! {text('run_page.check.learned')}" in run.text
 
 
-def test_a_version_that_was_learned_elsewhere_meanwhile_is_told_on_run(tmp_path: Path) -> None:
+async def test_a_version_that_was_learned_elsewhere_meanwhile_is_told_on_run(tmp_path: Path) -> None:
     class OnRun(PageScene):
         page_class = RunPage
 
-    async def play(stage: OnRun) -> None:
+    keep(tmp_path)
+    async with on_page(OnRun, tmp_path, work=cut_with(learned()), state=run_stage.state()) as stage:
         await stage.show()
         assert stage.ui.work is not None
         assert [problem.code for problem in stage.ui.work.set_aside] == []
@@ -174,9 +171,6 @@ def test_a_version_that_was_learned_elsewhere_meanwhile_is_told_on_run(tmp_path:
         assert "version 2" in stage.text and stage.ui.work.compensation == learned()
         step_compensation(stage.ui)
         assert stage.ui.work.compensation == replace(learned(), version=2)
-
-    keep(tmp_path)
-    play_on(OnRun, play, tmp_path, work=cut_with(learned()), state=run_stage.state())
 
 
 def test_what_is_expected_of_a_learned_part_is_what_the_part_before_says() -> None:

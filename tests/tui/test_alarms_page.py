@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -18,7 +17,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName
 from profiles.problem import Problem
-from tests.tui.scenes import Scene, application, machine, played, rows_of, scene_of, settle
+from tests.tui.scenes import Scene, console_on, machine, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl
 
 Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
@@ -27,15 +26,7 @@ QUIET = Scene(page=PageName.ALARMS, state=machine(Activity.READY))
 IDENTIFIER = re.compile(r"[a-z]+[_.][a-z_]+")
 
 
-def play(scene: Scene, act: Act, data: Path, *, language: str = "en", size: tuple[int, int] = (80, 24)) -> None:
-    app, control = application(scene, data, language=language)
-
-    async def run() -> None:
-        async with played(app, scene, size) as pilot:
-            await act(app, pilot, control)
-
-    asyncio.run(run())
-    assert app.fault is None
+play = console_on
 
 
 async def text_after(app: ConsoleApp, pilot: Pilot[None], *keys: str) -> str:
@@ -44,8 +35,8 @@ async def text_after(app: ConsoleApp, pilot: Pilot[None], *keys: str) -> str:
     return "\n".join(rows_of(app))
 
 
-def test_k_acknowledges_the_selected_alarm_and_the_foremost_again_after_it(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_k_acknowledges_the_selected_alarm_and_the_foremost_again_after_it(tmp_path: Path) -> None:
+    async with play(scene_of(PageName.ALARMS), tmp_path) as (app, pilot, control):
         front, second, *_ = app.ui.log.alarms.listed
         await pilot.press("down", "k")
         assert control.orders[-1] == Acknowledge(shown=(second.problem,))
@@ -56,13 +47,11 @@ def test_k_acknowledges_the_selected_alarm_and_the_foremost_again_after_it(tmp_p
         await pilot.press("a")
         assert control.orders[-1] == Acknowledge(shown=(front.problem, second.problem))
 
-    play(scene_of(PageName.ALARMS), act, tmp_path)
 
-
-def test_what_has_ended_is_gone_when_it_is_acknowledged_and_stays_among_those_that_are_over(
+async def test_what_has_ended_is_gone_when_it_is_acknowledged_and_stays_among_those_that_are_over(
     tmp_path: Path,
 ) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, control):
         alarm = raised((), SPINDLE, Priority.HIGH, 90.0)
         for alarms, word in (
             (alarm, "new"),
@@ -76,11 +65,9 @@ def test_what_has_ended_is_gone_when_it_is_acknowledged_and_stays_among_those_th
         assert "no alarms" in shown
         assert "acknowledged 08:52:00 · ended 08:52:00" in shown
 
-    play(QUIET, act, tmp_path)
 
-
-def test_the_selection_stays_on_its_alarm_while_others_come(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_the_selection_stays_on_its_alarm_while_others_come(tmp_path: Path) -> None:
+    async with play(scene_of(PageName.ALARMS), tmp_path) as (app, pilot, control):
         before = await text_after(app, pilot, "down")
         assert "No. 3 " in before
         alarms = raised(control.state.alarms, SPINDLE, Priority.HIGH, 99.0)
@@ -89,29 +76,26 @@ def test_the_selection_stays_on_its_alarm_while_others_come(tmp_path: Path) -> N
         assert "▸!!!    3 " in after
         assert "No. 3 " in after
 
-    play(scene_of(PageName.ALARMS), act, tmp_path)
-
 
 @pytest.mark.parametrize(
     ("priority", "sign", "word"),
     [(Priority.HIGH, "!!!", "high"), (Priority.MEDIUM, "!!", "medium"), (Priority.LOW, "!", "low")],
 )
-def test_each_priority_has_a_sign_and_a_word(priority: Priority, sign: str, word: str, tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_each_priority_has_a_sign_and_a_word(
+    priority: Priority, sign: str, word: str, tmp_path: Path
+) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, control):
         control.state = replace(control.state, alarms=raised((), SPINDLE, priority, 90.0))
         shown = await text_after(app, pilot, "home")
         assert re.search(rf"▸{re.escape(sign)} +1 ", shown), shown
         assert f"{word} priority" in shown
 
-    play(QUIET, act, tmp_path)
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: Path) -> None:
+async def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: Path) -> None:
     """The sentence in the panel of the selected one, or in the list of messages where it is longer than that."""
     text = load(language)
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(QUIET, tmp_path, language=language) as (app, pilot, control):
         for code in sorted(CONDITIONS):
             value = "tool: amplifier_fault, spindle: fatal_following_error" if code == FAULT else "3"
             problem = Problem(code=code, value=value, key="rest" if code == FAULT else "")
@@ -127,16 +111,12 @@ def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: Path) -
                 assert said in read
                 await pilot.press("w")
 
-    play(QUIET, act, tmp_path, language=language)
 
-
-def test_no_key_breaks_an_empty_page(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_no_key_breaks_an_empty_page(tmp_path: Path) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, control):
         keys = ("up", "down", "pageup", "pagedown", "home", "end", "a", "k")
         shown = await text_after(app, pilot, *keys)
         assert "No alarm in this session." in shown
         assert shown.count("╭") == 1, "an empty panel"
         await text_after(app, pilot, "l", *keys, "w", "w", "8", "l")
         assert (control.stops, control.kills) == ([], [])
-
-    play(QUIET, act, tmp_path)

@@ -29,7 +29,7 @@ from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
 from tests.tui.machine_states import JAW
-from tests.tui.page_stage import PageScene, play_on
+from tests.tui.page_stage import PageScene, on_page, run_apart
 from tests.tui.stage import LANGUAGES, experiment
 
 SIX = (352.0, 8.0, 352.1, 8.1, 351.9, 7.9)
@@ -50,18 +50,17 @@ def typed(
     now: StationState, *keys: str, language: str = "en", units: str = "mm"
 ) -> tuple[str, Sequence[Command], list[str]]:
     """Press keys of the page, type what is no key of it, and look."""
-    found: list[tuple[str, Sequence[Command], list[str]]] = []
 
-    async def scene(stage: AlignScene) -> None:
-        stage.ui.text._measure_in(Units(units))
-        await stage.show()
-        for key in keys:
-            await (stage.act(key) if key.startswith("align.") else stage.type(key))
-        await stage.show()
-        found.append((stage.text, stage.control.orders, stage.codes))
+    async def run() -> tuple[str, Sequence[Command], list[str]]:
+        async with on_page(AlignScene, Path("/nowhere"), work=experiment(), state=now, language=language) as stage:
+            stage.ui.text._measure_in(Units(units))
+            await stage.show()
+            for key in keys:
+                await (stage.act(key) if key.startswith("align.") else stage.type(key))
+            await stage.show()
+            return stage.text, stage.control.orders, stage.codes
 
-    play_on(AlignScene, scene, Path("/nowhere"), work=experiment(), state=now, language=language)
-    return found[0]
+    return run_apart(run)
 
 
 def test_i_takes_a_flank_and_enter_their_mean_with_the_limit_of_the_part() -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,7 @@ TICKS = 3
 
 @pytest.mark.parametrize("size", [(80, 24), (160, 48)])
 @pytest.mark.long
-def test_a_tick_without_news_paints_nothing_on_any_page(
+async def test_a_tick_without_news_paints_nothing_on_any_page(
     size: tuple[int, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     painted: Counter[tuple[str, str]] = Counter()
@@ -30,9 +29,8 @@ def test_a_tick_without_news_paints_nothing_on_any_page(
         return refresh(widget, *regions, **how)  # type: ignore[arg-type]
 
     refresh = Widget.refresh
-
-    async def walk() -> None:
-        nonlocal here
+    fill(tmp_path)
+    with fixed_world():
         app, _ = application(replace(EVERYWHERE, page=PageName.JOBS), tmp_path)
         async with played(app, replace(EVERYWHERE, page=PageName.JOBS), size) as pilot:
             for page in PageName:
@@ -51,7 +49,3 @@ def test_a_tick_without_news_paints_nothing_on_any_page(
                 painted.clear()
                 app.ui.said = ()
         assert app.fault is None
-
-    fill(tmp_path)
-    with fixed_world():
-        asyncio.run(walk())

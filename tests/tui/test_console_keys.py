@@ -180,22 +180,18 @@ def test_an_answer_goes_with_the_state_that_it_speaks_of(
     assert console.said == []
 
 
-def test_nothing_is_armed_does_not_stay_beside_armed(tmp_path: Path) -> None:
+async def test_nothing_is_armed_does_not_stay_beside_armed(tmp_path: Path) -> None:
     fill(tmp_path)
     scene = Scene(page=PageName.RUN, state=run_stage.state(), work=experiment())
     app, control = application(scene, tmp_path)
     rows: list[str] = []
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            await pilot.press("f6")
-            for now in (run_stage.state(), run_stage.state(armed=run_stage.armed())):
-                control.state = now
-                app.tick()
-                await pilot.pause()
-                rows.append("".join(text for text, _ in app._rows["alarm"].lines[0]))
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        await pilot.press("f6")
+        for now in (run_stage.state(), run_stage.state(armed=run_stage.armed())):
+            control.state = now
+            app.tick()
+            await pilot.pause()
+            rows.append("".join(text for text, _ in app._rows["alarm"].lines[0]))
     assert "nothing is armed" in rows[0]
     assert "nothing is armed" not in rows[1]
 
@@ -220,34 +216,26 @@ def test_escape_without_a_list_is_a_stop_at_rest(tmp_path: Path) -> None:
     assert pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "escape")).control.stops == ["escape"]
 
 
-def test_a_character_whose_field_is_closed_meanwhile_shows_no_page(tmp_path: Path) -> None:
+async def test_a_character_whose_field_is_closed_meanwhile_shows_no_page(tmp_path: Path) -> None:
     """It was not held back, as it was for a field; so it does nothing else."""
     fill(tmp_path)
     scene = Scene(page=PageName.SETUP, state=align_stage.state(), work=experiment())
     app, _ = application(scene, tmp_path)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            app.post_message(Written("4", "4"))
-            await pilot.pause()
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        app.post_message(Written("4", "4"))
+        await pilot.pause()
     assert (app._page, [problem.code for problem in app.ui.said]) == (PageName.SETUP, ["screen.entry_over"])
 
 
-def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
+async def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
     fill(tmp_path)
     scene = Scene(page=PageName.SETUP, state=align_stage.state(), work=experiment(), keys=("down", "enter"))
     app, _ = application(scene, tmp_path)
     written: list[str] = []
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            app.post_message(Written("4", "4"))
-            await pilot.pause()
-            written.append(app.query_one("SetupPage Input", Input).value)
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        app.post_message(Written("4", "4"))
+        await pilot.pause()
+        written.append(app.query_one("SetupPage Input", Input).value)
     assert written == ["4"]
 
 
@@ -329,7 +317,7 @@ def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp
 
 
 @pytest.mark.long
-def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
+async def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
     """A search, three characters that only one job has, Enter; the digits in it are no pages."""
     fill(tmp_path)
     source = (jobs_folder(tmp_path) / "ring-52.toml").read_text(encoding="utf-8")
@@ -339,33 +327,25 @@ def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
         )
     scene = Scene(page=PageName.JOBS, state=align_stage.state(), work=experiment())
     app, control = application(scene, tmp_path)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            await pilot.press("slash", "1", "3", "7", "enter")
-            await pilot.pause()
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        await pilot.press("slash", "1", "3", "7", "enter")
+        await pilot.pause()
     assert app.fault is None and control.stops == []
     assert app._page is PageName.SETUP
     assert app.ui.work is not None and app.ui.work.job.name == "flange-137"
 
 
-def test_a_held_d_deletes_nothing(tmp_path: Path) -> None:
+async def test_a_held_d_deletes_nothing(tmp_path: Path) -> None:
     fill(tmp_path)
     path = jobs_folder(tmp_path) / "ring-52.toml"
     scene = Scene(page=PageName.JOBS, state=align_stage.state(), work=experiment())
     app, control = application(scene, tmp_path)
     there: list[bool] = []
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            await pilot.press("down", "down")
-            for after_s in (0.0, 0.1, 0.2, 0.9, 2.0):
-                control.at(100.0 + after_s)
-                await pilot.press("d")
-                await pilot.pause()
-                there.append(path.exists())
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        await pilot.press("down", "down")
+        for after_s in (0.0, 0.1, 0.2, 0.9, 2.0):
+            control.at(100.0 + after_s)
+            await pilot.press("d")
+            await pilot.pause()
+            there.append(path.exists())
     assert there == [True, True, True, True, False]

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from console.tui.keymap import PageName
 from drivers.lathe.standing import Standing
 from drivers.requests.side_line import Moment
 from tests.drivers.families import of_family
-from tests.tui.scenes import Scene, application, fixed_world, machine, played, rows_of, settle, signed
+from tests.tui.scenes import Scene, console_on, fixed_world, machine, rows_of, settle, signed
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import FixedControl, lathe
 from tests.tui.test_observer import MOVING
@@ -57,31 +57,21 @@ class Stage:
         return [each.text.rstrip("\r") for each in self.side.heard.spoken(polls=True) if each.mark == ">"]
 
 
-def play(data: Path, scene: Play, *, family: str = "pmac", state: StationState | None = None, **more: Any) -> None:
-    begun = Scene(
-        page=PageName.CONTROLLER,
-        state=state or machine(Activity.READY),
-        work=signed(),
-        side=DirectSide(of_family(lathe().machine, family)),
-    )
-
-    async def run() -> None:
-        app, control = application(begun, data)
-        async with played(app, begun, more.get("size", (80, 24))) as pilot:
-            assert isinstance(begun.side, DirectSide)
-            await scene(Stage(app, pilot, control, begun.side))
-        assert app.fault is None
-
+@asynccontextmanager
+async def play(data: Path, *, family: str = "pmac", state: StationState | None = None) -> AsyncIterator[Stage]:
+    side = DirectSide(of_family(lathe().machine, family))
+    begun = Scene(page=PageName.CONTROLLER, state=state or machine(Activity.READY), work=signed(), side=side)
     with fixed_world():
-        asyncio.run(run())
+        async with console_on(begun, data, filled=False) as (app, pilot, control):
+            yield Stage(app, pilot, control, side)
 
 
 WATCH, TERMINAL, CONFIGURATION = ("right",) * 2, ("right",) * 3, ("right",) * 4
 
 
 @FAMILIES
-def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         shown = await stage.press()
         assert {"pmac": "602191", "turbo": "603382"}[family] in shown
         assert "0.4427 ms" in shown  # I10 of the factory, 3713707 / 8388608
@@ -91,13 +81,11 @@ def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path)
         shown = await stage.press("down")
         assert "amplifier enabled" in shown and "Spindle  #2?" in shown
 
-    play(tmp_path, scene, family=family)
-
 
 @pytest.mark.first(1)
 @FAMILIES
-def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         await stage.press(*WATCH, "enter", *"p40", "enter", "enter", *"i130", "enter")
         stage.side.client.request("P40=7")
         shown = await stage.press("up")
@@ -109,29 +97,24 @@ def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> Non
         await stage.press("x")
         await stage.press("enter", *"p40", "enter")
         assert stage.codes == ["watch.twice"]
-
-    play(tmp_path, scene, family=family)
     assert read_watch(watch_path(tmp_path, lathe().machine.name)) == ("P40", "I130")
 
 
-def test_a_damaged_table_is_reported_and_left_alone(tmp_path: Path) -> None:
+async def test_a_damaged_table_is_reported_and_left_alone(tmp_path: Path) -> None:
     path = watch_path(tmp_path, lathe().machine.name)
     path.parent.mkdir(parents=True)
     path.write_text('{"schema": "something else"}', encoding="utf-8")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "cannot be read" in await stage.press(*WATCH)
-
-    play(tmp_path, scene)
     assert "something else" in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.first(1)
 @FAMILIES
-def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_it(
+async def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_it(
     family: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, family=family) as stage:
         shown = await stage.press(*TERMINAL, "enter", *"i130", "enter")
         assert "> I130" in shown and "< 528 ACK" in shown
         shown = await stage.press("r")
@@ -149,11 +132,9 @@ def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_i
         assert "BEL ERR" in shown
         assert stage.codes[0].startswith("controller.err")
 
-    play(tmp_path, scene, family=family)
 
-
-def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await stage.press(*TERMINAL)
         stage.side.client.query(*(f"P{number}" for number in range(40, 48)))
         shown = await stage.press("p")
@@ -162,13 +143,11 @@ def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
         assert "P99" not in await stage.press("up")
         assert "P99" in await stage.press("end")
 
-    play(tmp_path, scene)
-
 
 @pytest.mark.first(1)
 @FAMILIES
-def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         shown = await stage.press("b")
         (path,) = backups_of(tmp_path, lathe().machine.name)
         assert path.name in shown and "Backup written" in shown
@@ -181,8 +160,6 @@ def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) 
             for row in stage.app._pages[PageName.CONTROLLER].in_full(view(stage), 78)
         )
 
-    play(tmp_path, scene, family=family)
-
 
 def view(stage: Stage) -> Any:
     return stage.app.ui.view
@@ -193,10 +170,10 @@ MOVES = replace(machine(Activity.READY), snapshot=replace(MOVING, asked_s=100.0,
 
 
 @pytest.mark.parametrize(("state", "code"), [(OBSERVES, "screen.observes"), (MOVES, "screen.in_motion")])
-def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
+async def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
     state: StationState, code: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, state=state) as stage:
         for key in ("v", "b", "f"):
             stage.app.ui.said = ()
             await stage.press(key)
@@ -212,11 +189,9 @@ def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
             await stage.press("enter")
             assert stage.codes == ["screen.entry_moving"]
 
-    play(tmp_path, scene, state=state)
 
-
-def test_an_entry_ends_when_something_moves_and_space_stops(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_an_entry_ends_when_something_moves_and_space_stops(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await stage.press(*TERMINAL, "enter", "i")
         kinds = [stage.app._pages[PageName.CONTROLLER].field]
         stage.control.state = replace(stage.control.state, activity=Activity.JOGGING)
@@ -226,5 +201,3 @@ def test_an_entry_ends_when_something_moves_and_space_stops(tmp_path: Path) -> N
         assert stage.control.stops == ["space"]
         stage.app.tick()
         assert stage.codes == ["screen.entry_moving"]
-
-    play(tmp_path, scene)

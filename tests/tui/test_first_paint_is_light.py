@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import gc
 import subprocess
 import sys
@@ -38,18 +37,14 @@ def test_the_first_page_imports_nothing_heavy() -> None:
     assert (done.stdout.strip(), done.stderr) == ("", "")
 
 
-def test_garbage_is_collected_from_the_first_picture_on(tmp_path: Path) -> None:
+async def test_garbage_is_collected_from_the_first_picture_on(tmp_path: Path) -> None:
     """A console that did not would grow over the shift."""
     scene = scene_of(PageName.JOBS)
     app, _ = application(scene, tmp_path)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)):
-            assert gc.isenabled()
-
     gc.disable()
     try:
-        asyncio.run(run())
+        async with played(app, scene, (80, 24)):
+            assert gc.isenabled()
     finally:
         gc.enable()
     assert app.fault is None

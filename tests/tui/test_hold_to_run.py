@@ -150,24 +150,20 @@ def test_toward_the_work_every_step_is_a_press(tmp_path: Path) -> None:
     assert (steps, said) == (1, ["screen.no_hold_to_work"])
 
 
-def test_one_step_is_under_way_at_most(tmp_path: Path) -> None:
+async def test_one_step_is_under_way_at_most(tmp_path: Path) -> None:
     fill(tmp_path)
     scene = Scene(page=PageName.ALIGN, state=READY, work=experiment())
     app, control = application(scene, tmp_path)
     control.arrives = False
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            for n in range(70):
-                control.at(100.0 + (0.0 if n == 0 else 0.5 + 0.05 * n))
-                await pilot.press("h")
-            control.at(106.0)
-            await pilot.press("j")
-            for n in range(30):
-                control.at(107.0 + (0.0 if n == 0 else 0.5 + 0.05 * n))
-                control.state = replace(READY, activity=Activity.JOGGING if n else Activity.READY)
-                await pilot.press("pageup")
-                app.tick()
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        for n in range(70):
+            control.at(100.0 + (0.0 if n == 0 else 0.5 + 0.05 * n))
+            await pilot.press("h")
+        control.at(106.0)
+        await pilot.press("j")
+        for n in range(30):
+            control.at(107.0 + (0.0 if n == 0 else 0.5 + 0.05 * n))
+            control.state = replace(READY, activity=Activity.JOGGING if n else Activity.READY)
+            await pilot.press("pageup")
+            app.tick()
     assert len(control.orders) == 1

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +27,7 @@ from drivers.cutting.planning import Strategy
 from profiles.metrology.circles import CIRCLES
 from profiles.traces import Trace
 from tests.tui import records_stage
-from tests.tui.page_stage import PageScene, play_on
+from tests.tui.page_stage import PageScene, on_page
 from tests.tui.scenes import AFTER, part, signed, taught, taught_part
 from tests.tui.stage import LANGUAGES
 
@@ -41,19 +41,7 @@ class OnInspect(PageScene):
     page_class = InspectPage
 
 
-Scene = Callable[[OnInspect], Awaitable[None]]
-
-
-def play(
-    scene: Scene,
-    data: Path,
-    *,
-    language: str = "en",
-    size: tuple[int, int] = (160, 42),
-    state: StationState = MEASURED,
-) -> None:
-    work = with_strategy(signed(), "cam")
-    play_on(OnInspect, scene, data, work=work, language=language, size=size, state=state)
+play = partial(on_page, OnInspect, work=with_strategy(signed(), "cam"), size=(160, 42), state=MEASURED)
 
 
 async def settled(stage: OnInspect) -> None:
@@ -65,8 +53,8 @@ def verdict_of(text: str) -> str:
     return next(row for row in text.splitlines() if "PASS" in row or "FAIL" in row).split("│")[-2].strip()
 
 
-def test_each_circle_is_named_wherever_its_figures_are_and_the_verdict_stays(tmp_path: Path) -> None:
-    async def scene(stage: OnInspect) -> None:
+async def test_each_circle_is_named_wherever_its_figures_are_and_the_verdict_stays(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await settled(stage)
         judged = verdict_of(stage.text)
         seen = []
@@ -82,13 +70,10 @@ def test_each_circle_is_named_wherever_its_figures_are_and_the_verdict_stays(tmp
         assert seen == [True, True, True, False]
         assert stage.control.orders == [] and stage.codes == []
 
-    play(scene, tmp_path)
 
-
-def test_each_filter_is_named_and_shows_what_it_lets_through(tmp_path: Path) -> None:
+async def test_each_filter_is_named_and_shows_what_it_lets_through(tmp_path: Path) -> None:
     """Half of an undulation remains at the cut-off of a Gaussian filter; 30 UPR at 15 all but vanish."""
-
-    async def scene(stage: OnInspect) -> None:
+    async with play(tmp_path) as stage:
         await settled(stage)
         judged, ront = verdict_of(stage.text), []
         for upr in (150, 500, 15, 50):
@@ -102,8 +87,6 @@ def test_each_filter_is_named_and_shows_what_it_lets_through(tmp_path: Path) -> 
         assert ront[1] > ront[0] > ront[3] > ront[2]
         assert ront[3] == pytest.approx(PART.result.ront_um, abs=0.005)
 
-    play(scene, tmp_path)
-
 
 def test_a_trace_of_few_points_has_only_the_filters_that_it_supports() -> None:
     """Seven points for each undulation: 360 carry 50 UPR (350) and not 150 (1050); a step of 2 deg is as 180."""
@@ -115,17 +98,14 @@ def test_a_trace_of_few_points_has_only_the_filters_that_it_supports() -> None:
     assert with_next_filter(Looked(), None, ()) == Looked()
 
 
-def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path) -> None:
+async def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path) -> None:
     turn = np.arange(0.0, 360.0, 4.0)
     few = replace(PART, trace=Trace(angle_deg=turn, deviation_um=np.cos(np.radians(3 * turn))))
-
-    async def scene(stage: OnInspect) -> None:
+    async with play(tmp_path, state=replace(MEASURED, measured=few)) as stage:
         await settled(stage)
         await stage.act("inspect.filter")
         assert stage.codes == ["screen.one_filter"]
         assert "1-50 UPR" in stage.text
-
-    play(scene, tmp_path, state=replace(MEASURED, measured=few))
 
 
 @pytest.mark.parametrize("kind", CIRCLES)
@@ -142,8 +122,8 @@ def test_the_trace_is_between_the_tolerance_rings_exactly_where_ront_is_within(k
         assert inner == 0.0
 
 
-def test_the_tolerance_is_drawn_once_it_can_be_seen_and_the_scale_says_how(tmp_path: Path) -> None:
-    async def scene(stage: OnInspect) -> None:
+async def test_the_tolerance_is_drawn_once_it_can_be_seen_and_the_scale_says_how(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await settled(stage)
         assert "20 um/div · tolerance 5 um: +" in stage.text
         polar = stage.page.query_one(PolarView)
@@ -165,8 +145,6 @@ def test_the_tolerance_is_drawn_once_it_can_be_seen_and_the_scale_says_how(tmp_p
         stage.control.state = replace(MEASURED, measured=replace(PART, trace=replace(PART.trace)))
         await settled(stage)
         assert "20 um/div · tolerance" in stage.text
-
-    play(scene, tmp_path)
 
 
 def test_rings_that_blur_or_leave_the_plot_are_not_drawn() -> None:
@@ -214,10 +192,11 @@ def test_the_spectrum_has_a_bar_for_each_order_and_names_those_of_the_jaws() -> 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
-def test_h_shows_the_spectrum_with_every_harmonic(room: tuple[int, int], language: str, tmp_path: Path) -> None:
+async def test_h_shows_the_spectrum_with_every_harmonic(
+    room: tuple[int, int], language: str, tmp_path: Path
+) -> None:
     text = load(language)
-
-    async def scene(stage: OnInspect) -> None:
+    async with play(tmp_path, language=language, size=room) as stage:
         await settled(stage)
         title = text("inspect_page.spectrum", filter="1-50 UPR")
         assert (title in stage.text) is (room[1] > 36), "a large screen has both"
@@ -233,8 +212,6 @@ def test_h_shows_the_spectrum_with_every_harmonic(room: tuple[int, int], languag
         await settled(stage)
         assert "RONt MZC" in stage.text and "(z: " not in stage.text
 
-    play(scene, tmp_path, language=language, size=room)
-
 
 # Another part --------------------------------------------------------------------------------------------------
 
@@ -249,14 +226,13 @@ def recorded(data: Path) -> None:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", ROOMS)
-def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(
+async def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(
     room: tuple[int, int], language: str, tmp_path: Path
 ) -> None:
     """It has a lobe of 1.3 um, high at 12 degrees with jaw 1 at 12.63: 2.6 um p-p, 0.6 degrees before jaw 1."""
     recorded(tmp_path)
     text = load(language)
-
-    async def scene(stage: OnInspect) -> None:
+    async with play(tmp_path, size=room, language=language) as stage:
         await settled(stage)
         await stage.act("inspect.beside")
         await settled(stage)
@@ -278,19 +254,14 @@ def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(
         assert text("inspect_page.measured_before") in stage.text
         assert stage.control.orders == []
 
-    play(scene, tmp_path, size=room, language=language)
 
-
-def test_a_single_part_is_not_counted_as_several(tmp_path: Path) -> None:
+async def test_a_single_part_is_not_counted_as_several(tmp_path: Path) -> None:
     records_stage.run(tmp_path, 1.3, strategy="cam", compensation=2, kind="part")
-
-    async def scene(stage: OnInspect) -> None:
+    async with play(tmp_path) as stage:
         await settled(stage)
         await stage.act("inspect.beside")
         await settled(stage)
         assert " 1 part " in stage.text
-
-    play(scene, tmp_path)
 
 
 def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
@@ -309,8 +280,8 @@ def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -
     assert wide is not None and wide.looked == Looked() and wide.supported == (15.0, 50.0)
 
 
-def test_a_record_without_other_parts_and_a_damaged_one_are_told(tmp_path: Path) -> None:
-    async def scene(stage: OnInspect) -> None:
+async def test_a_record_without_other_parts_and_a_damaged_one_are_told(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await settled(stage)
         await stage.act("inspect.beside")
         await settled(stage)
@@ -327,37 +298,24 @@ def test_a_record_without_other_parts_and_a_damaged_one_are_told(tmp_path: Path)
         await settled(stage)
         assert "PASS" in stage.text
 
-    play(scene, tmp_path)
-
 
 # In plain words ------------------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_first_words_are_what_is_left_and_what_to_press(language: str, tmp_path: Path) -> None:
+async def test_the_first_words_are_what_is_left_and_what_to_press(language: str, tmp_path: Path) -> None:
     text = load(language)
     large = taught(part(Strategy.CAM, ((3, 9.0, 21.7),)))
-
-    def scene_of(expected: str) -> Scene:
-        async def scene(stage: OnInspect) -> None:
-            await settled(stage)
-            first = stage.text.splitlines()[1]
-            assert expected[:40] in first
-
-        return scene
 
     cases: list[tuple[MeasuredPart, str]] = [
         (PART, text("inspect_page.plain.scatter", left="1.8", scatter="9.2")),
         (replace(large, job=replace(large.job, roundness_tolerance_um=5.0)), text("inspect_page.plain.missed")),
     ]
     for measured, expected in cases:
-        play(
-            scene_of(expected),
-            tmp_path,
-            language=language,
-            size=(80, 18),
-            state=replace(MEASURED, measured=measured),
-        )
+        state = replace(MEASURED, measured=measured)
+        async with play(tmp_path, language=language, size=(80, 18), state=state) as stage:
+            await settled(stage)
+            assert expected[:40] in stage.text.splitlines()[1]
 
 
 def test_a_lobe_that_stands_out_is_corrected_with_a_and_the_page_says_so() -> None:

@@ -24,7 +24,7 @@ from console.tui.lines import plain, width_of
 from console.tui.pages.jobs import JobsPage
 from console.tui.pages.jobs_lines import job_lines
 from profiles.store import BUNDLED_JOBS, list_jobs, load_job, save_job
-from tests.tui.page_stage import READY, PageScene, play_on
+from tests.tui.page_stage import READY, PageScene, on_page
 from tests.tui.stage import (
     EXPERIMENT,
     FRAME_ROWS,
@@ -48,7 +48,7 @@ class Stage(PageScene):
         return row.partition("▸")[2].lstrip(" ●").split()[0]
 
 
-play = partial(play_on, Stage)
+play = partial(on_page, Stage)
 
 
 @pytest.fixture
@@ -67,10 +67,10 @@ def measured(folder: Path, ront_um: float, *, simulated: int, strategy: str = "p
 
 @pytest.mark.parametrize("size", ROOMS)
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_saved_jobs_and_the_selected_one_are_seen(
+async def test_the_saved_jobs_and_the_selected_one_are_seen(
     size: tuple[int, int], language: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, language=language, size=size) as stage:
         await stage.show()
         rows = stage.text.splitlines()
         assert len(rows) <= size[1]
@@ -80,11 +80,9 @@ def test_the_saved_jobs_and_the_selected_one_are_seen(
         assert "1000.0 rpm" in stage.text
         assert 0 < width_of(stage.page.next_step(stage.view)) <= 78
 
-    play(scene, tmp_path, language=language, size=size)
 
-
-def test_the_summary_says_what_is_known_and_where_it_comes_from(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_the_summary_says_what_is_known_and_where_it_comes_from(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         for words in (
             "D 52.0 x 2.5 mm",
             "assumed 1314.0 N",
@@ -97,27 +95,21 @@ def test_the_summary_says_what_is_known_and_where_it_comes_from(tmp_path: Path) 
         ):
             assert words in stage.text
 
-    play(scene, tmp_path)
 
-
-def test_a_measured_part_is_shown_with_what_was_measured(tmp_path: Path) -> None:
+async def test_a_measured_part_is_shown_with_what_was_measured(tmp_path: Path) -> None:
     measured(tmp_path, 2.634, simulated=1)
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "2.63 um" in stage.text
         assert "LSC, 1-50 UPR, free state" in stage.text
         assert "simulated, not machined" in stage.text
 
-    play(scene, tmp_path)
 
-
-def test_a_wide_and_tall_terminal_shows_tags_force_and_the_latest_parts(own: Path, tmp_path: Path) -> None:
+async def test_a_wide_and_tall_terminal_shows_tags_force_and_the_latest_parts(own: Path, tmp_path: Path) -> None:
     tagged = SOURCE.read_text("utf-8").replace("schema = 1\n", 'schema = 1\ntags = ["trial", "thin"]\n', 1)
     (own / "tagged.toml").write_text(tagged.replace(EXPERIMENT, "tagged"), "utf-8")
     for ront_um in (3.51, 2.63):
         measured(tmp_path, ront_um, simulated=1)
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, size=ROOMS[2]) as stage:
         await stage.show()
         (row,) = [row for row in stage.text.splitlines() if row.partition("tagged")[2].startswith("  ")]
         assert "1314" in row and "trial thin" in row
@@ -125,48 +117,36 @@ def test_a_wide_and_tall_terminal_shows_tags_force_and_the_latest_parts(own: Pat
         newest, oldest = stage.text.index("2.63 um", stage.text.index("Latest")), stage.text.index("3.51 um")
         assert newest < oldest
 
-    play(scene, tmp_path, size=ROOMS[2])
 
-
-def test_a_lobe_that_is_not_known_yet_or_tiny_is_not_shown_as_zero(own: Path, tmp_path: Path) -> None:
+async def test_a_lobe_that_is_not_known_yet_or_tiny_is_not_shown_as_zero(own: Path, tmp_path: Path) -> None:
     text = SOURCE.read_text("utf-8").replace("lobe_error_um_pp = 55.0", "lobe_error_um_pp = 0.0")
     text = text.replace('lobe_error_source = "measured"', 'lobe_error_source = "none"')
     (own / "unknown.toml").write_text(text.replace(EXPERIMENT, "unknown"), "utf-8")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, size=ROOMS[2]) as stage:
         await stage.show()
         (unknown,) = [row for row in stage.text.splitlines() if "unknown" in row]
         assert unknown.split()[:6] == ["│", "unknown", "Al", "52.0", "1000", "–"]
         (tiny,) = [row for row in stage.text.splitlines() if "steel-bar-65" in row]
         assert "< 0.1" in tiny and " 0.0 " not in tiny
 
-    play(scene, tmp_path, size=ROOMS[2])
 
-
-def test_a_part_without_compensation_is_not_taken_for_one_with_it(tmp_path: Path) -> None:
+async def test_a_part_without_compensation_is_not_taken_for_one_with_it(tmp_path: Path) -> None:
     measured(tmp_path, 55.02, simulated=1, strategy="none")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "cut without compensation" in stage.text
 
-    play(scene, tmp_path)
 
-
-def test_simulated_parts_are_not_shown_on_the_real_machine(tmp_path: Path) -> None:
+async def test_simulated_parts_are_not_shown_on_the_real_machine(tmp_path: Path) -> None:
     measured(tmp_path, 2.634, simulated=1)
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, state=replace(READY, simulated=False)) as stage:
         assert "2.63" not in stage.text
         assert "never measured" in stage.text
 
-    play(scene, tmp_path, state=replace(READY, simulated=False))
 
-
-def test_a_job_that_cannot_be_read_is_listed_with_the_reason(own: Path, tmp_path: Path) -> None:
+async def test_a_job_that_cannot_be_read_is_listed_with_the_reason(own: Path, tmp_path: Path) -> None:
     (own / "a [bold].toml").write_text("name = 3")
     (own / os.fsdecode(b"b\xff.toml")).write_bytes(SOURCE.read_bytes())
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "a [bold]" in stage.text
         assert "cannot be read" in stage.text
         assert "name = 3 is not text" in stage.text
@@ -175,37 +155,28 @@ def test_a_job_that_cannot_be_read_is_listed_with_the_reason(own: Path, tmp_path
         assert "value.not_text" in stage.codes
         assert stage.gone == []
 
-    play(scene, tmp_path)
 
-
-def test_enter_opens_the_selected_job_at_set_up(own: Path, tmp_path: Path) -> None:
+async def test_enter_opens_the_selected_job_at_set_up(own: Path, tmp_path: Path) -> None:
     save_job(replace(load_job(str(SOURCE)).job, name="my ring"), own / "my ring.toml")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.down", "jobs.down", "jobs.open")
         assert stage.gone == [PageName.SETUP]
         assert stage.ui.work is not None
         assert stage.ui.work.loaded.path == own / "my ring.toml"
 
-    play(scene, tmp_path)
 
-
-def test_the_job_in_hand_keeps_its_edits(tmp_path: Path) -> None:
+async def test_the_job_in_hand_keeps_its_edits(tmp_path: Path) -> None:
     work = edited(experiment(), "jaws", "4")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         assert "edits not saved" in stage.text
         await stage.act("jobs.open")
         assert stage.ui.work is work
         assert stage.gone == [PageName.SETUP]
 
-    play(scene, tmp_path, work=work)
 
-
-def test_edits_are_given_up_on_the_second_enter_only(tmp_path: Path) -> None:
+async def test_edits_are_given_up_on_the_second_enter_only(tmp_path: Path) -> None:
     work = edited(experiment(), "jaws", "4")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         await stage.act("jobs.down", "jobs.open")
         assert stage.codes == ["screen.edits_unsaved"]
         assert (stage.ui.work, stage.gone) == (work, [])
@@ -214,8 +185,6 @@ def test_edits_are_given_up_on_the_second_enter_only(tmp_path: Path) -> None:
         await stage.act("jobs.open")
         assert stage.ui.work is not None
         assert stage.ui.work.job.name == "lee-2001-experiment-2"
-
-    play(scene, tmp_path, work=work)
 
 
 def armed() -> Any:
@@ -231,8 +200,10 @@ def armed() -> Any:
         (replace(READY, armed=armed()), "screen.open_armed"),
     ],
 )
-def test_no_job_is_opened_while_it_matters(state: StationState, code: str, language: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_no_job_is_opened_while_it_matters(
+    state: StationState, code: str, language: str, tmp_path: Path
+) -> None:
+    async with play(tmp_path, work=experiment(), state=state, language=language) as stage:
         await stage.act("jobs.down", "jobs.open")
         assert stage.codes == [code]
         assert stage.gone == []
@@ -241,25 +212,20 @@ def test_no_job_is_opened_while_it_matters(state: StationState, code: str, langu
         stage.page.open_named("lee-2001-experiment-2")  # by a scanned code
         assert (stage.codes, stage.gone) == ([code], [])
 
-    play(scene, tmp_path, work=experiment(), state=state, language=language)
 
-
-def test_a_scanned_code_opens_its_job_and_gives_up_edits_at_the_second_time(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_scanned_code_opens_its_job_and_gives_up_edits_at_the_second_time(tmp_path: Path) -> None:
+    async with play(tmp_path, work=edited(experiment(), "feed_mm_per_rev", "0.04")) as stage:
         stage.page.open_named("lee-2001-experiment-2")
         assert (stage.codes, stage.gone) == (["screen.edits_unsaved"], [])
         stage.page.open_named("LEE-2001-EXPERIMENT-2")
         assert stage.gone == [PageName.SETUP]
         assert stage.ui.work is not None and stage.ui.work.loaded.path.stem == "lee-2001-experiment-2"
 
-    play(scene, tmp_path, work=edited(experiment(), "feed_mm_per_rev", "0.04"))
 
-
-def test_a_long_list_goes_along_with_the_selection(own: Path, tmp_path: Path) -> None:
+async def test_a_long_list_goes_along_with_the_selection(own: Path, tmp_path: Path) -> None:
     for number in range(40):
         shutil.copy(SOURCE, own / f"ring-{number:02d}.toml")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "more below" in stage.text
         for _ in range(40 + len(list_jobs()) - 1):
             await stage.act("jobs.down")
@@ -270,11 +236,9 @@ def test_a_long_list_goes_along_with_the_selection(own: Path, tmp_path: Path) ->
         await stage.act("jobs.down")
         assert stage.selected == "two-jaw-tube"
 
-    play(scene, tmp_path)
 
-
-def test_files_are_listed_again_when_the_page_comes_back(own: Path, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_files_are_listed_again_when_the_page_comes_back(own: Path, tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.down")
         shutil.copy(SOURCE, own / "a-ring.toml")
         await stage.show()
@@ -284,16 +248,12 @@ def test_files_are_listed_again_when_the_page_comes_back(own: Path, tmp_path: Pa
         assert "a-ring" in stage.text
         assert stage.selected == "lee-2001-experiment-2"
 
-    play(scene, tmp_path)
 
-
-def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         for size in ((1, 1), (10, 3), (30, 5)):
             await stage.pilot.resize_terminal(*size)
             await stage.act("jobs.down", "jobs.up")
-
-    play(scene, tmp_path)
 
 
 def test_the_page_needs_no_numerics() -> None:

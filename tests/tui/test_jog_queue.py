@@ -128,15 +128,11 @@ def test_nothing_continues_on_a_machine_that_is_not_as_before(after: StationStat
     assert len(console.control.orders) == 1
 
 
-def test_a_terminal_that_loses_the_focus_stops_the_jog(tmp_path: Path) -> None:
+async def test_a_terminal_that_loses_the_focus_stops_the_jog(tmp_path: Path) -> None:
     fill(tmp_path)
     scene = Scene(page=PageName.ALIGN, state=UNDER_WAY, work=experiment())
     app, control = application(scene, tmp_path)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            app.post_message(events.AppBlur())
-            await pilot.pause()
-
-    asyncio.run(run())
+    async with played(app, scene, (80, 24)) as pilot:
+        app.post_message(events.AppBlur())
+        await pilot.pause()
     assert control.stops == ["blur"]

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -33,7 +33,7 @@ from profiles.compensations.learned import LearnedCompensation
 from profiles.problem import Problem
 from profiles.store import load_job
 from tests.tui import run_stage
-from tests.tui.page_stage import PageScene, play_on, shown_on
+from tests.tui.page_stage import PageScene, on_page, shown_on
 from tests.tui.scenes import BEFORE, part, previewed, signed, taught_part
 from tests.tui.stage import LANGUAGES
 
@@ -59,8 +59,7 @@ def cam() -> Work:
     return with_strategy(signed(), "cam")
 
 
-def on_inspect(scene: Callable[[OnInspect], Awaitable[None]], data: Path, state: StationState = MEASURED) -> None:
-    play_on(OnInspect, scene, data, work=cam(), state=state)
+on_inspect = partial(on_page, OnInspect, work=cam(), state=MEASURED)
 
 
 def used(stage: PageScene) -> LearnedCompensation:
@@ -81,8 +80,8 @@ def without(reason: Problem) -> MeasuredPart:
     return replace(PART, learning=replace(PART.learning, taught=replace(PART.learning.taught, step=step)))
 
 
-def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
-    async def play(stage: OnInspect) -> None:
+async def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
+    async with on_inspect(tmp_path, state=FAILED) as stage:
         await stage.show()
         assert "3/rev 1.82 → 0.11" in stage.text and "6/rev 0.58 → 0.00" in stage.text
         assert "gain 0.939 · improving x0.09" in stage.text and "next cut: model, full" in stage.text
@@ -101,18 +100,13 @@ def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Pa
         assert (used(stage).version, kept(tmp_path)) == (3, [1, 2, 3])
         assert (stage.control.orders, stage.control.stops) == ([], [])
 
-    on_inspect(play, tmp_path, FAILED)
 
-
-def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
+async def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / FOLDER).write_text("no folder", encoding="utf-8")
-
-    async def play(stage: OnInspect) -> None:
+    async with on_inspect(tmp_path) as stage:
         before = stage.ui.work
         await stage.act("inspect.accept")
         assert stage.codes == ["file.not_writable"] and stage.ui.work is before
-
-    on_inspect(play, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -124,12 +118,10 @@ def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
         (cam(), replace(MEASURED, measured=without(Problem(code="learned.nothing"))), "learned.nothing"),
     ],
 )
-def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str, tmp_path: Path) -> None:
-    async def play(stage: OnInspect) -> None:
+async def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str, tmp_path: Path) -> None:
+    async with on_page(OnInspect, tmp_path, work=work, state=state) as stage:
         await stage.act("inspect.accept")
         assert (stage.codes, kept(tmp_path)) == ([code], [])
-
-    play_on(OnInspect, play, tmp_path, work=work, state=state)
 
 
 @pytest.mark.first(4)
@@ -166,8 +158,8 @@ def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path:
     assert "within clamping scatter (± 9.2 um): leave it." in " ".join(rows.split())
 
 
-def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
-    async def play(stage: OnPreview) -> None:
+async def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
+    async with on_page(OnPreview, tmp_path, work=cam(), state=MEASURED) as stage:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.none_yet"]
         stage.ui.work = previewed_cam()
@@ -191,18 +183,14 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
         assert stage.codes == [] and used(stage).version == 1
         assert stage.control.orders == []
 
-    play_on(OnPreview, play, tmp_path, work=cam(), state=MEASURED)
 
-
-def test_an_edited_job_has_no_version_and_the_printed_program_has_no_half(tmp_path: Path) -> None:
-    async def play(stage: OnPreview) -> None:
+async def test_an_edited_job_has_no_version_and_the_printed_program_has_no_half(tmp_path: Path) -> None:
+    async with on_page(OnPreview, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05")) as stage:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.edited_now"]
         stage.ui.work = replace(with_strategy(cam(), "paper"), stage="air")
         await stage.act("preview.stage")
         assert stage.codes == [] and stage.ui.work.stage == "full"
-
-    play_on(OnPreview, play, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05"))
 
 
 def test_run_refuses_what_does_not_hold_and_says_what_is_cut(tmp_path: Path) -> None:
@@ -232,7 +220,7 @@ def test_after_the_air_comes_half_on_the_same_blank(language: str) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path: Path) -> None:
+async def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path: Path) -> None:
     text, made = load(language), previewed(signed().job)
     plain = replace(with_strategy(signed(), "none"), outlook=made, preview=made)
     air = replace(plain, stage="air")
@@ -243,8 +231,7 @@ def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path:
         assert "s" in page.next_step and half not in page.next_step
         assert cell_len(page.next_step) <= 77
     assert half not in pages[0].next_step and text("run_page.after_air_no_half")[:12] in pages[1].text
-
-    async def play(stage: OnPreview) -> None:
+    async with on_page(OnPreview, tmp_path, work=plain) as stage:
         for wanted in ("air", "full", "air"):
             await stage.act("preview.stage")
             assert stage.ui.work is not None and (stage.ui.work.stage, stage.codes) == (wanted, [])
@@ -252,8 +239,6 @@ def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path:
         stage.ui.work = replace(plain, stage="partial")
         await stage.act("preview.stage")
         assert stage.ui.work.stage == "full"
-
-    play_on(OnPreview, play, tmp_path, work=plain)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -281,7 +266,7 @@ def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cu
         assert words[:30] in page.text, page.text
 
 
-def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_path: Path) -> None:
+async def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_path: Path) -> None:
     made, loaded = part(Strategy.NONE, BEFORE), load_job("lee-2001-experiment-1")
     trace = replace(made.trace, deviation_um=2.0 * made.trace.deviation_um)
     bare = PartLobe(loaded=loaded, file="x", file_sha256="")
@@ -289,8 +274,8 @@ def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_pat
     assert found.found is not None and not found.reasons
     state = replace(MEASURED, measured=replace(made, trace=trace, lobe=found))
     ratio = found.found.fit.error_um_pp / loaded.job.lobe_error_um_pp
+    async with on_page(OnInspect, tmp_path, work=opened(loaded, signed().machine), state=state) as stage:
 
-    async def play(stage: OnInspect) -> None:
         def jobs() -> list[str]:
             return [path.name for path in tmp_path.rglob("*.toml")]
 
@@ -309,8 +294,6 @@ def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_pat
         await stage.act("inspect.next")
         assert jobs() and stage.page.field is FieldKind.NONE and stage.ui.work is not None
         assert stage.ui.work.job.lobe_error_um_pp == pytest.approx(ratio * loaded.job.lobe_error_um_pp)
-
-    play_on(OnInspect, play, tmp_path, work=opened(loaded, signed().machine), state=state)
 
 
 def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:

@@ -6,8 +6,6 @@ import re
 from dataclasses import replace
 from pathlib import Path
 
-from textual.pilot import Pilot
-
 from console.session.station.commands import Home, Jog
 from console.session.station.history.session_log import LOG_MOST, LogKind
 from console.session.station.state import Activity, StopState
@@ -16,7 +14,6 @@ from console.tui.keymap import PageName
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 from tests.tui.scenes import scene_of, settle
-from tests.tui.stage import FixedControl
 from tests.tui.test_alarms_page import QUIET, play, text_after
 
 
@@ -26,8 +23,8 @@ def log_of(app: ConsoleApp) -> list[tuple[LogKind, str]]:
     ]
 
 
-def test_the_log_has_commands_stops_and_messages_in_their_order_with_their_times(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_the_log_has_commands_stops_and_messages_in_their_order_with_their_times(tmp_path: Path) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, control):
         app.ui.control.post(Home())
         for _ in range(12):
             app.ui.control.post(Jog(axis=AxisName.TOOL, distance=-0.01))
@@ -56,23 +53,18 @@ def test_the_log_has_commands_stops_and_messages_in_their_order_with_their_times
             assert row in shown, shown
         assert "Alarms (0)" in await text_after(app, pilot, "8")
 
-    play(QUIET, act, tmp_path)
 
-
-def test_a_command_that_the_machine_did_not_take_is_logged_as_such(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_a_command_that_the_machine_did_not_take_is_logged_as_such(tmp_path: Path) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, control):
         control.post = lambda intent: False  # type: ignore[method-assign]
         app.ui.control.post(Home())
         assert "08:52:00 not taken    home" in await text_after(app, pilot, "l")
 
-    play(QUIET, act, tmp_path)
 
-
-def test_what_was_typed_in_free_text_is_not_in_the_log(tmp_path: Path) -> None:
+async def test_what_was_typed_in_free_text_is_not_in_the_log(tmp_path: Path) -> None:
     """A name that cannot be a file: its refusal repeats it on the screen, but not in the log."""
     scene = replace(scene_of(PageName.SETUP), keys=())
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(scene, tmp_path) as (app, pilot, _):
         await pilot.press("s", *["backspace"] * 40, *"geheim", "slash", *"x", "enter")
         await settle(app, pilot)
         assert any("geheim" in problem.value for problem in app.ui.said), app.ui.said
@@ -80,14 +72,12 @@ def test_what_was_typed_in_free_text_is_not_in_the_log(tmp_path: Path) -> None:
         assert logged
         assert "geheim" not in repr(app.ui.log.entries)
 
-    play(scene, act, tmp_path)
 
-
-def test_a_long_log_is_bounded_scrolls_and_follows_its_end(tmp_path: Path) -> None:
+async def test_a_long_log_is_bounded_scrolls_and_follows_its_end(tmp_path: Path) -> None:
     def said(n: int) -> tuple[Problem, ...]:
         return (Problem(code="screen.key_in_motion", key=f"<{n}>"),)
 
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, control):
         last = LOG_MOST + 20
         for n in range(1, last + 1):
             control.state = replace(control.state, refusals=said(n))
@@ -107,11 +97,9 @@ def test_a_long_log_is_bounded_scrolls_and_follows_its_end(tmp_path: Path) -> No
         assert int(bottoms[0]) < 40
         assert f"<{last + 1}>" in await text_after(app, pilot, "end")
 
-    play(QUIET, act, tmp_path)
 
-
-def test_a_search_shows_what_was_found_and_an_empty_one_everything(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_a_search_shows_what_was_found_and_an_empty_one_everything(tmp_path: Path) -> None:
+    async with play(scene_of(PageName.LOG), tmp_path) as (app, pilot, control):
         shown = await text_after(app, pilot, "slash", *"ALARM disk")
         assert "[F12] STOP MOTION" in shown and "alarm ended" in shown, "a search counts with its Enter"
         shown = await text_after(app, pilot, "enter")
@@ -124,11 +112,9 @@ def test_a_search_shows_what_was_found_and_an_empty_one_everything(tmp_path: Pat
         assert [problem.code for problem in app.ui.said] == ["screen.log_no_entry"]
         assert (control.stops, control.kills) == ([], [])
 
-    play(scene_of(PageName.LOG), act, tmp_path)
 
-
-def test_an_export_is_a_text_file_with_every_entry_and_can_be_refused(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_an_export_is_a_text_file_with_every_entry_and_can_be_refused(tmp_path: Path) -> None:
+    async with play(scene_of(PageName.LOG), tmp_path) as (app, pilot, _):
         before = app.ui.log.entries
         await text_after(app, pilot, "slash", *"disk", "enter", "x")
         (path,) = (tmp_path / "logs").iterdir()
@@ -143,14 +129,10 @@ def test_an_export_is_a_text_file_with_every_entry_and_can_be_refused(tmp_path: 
         await text_after(app, pilot, "x")
         assert [problem.code for problem in app.ui.said] == ["file.not_writable"]
 
-    play(scene_of(PageName.LOG), act, tmp_path)
 
-
-def test_it_is_one_of_the_pages_of_more_too(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+async def test_it_is_one_of_the_pages_of_more_too(tmp_path: Path) -> None:
+    async with play(QUIET, tmp_path) as (app, pilot, _):
         await text_after(app, pilot, "0", "l")
         assert app.page is PageName.LOG
         await text_after(app, pilot, "8", "ㅣ")
         assert app.page is PageName.LOG
-
-    play(QUIET, act, tmp_path)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from console.tui.keymap import PageName
 from console.tui.pages.fields import named
 from profiles.problem import Problem
 from tests.tui import align_stage, run_stage
-from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
+from tests.tui.scenes import Scene, console_on, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl, experiment
 
 Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
@@ -33,17 +33,7 @@ REFUSED = tuple(
 ENDLESS = (Problem(code="session.fault", value="lathe " * 300), *REFUSED)
 
 
-def play(scene: Scene, act: Act, data: Path, *, size: Size = (80, 24), language: str = "ko") -> ConsoleApp:
-    fill(data)
-    app, control = application(scene, data, language=language)
-
-    async def run() -> None:
-        async with played(app, scene, size) as pilot:
-            await act(app, pilot, control)
-
-    asyncio.run(run())
-    assert app.fault is None
-    return app
+play = partial(console_on, language="ko")
 
 
 def at(page: PageName, state: StationState) -> Scene:
@@ -58,12 +48,11 @@ def one_word(text: str) -> str:
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", [(60, 18), (80, 24), (160, 48)])
 @pytest.mark.parametrize("page", [PageName.JOBS, PageName.RUN])
-def test_a_stop_that_failed_is_said_in_full_beside_the_stop_key(
+async def test_a_stop_that_failed_is_said_in_full_beside_the_stop_key(
     page: PageName, size: Size, language: str, tmp_path: Path
 ) -> None:
     text = load(language)
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(at(page, UNDELIVERED), tmp_path, size=size, language=language) as (app, _, _):
         rows = rows_of(app)
         assert len(rows) == size[1]
         assert rows[-1].rstrip().endswith(f"? {text('key.help')}")
@@ -71,15 +60,13 @@ def test_a_stop_that_failed_is_said_in_full_beside_the_stop_key(
         beside = " ".join(rows[-4:-1] if size[0] < 80 else rows[-2:-1])
         assert one_word(text("frame.not_delivered")) in one_word(beside.replace(text("frame.stop"), ""))
 
-    play(at(page, UNDELIVERED), act, tmp_path, size=size, language=language)
-
 
 @pytest.mark.parametrize("page", PageName)
 @pytest.mark.first(2)
-def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName, tmp_path: Path) -> None:
+async def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName, tmp_path: Path) -> None:
     text = load("ko")
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    scene = scene_of(page)
+    async with play(replace(scene, state=replace(scene.state, alarms=())), tmp_path) as (app, pilot, _):
         before = rows_of(app)
         answered = app.ui.said
         for said in (REFUSED, ENDLESS):
@@ -101,9 +88,6 @@ def test_an_answer_takes_lines_from_the_page_and_gives_them_back(page: PageName,
         await settle(app, pilot)
         assert rows_of(app) == before or page is PageName.LOG  # which has the answers, too
 
-    scene = scene_of(page)
-    play(replace(scene, state=replace(scene.state, alarms=())), act, tmp_path)
-
 
 async def read_through(app: ConsoleApp, pilot: Pilot[None]) -> str:
     """Everything that the open list shows, scrolled to its end."""
@@ -121,13 +105,12 @@ async def read_through(app: ConsoleApp, pilot: Pilot[None]) -> str:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_w_shows_all_answers_and_alarms_and_what_the_page_asks_for(language: str, tmp_path: Path) -> None:
+async def test_w_shows_all_answers_and_alarms_and_what_the_page_asks_for(language: str, tmp_path: Path) -> None:
     """On Set-up in a low panel: findings that had no room, several answers, an alarm."""
     text = load(language)
     scene = replace(scene_of(PageName.SETUP), keys=())
     alarms = raised((), Problem(code="machine.fault", key="X", value="tool"), Priority.HIGH, 1.0)
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(scene, tmp_path, language=language) as (app, pilot, control):
         before = rows_of(app)
         control.state = replace(control.state, alarms=alarms)
         app.ui.said = REFUSED
@@ -143,11 +126,9 @@ def test_w_shows_all_answers_and_alarms_and_what_the_page_asks_for(language: str
         await settle(app, pilot)
         assert rows_of(app) == before
 
-    play(scene, act, tmp_path, language=language)
 
-
-def test_w_closes_what_w_opened_and_a_hangul_layout_has_it_too(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+async def test_w_closes_what_w_opened_and_a_hangul_layout_has_it_too(tmp_path: Path) -> None:
+    async with play(scene_of(PageName.RUN), tmp_path) as (app, pilot, _):
         before = rows_of(app)
         for key in ("w", "ㅈ"):
             await pilot.press(key, "end")
@@ -157,25 +138,20 @@ def test_w_closes_what_w_opened_and_a_hangul_layout_has_it_too(tmp_path: Path) -
             await settle(app, pilot)
             assert rows_of(app) == before
 
-    play(scene_of(PageName.RUN), act, tmp_path)
-
 
 @pytest.mark.parametrize("opening", ["w", "?"])
-def test_while_a_list_is_read_its_keys_jog_nothing(opening: str, tmp_path: Path) -> None:
+async def test_while_a_list_is_read_its_keys_jog_nothing(opening: str, tmp_path: Path) -> None:
     """With the jog enabled PgDn would turn the spindle, and the arrows move the tool."""
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    scene = at(PageName.ALIGN, align_stage.state(align_stage.VALID))
+    async with play(scene, tmp_path) as (_, pilot, control):
         await pilot.press("j", opening, "pagedown", "down", "pageup", "up")
         assert (control.orders, control.stops) == ([], [])
         await pilot.press("backspace", "pagedown")
         assert len(control.orders) == 1
 
-    scene = at(PageName.ALIGN, align_stage.state(align_stage.VALID))
-    play(scene, act, tmp_path)
 
-
-def test_in_motion_a_message_is_read_without_a_stop_and_other_keys_stop(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_in_motion_a_message_is_read_without_a_stop_and_other_keys_stop(tmp_path: Path) -> None:
+    async with play(at(PageName.RUN, run_stage.cutting()), tmp_path) as (_, pilot, control):
         assert control.state.activity is Activity.CUTTING
         await pilot.press("w", "pagedown", "up")
         assert (control.orders, control.stops) == ([], [])
@@ -186,13 +162,10 @@ def test_in_motion_a_message_is_read_without_a_stop_and_other_keys_stop(tmp_path
         await pilot.press("w", "pagedown")
         assert control.stops == ["unbound x", "space", "unbound PgDn"], "PgDn means nothing on Run"
 
-    play(at(PageName.RUN, run_stage.cutting()), act, tmp_path)
 
-
-def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after_a_list(tmp_path: Path) -> None:
+async def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after_a_list(tmp_path: Path) -> None:
     """The form moves up under the cursor: what is typed is seen where its brackets are."""
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(scene_of(PageName.SETUP), tmp_path) as (app, pilot, _):
         for said in (ENDLESS, ()):
             app.ui.said = said
             await settle(app, pilot)
@@ -206,20 +179,15 @@ def test_an_entry_stays_in_its_row_while_an_answer_comes_and_goes_on_after_a_lis
             await settle(app, pilot)
             assert [row for row in rows_of(app) if expected in row]
 
-    play(scene_of(PageName.SETUP), act, tmp_path)
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_terminal_that_is_too_small_still_says_what_cannot_wait(language: str, tmp_path: Path) -> None:
+async def test_a_terminal_that_is_too_small_still_says_what_cannot_wait(language: str, tmp_path: Path) -> None:
     text = load(language)
     alarms = raised((), Problem(code="machine.not_at_rest", value="5 s"), Priority.HIGH, 1.0)
     stop = StopState(reason="space", killed=False, sent_s=98.0, delivered=False)
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    scene = at(PageName.JOBS, replace(UNDELIVERED, stop=stop, alarms=alarms))
+    async with play(scene, tmp_path, size=(40, 12), language=language) as (app, _, _):
         shown = one_word(" ".join(rows_of(app)))
         for sentence in (text("frame.not_delivered"), text.problem(alarms[0].problem)):
             assert one_word(sentence) in shown
         assert "60x18" in shown
-
-    scene = at(PageName.JOBS, replace(UNDELIVERED, stop=stop, alarms=alarms))
-    play(scene, act, tmp_path, size=(40, 12), language=language)

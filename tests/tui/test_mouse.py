@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
@@ -17,7 +17,7 @@ from console.tui.driver import MOUSE_OFF, MOUSE_ON, Reader, StopDriver
 from console.tui.gate import UNREADABLE
 from console.tui.keymap import DIGITS, PageName
 from tests.tui import align_stage, run_stage
-from tests.tui.scenes import Scene, application, fill, fixed_world, keys_to, played, rows_of, scene_of, settle
+from tests.tui.scenes import Scene, application, console_on, fixed_world, keys_to, rows_of, scene_of, settle
 from tests.tui.stage import FixedControl, experiment
 from tests.tui.test_settings_page import EVERYWHERE
 
@@ -25,19 +25,12 @@ Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 PAGES_ROW = 2
 
 
-def play(act: Act, data: Path, scene: Scene) -> None:
-    data.mkdir(exist_ok=True)
-    fill(data)
-
-    async def run() -> None:
-        app, control = application(scene, data, appearance=Appearance(mouse="on"))
-        async with played(app, scene, (80, 24)) as pilot:
-            app._acted_s = float("-inf")  # the keys to the page were pressed a while ago
-            await act(app, pilot, control)
-        assert app.fault is None
-
+@asynccontextmanager
+async def play(data: Path, scene: Scene) -> AsyncIterator[tuple[ConsoleApp, Pilot[None], FixedControl]]:
     with fixed_world():
-        asyncio.run(run())
+        async with console_on(scene, data, appearance=Appearance(mouse="on")) as running:
+            running[0]._acted_s = float("-inf")  # the keys to the page were pressed a while ago
+            yield running
 
 
 async def click(app: ConsoleApp, pilot: Pilot[None], words: str, row: int | None = None) -> None:
@@ -56,19 +49,20 @@ async def turn(app: ConsoleApp, pilot: Pilot[None], way: type[events.MouseEvent]
 
 
 @pytest.mark.long
-def test_a_click_shows_the_page_of_that_name(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_a_click_shows_the_page_of_that_name(tmp_path: Path) -> None:
+    async with play(tmp_path, EVERYWHERE) as (app, pilot, control):
         for page, digit in DIGITS.items():
             name = f"{digit} {app.ui.text(f'page.{page}')}"
             await click(app, pilot, name if page is not PageName.MORE else "0 ", PAGES_ROW)
             assert app.page is page
         assert (control.orders, control.stops, control.kills) == ([], [], [])
 
-    play(act, tmp_path, EVERYWHERE)
 
-
-def test_a_click_chooses_a_row_and_the_wheel_goes_through_the_list(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+async def test_a_click_chooses_a_row_and_the_wheel_goes_through_the_list(tmp_path: Path) -> None:
+    alarms = scene_of(PageName.ALARMS)
+    async with play(
+        tmp_path, Scene(page=PageName.JOBS, state=alarms.state, work=experiment(), log=alarms.log)
+    ) as (app, pilot, _):
         await click(app, pilot, "steel-bar-65")
         assert "steel-bar-65 ─" in "\n".join(rows_of(app)), "its details are shown"
         assert app.page is PageName.JOBS and app.ui.job is experiment().job, "it is not opened"
@@ -82,36 +76,33 @@ def test_a_click_chooses_a_row_and_the_wheel_goes_through_the_list(tmp_path: Pat
             await click(app, pilot, words)
             assert any(mark in row and words in row for row in rows_of(app) for mark in "▸▶"), page
 
-    alarms = scene_of(PageName.ALARMS)
-    play(act, tmp_path, Scene(page=PageName.JOBS, state=alarms.state, work=experiment(), log=alarms.log))
 
-
-def test_it_moves_nothing_confirms_nothing_and_does_nothing_while_something_moves_or_is_typed(
+async def test_it_moves_nothing_confirms_nothing_and_does_nothing_while_something_moves_or_is_typed(
     tmp_path: Path,
 ) -> None:
-    async def on_align(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(
+        tmp_path / "align", Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
+    ) as (app, pilot, control):
         await pilot.press("j")
         for way in (events.MouseScrollUp, events.MouseScrollDown):
             await turn(app, pilot, way)  # the arrows jog there
         for row in range(3, 23):
             await app.on_event(events.MouseDown(None, 5.0, float(row), 0, 0, 1, False, False, False))
         assert control.orders == []
-
-    async def in_motion(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    moving = run_stage.state(activity=Activity.CUTTING, cut=run_stage.cut())
+    async with play(tmp_path / "run", Scene(page=PageName.RUN, state=moving, work=experiment())) as (
+        app,
+        pilot,
+        control,
+    ):
         await click(app, pilot, "1 Jobs")
         await turn(app, pilot, events.MouseScrollDown)
         assert app.page is PageName.RUN
         assert (control.orders, control.stops, control.kills) == ([], [], [])
-
-    async def typing(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(tmp_path / "log", scene_of(PageName.LOG)) as (app, pilot, _):
         await pilot.press("slash", "s")
         await click(app, pilot, "1 Jobs")
         assert app.page is PageName.LOG
-
-    play(on_align, tmp_path / "align", Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment()))
-    moving = run_stage.state(activity=Activity.CUTTING, cut=run_stage.cut())
-    play(in_motion, tmp_path / "run", Scene(page=PageName.RUN, state=moving, work=experiment()))
-    play(typing, tmp_path / "log", scene_of(PageName.LOG))
 
 
 @pytest.mark.parametrize(

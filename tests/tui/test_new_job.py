@@ -16,7 +16,7 @@ from console.tui.pages.jobs import JobsPage
 from console.tui.pages.setup import SetupPage
 from profiles.problem import ProfileError
 from profiles.store import load_job, save_job
-from tests.tui.page_stage import PageScene, play_on
+from tests.tui.page_stage import PageScene, on_page
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, experiment, lathe
 
 ROOM = (80, 24 - FRAME_ROWS)
@@ -72,7 +72,7 @@ class Jobs(Held):
     page_class = JobsPage
 
 
-play = partial(play_on, Form)
+play = partial(on_page, Form)
 
 
 def filled(**changed: str) -> Work:
@@ -92,8 +92,8 @@ def test_a_new_job_has_no_value_that_nobody_gave() -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(language: str, tmp_path: Path) -> None:
-    async def scene(stage: Form) -> None:
+async def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(language: str, tmp_path: Path) -> None:
+    async with play(tmp_path, language=language, size=ROOM) as stage:
         await stage.begin()
         assert stage.ui.text("setup.new_title") in stage.text
         assert "2500" not in stage.text and stage.text.count("–") >= len(TYPED)
@@ -120,11 +120,9 @@ def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(language: str
         assert (stage.ui.work.strategy, stage.ui.work.job.copied_from) == ("none", None)
         assert stage.next_step == stage.ui.text("setup.next.plain")
 
-    play(scene, tmp_path, language=language, size=ROOM)
 
-
-def test_an_undone_value_is_missing_again(tmp_path: Path) -> None:
-    async def scene(stage: Form) -> None:
+async def test_an_undone_value_is_missing_again(tmp_path: Path) -> None:
+    async with play(tmp_path, size=ROOM) as stage:
         await stage.begin()
         await stage.act("setup.edit")
         await stage.type("steel")
@@ -133,11 +131,9 @@ def test_an_undone_value_is_missing_again(tmp_path: Path) -> None:
         await stage.act("setup.undo")
         assert "material" in stage.draft.missing
 
-    play(scene, tmp_path, size=ROOM)
 
-
-def test_the_lobe_steps_through_none_and_the_model_and_back_to_the_file(tmp_path: Path) -> None:
-    async def scene(stage: Form) -> None:
+async def test_the_lobe_steps_through_none_and_the_model_and_back_to_the_file(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment(), size=ROOM) as stage:
         await stage.act(*["setup.next"] * LOBE)
         assert "55.0 um, measured" in stage.text and "as in the file → none yet → by the model" in stage.text
         await stage.act("setup.edit")
@@ -148,17 +144,13 @@ def test_the_lobe_steps_through_none_and_the_model_and_back_to_the_file(tmp_path
         await stage.act("setup.edit")
         assert stage.ui.work.job == experiment().job and not stage.ui.work.edited
 
-    play(scene, tmp_path, work=experiment(), size=ROOM)
 
-
-def test_what_the_lobe_depends_on_unsets_a_measured_one_and_says_so(tmp_path: Path) -> None:
-    async def scene(stage: Form) -> None:
-        assert stage.next_step == stage.ui.text("setup.next.lobe")
-        await stage.act(*["setup.next"] * LOBE)
-        assert "of another cut" in stage.text and "measured with" in stage.text
-
+async def test_what_the_lobe_depends_on_unsets_a_measured_one_and_says_so(tmp_path: Path) -> None:
     for key, typed in (("material", "steel"), ("overhang_mm", "40"), ("spindle_speed_rpm", "600"), ("jaws", "4")):
-        play(scene, tmp_path, work=edited(experiment(), key, typed), size=ROOM)
+        async with play(tmp_path, work=edited(experiment(), key, typed), size=ROOM) as stage:
+            assert stage.next_step == stage.ui.text("setup.next.lobe")
+            await stage.act(*["setup.next"] * LOBE)
+            assert "of another cut" in stage.text and "measured with" in stage.text
 
 
 def test_a_lobe_by_the_model_follows_the_part() -> None:
@@ -183,29 +175,26 @@ def test_a_bundled_lobe_by_the_model_is_that_of_its_file_again() -> None:
     assert lobe_choices(work) == ("model", "none")
 
 
-def test_an_own_job_is_saved_over_its_file_unless_that_has_changed(tmp_path: Path) -> None:
+async def test_an_own_job_is_saved_over_its_file_unless_that_has_changed(tmp_path: Path) -> None:
     folder = jobs_folder(tmp_path)
     path = folder / "ring.toml"
     folder.mkdir()
     save_job(experiment().job, path)
     work = edited(opened(load_job(str(path)), lathe()), "feed_mm_per_rev", "0.04")
-
-    async def scene(stage: Form) -> None:
+    async with play(tmp_path, work=work, size=ROOM) as stage:
         await stage.act("setup.save_as")
         assert "[ring " in stage.text and stage.next_step == stage.ui.text("setup.next.naming_over")
         await stage.act("setup.edit")
         assert stage.ui.work is not None and not stage.ui.work.edited
         assert load_job(str(path)).job.feed_mm_per_rev == 0.04
-
-    play(scene, tmp_path, work=work, size=ROOM)
     with pytest.raises(ProfileError) as raised:
         saved(work)
     assert raised.value.problems[0].code == "job.changed_elsewhere"
     assert load_job(str(path)).job.feed_mm_per_rev == 0.04
 
 
-def test_the_list_begins_a_new_job_and_copies_one_and_loses_nothing_silently(tmp_path: Path) -> None:
-    async def scene(stage: Jobs) -> None:
+async def test_the_list_begins_a_new_job_and_copies_one_and_loses_nothing_silently(tmp_path: Path) -> None:
+    async with on_page(Jobs, tmp_path, work=edited(experiment(), "jaws", "4"), size=ROOM) as stage:
         await stage.act("jobs.new")
         assert stage.codes == ["screen.edits_unsaved"] and stage.held == (False, True)
         await stage.act("jobs.new")
@@ -218,16 +207,12 @@ def test_the_list_begins_a_new_job_and_copies_one_and_loses_nothing_silently(tmp
         await stage.act("jobs.copy")
         assert stage.held == (False, True) and stage.ui.copying
 
-    play_on(Jobs, scene, tmp_path, work=edited(experiment(), "jaws", "4"), size=ROOM)
 
-
-def test_a_copy_asks_for_its_name_at_once(tmp_path: Path) -> None:
-    async def scene(stage: Form) -> None:
+async def test_a_copy_asks_for_its_name_at_once(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment(), size=ROOM) as stage:
         stage.ui.copying = True
         stage.page.show(stage.view)
         await stage.pilot.pause()
         assert stage.kind() is FieldKind.TEXT and "[lee-2001-experiment-1-2 " in stage.text
         await stage.act("setup.edit")
         assert stage.ui.work is not None and stage.ui.work.job.copied_from == "lee-2001-experiment-1"
-
-    play(scene, tmp_path, work=experiment(), size=ROOM)

@@ -20,7 +20,7 @@ from drivers.pmac.dialect import DIALECTS
 from profiles.problem import Problem
 from tests.console.floor import open_floor
 from tests.tui.machine_states import look_at
-from tests.tui.page_stage import READY, PageScene, play_on
+from tests.tui.page_stage import READY, PageScene, on_page
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, experiment
 
 UNPROVEN = replace(READY, simulated=False, uncommissioned=(Problem(code="stops.no_record", key="shop-3"),))
@@ -36,22 +36,18 @@ class Run(PageScene):
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_set_up_says_that_the_machine_may_not_cut_and_what_helps(language: str, tmp_path: Path) -> None:
-    async def scene(stage: Setup) -> None:
+async def test_set_up_says_that_the_machine_may_not_cut_and_what_helps(language: str, tmp_path: Path) -> None:
+    async with on_page(Setup, tmp_path, state=UNPROVEN, work=experiment(), language=language, size=ROOM) as stage:
         assert stage.next_step == stage.ui.text("setup.next.uncommissioned")
         assert "✗" in stage.text
         words = " ".join("".join(piece for piece, _ in row) for row in stage.page.in_full(stage.view, 200))
         assert "console doctor" in words and "--prove" in words
 
-    play_on(Setup, scene, tmp_path, state=UNPROVEN, work=experiment(), language=language, size=ROOM)
 
-
-def test_run_names_it_before_everything_else(tmp_path: Path) -> None:
-    async def scene(stage: Run) -> None:
-        assert stage.ui.text("run_page.check.commissioned") in stage.text
-
+async def test_run_names_it_before_everything_else(tmp_path: Path) -> None:
     state = replace(UNPROVEN, snapshot=look_at(frozenset(), tool=0.0, spindle=0.0, carriage=0.0))
-    play_on(Run, scene, tmp_path, state=state, work=experiment(), size=ROOM)
+    async with on_page(Run, tmp_path, state=state, work=experiment(), size=ROOM) as stage:
+        assert stage.ui.text("run_page.check.commissioned") in stage.text
 
 
 def test_the_machine_is_asked_when_it_is_verified(tmp_path: Path) -> None:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
-from collections.abc import Awaitable, Callable
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +21,7 @@ from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family
 from tests.tui import scope_stage
-from tests.tui.scenes import Scene, application, fill, fixed_world, machine, played, signed
+from tests.tui.scenes import Scene, console_on, fill, fixed_world, machine, signed
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import lathe
 from tests.tui.test_controller_page import Stage
@@ -37,23 +37,15 @@ class Moving(DirectSide):
         return self.sim.now_s()
 
 
-def play(
-    data: Path, scene: Callable[[Stage], Awaitable[None]], *, family: str = "pmac", state: StationState = READY
-) -> None:
+@asynccontextmanager
+async def play(data: Path, *, family: str = "pmac", state: StationState = READY) -> AsyncIterator[Stage]:
     side = Moving(of_family(lathe().machine, family))
     begun = Scene(page=PageName.SCOPE, state=state, work=signed(), side=side)
-
-    async def run() -> None:
-        app, control = application(begun, data)
-        clock = control.now_s
-        async with played(app, begun, (80, 24)) as pilot:
-            stage = Stage(app, pilot, control, side)
-            control.now_s = lambda: side.now_s() if gathers(stage) else clock()  # type: ignore[method-assign]
-            await scene(stage)
-        assert app.fault is None
-
     with fixed_world():
-        asyncio.run(run())
+        async with console_on(begun, data, filled=False) as (app, pilot, control):
+            stage, clock = Stage(app, pilot, control, side), control.now_s
+            control.now_s = lambda: side.now_s() if gathers(stage) else clock()  # type: ignore[method-assign]
+            yield stage
 
 
 def gathers(stage: Stage) -> bool:
@@ -63,8 +55,8 @@ def gathers(stage: Stage) -> bool:
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("family", ["pmac", "turbo"])
-def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         stage.side.client.request("#1J/ #2J/")
         shown = await stage.press("g")
         assert "Tool cmd mm" in shown and stage.codes == []
@@ -72,8 +64,6 @@ def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp
         assert stage.codes == ["screen.scope_kept"]
         await stage.press("o", "enter")
         assert stage.codes == []
-
-    play(tmp_path, scene, family=family)
     (path,) = records_of(tmp_path)
     head = path.read_text(encoding="utf-8").splitlines()[4]
     assert head == "time [s],tool.commanded [m],tool.actual [m],tool.following_error [m],spindle.actual [rad]"
@@ -81,8 +71,9 @@ def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp
     assert found.times_s[-1] == pytest.approx(0.5, abs=0.002) and np.ptp(found.values[ANGLE]) < 1e-6
 
 
-def test_cursors_read_what_the_file_says_and_the_angle_averages_the_turns(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_cursors_read_what_the_file_says_and_the_angle_averages_the_turns(tmp_path: Path) -> None:
+    fill(tmp_path)
+    async with play(tmp_path) as stage:
         shown = await stage.press("o", "enter", "n", "n")
         times = re.search(r"time s +([\d.-]+) +([\d.-]+) +([\d.-]+)", shown)
         assert times is not None
@@ -97,9 +88,6 @@ def test_cursors_read_what_the_file_says_and_the_angle_averages_the_turns(tmp_pa
         assert "mean" in shown and "of 5.0 turns" in shown
         await stage.press("tab", "right", "pagedown")
         assert "▶B" in await stage.press()
-
-    fill(tmp_path)
-    play(tmp_path, scene)
 
 
 def test_the_mean_over_the_angle_and_its_spread_are_those_of_the_turns() -> None:
@@ -127,15 +115,13 @@ def test_the_mean_over_the_angle_and_its_spread_are_those_of_the_turns() -> None
         (READY, "v", "screen.no_record_yet"),
     ],
 )
-def test_what_cannot_be_done_says_why(state: StationState, key: str, code: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_what_cannot_be_done_says_why(state: StationState, key: str, code: str, tmp_path: Path) -> None:
+    async with play(tmp_path, state=state) as stage:
         await stage.pilot.press(key)
         assert stage.codes == [code]
 
-    play(tmp_path, scene, state=state)
 
-
-def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
+async def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
     folder = tmp_path / "scope"
     folder.mkdir()
     text = record_text(scope_stage.record())
@@ -149,21 +135,17 @@ def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
         assert refused.value.problems[0].code == "scope.unreadable" and path.name in str(refused.value)
     last = text[: len(text) // 2].count("\n") + 1
     assert refused.value.problems[0].value == f"damaged or cut short at line: {last}"
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.press("o", "enter")
         assert stage.codes == ["scope.unreadable"]
 
-    play(tmp_path, scene)
 
-
-def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(tmp_path: Path) -> None:
+async def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(tmp_path: Path) -> None:
     folder = tmp_path / "scope"
     folder.mkdir()
     for number in range(30):
         (folder / f"lathe-202601{number:02d}.csv").write_text(record_text(scope_stage.record()), encoding="utf-8")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "Nothing gathered" in await stage.press() and "mm, um, ° over s" in await stage.press()
         assert "g gather" in await stage.press()
         shown = await stage.press("o")
@@ -172,8 +154,6 @@ def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(tmp_pat
             assert f"▶ lathe-202601{number:02d}.csv" in await stage.press(key), key
         shown = await stage.press("o")
         assert "g gather" in shown and "▶ lathe" not in shown
-
-    play(tmp_path, scene)
 
 
 def test_one_to_six_channels_are_gathered() -> None:

@@ -22,7 +22,7 @@ from console.tui.pages.setup_lines import finding_lines, speed_lines
 from profiles.findings import Severity
 from profiles.rules import check
 from profiles.store import load_job
-from tests.tui.page_stage import READY, PageScene, play_on
+from tests.tui.page_stage import READY, PageScene, on_page
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, experiment
 
 ROOMS = [(width, height - FRAME_ROWS) for width, height in (*SIZES, (60, 18))]
@@ -42,16 +42,16 @@ class Stage(PageScene):
         return self.page.field
 
 
-play = partial(play_on, Stage)
+play = partial(on_page, Stage)
 
 
 @pytest.mark.first(4)
 @pytest.mark.parametrize("size", ROOMS)
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_the_values_stand_in_the_room_with_their_units(
+async def test_the_values_stand_in_the_room_with_their_units(
     size: tuple[int, int], language: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=experiment(), language=language, size=size) as stage:
         rows = stage.text.splitlines()
         assert all(cell_len(row) <= size[0] for row in rows)
         assert len(rows) <= size[1]
@@ -65,47 +65,38 @@ def test_the_values_stand_in_the_room_with_their_units(
         hold = stage.ui.text("setup.hold", count=22, total=22)[:10]
         assert (hold if size != ROOMS[-1] else "…") in stage.text
 
-    play(scene, tmp_path, work=experiment(), language=language, size=size)
 
-
-def test_the_grip_at_speed_is_that_of_the_standard(tmp_path: Path) -> None:
+async def test_the_grip_at_speed_is_that_of_the_standard(tmp_path: Path) -> None:
     """VDI 3106 by hand: F_sp0 / S_sp less the sum of m r omega^2 over the jaws."""
     work = experiment()
     chuck = work.machine.machine.chuck
     omega = 1000.0 * 2.0 * 3.141592653589793 / 60.0
     loss_n = 3 * chuck.jaw_mass_kg * chuck.jaw_radius_mm / 1000.0 * omega**2
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         assert f"{loss_n:.1f} N" in stage.text
         assert f"{1314.0 / chuck.safety_factor - loss_n:.1f} N" in stage.text
         assert "50.0 Hz" in stage.text
 
-    play(scene, tmp_path, work=work)
 
-
-def test_without_a_job_the_way_to_one_is_shown(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_without_a_job_the_way_to_one_is_shown(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         assert "No job is open" in stage.text
         await stage.act("setup.edit", "setup.next", "setup.save_as", "setup.undo")
         assert stage.kind() is FieldKind.NONE
         assert stage.codes == ["screen.no_job"]
         assert "1" in stage.next_step
 
-    play(scene, tmp_path)
-
 
 @pytest.mark.parametrize(
     ("typed", "said"),
     [("400", "✗ below window"), ("1970", "force window ✓"), ("621", "force window ✓"), ("1971", "✗ above window")],
 )
-def test_where_a_force_stands_is_seen_while_it_is_typed(tmp_path: Path, typed: str, said: str) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_where_a_force_stands_is_seen_while_it_is_typed(tmp_path: Path, typed: str, said: str) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type(typed)
         assert said in stage.text
         assert stage.ui.work is not None and stage.ui.work.job.chucking_force_n == 1314.0
-
-    play(scene, tmp_path, work=experiment())
 
 
 def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothing() -> None:
@@ -119,8 +110,8 @@ def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothin
     assert "wrench" not in words[None]
 
 
-def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         assert stage.kind() is FieldKind.NUMBER
         await stage.type("7000")
@@ -134,27 +125,23 @@ def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_p
         assert "edited, not saved" in stage.text
         assert "2 rules refuse" in stage.next_step
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type("1400")
         assert "! force, total = 1400 N, but" in stage.text
         assert "21 of 22 rules passed" in stage.text
-
-    play(scene, tmp_path, work=experiment())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize(
     ("typed", "code"), [("1,314", "value.ambiguous"), ("0", "value.out_of_range"), ("-", "value.not_number")]
 )
-def test_what_does_not_parse_is_not_taken_and_not_lost(
+async def test_what_does_not_parse_is_not_taken_and_not_lost(
     typed: str, code: str, language: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=experiment(), language=language) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type(typed)
         assert "✗ " + stage.ui.text("setup.refused") in stage.text
@@ -166,12 +153,10 @@ def test_what_does_not_parse_is_not_taken_and_not_lost(
             assert f"[{typed} " in stage.text
         assert stage.ui.work == experiment()
 
-    play(scene, tmp_path, work=experiment(), language=language)
-
 
 @pytest.mark.parametrize("typed", ["1a2e3", "1e3", "1e3x7", "13!"])
-def test_a_letter_in_a_number_refuses_the_entry_and_is_not_left_out(tmp_path: Path, typed: str) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_letter_in_a_number_refuses_the_entry_and_is_not_left_out(tmp_path: Path, typed: str) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type(typed)
         assert f"[{typed} " in stage.text and "✗ refused" in stage.text
@@ -180,13 +165,10 @@ def test_a_letter_in_a_number_refuses_the_entry_and_is_not_left_out(tmp_path: Pa
         assert stage.ui.said[0].value == f'"{typed}"'
         assert stage.ui.work == experiment()
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_keys_that_come_in_one_piece_are_all_in_the_value(tmp_path: Path) -> None:
+async def test_keys_that_come_in_one_piece_are_all_in_the_value(tmp_path: Path) -> None:
     """A slow line delivers the digits and Enter at once; no digit may come after the end of the entry."""
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         from textual.events import Key
 
@@ -197,11 +179,9 @@ def test_keys_that_come_in_one_piece_are_all_in_the_value(tmp_path: Path) -> Non
         assert stage.ui.work is not None
         assert stage.ui.work.job.chucking_force_n == 1350.0
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act("setup.edit")
         assert stage.kind() is FieldKind.TEXT
         await stage.type("Steel 45")
@@ -218,11 +198,9 @@ def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
         await stage.act("setup.undo")
         assert stage.codes == ["screen.nothing_to_undo"]
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * 20, "setup.previous", "setup.edit")
         await stage.type("4")
         await stage.act("setup.next")
@@ -230,11 +208,9 @@ def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
         assert stage.ui.work is not None
         assert stage.ui.work.job.diameter_tolerance_um == 4.0
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.pilot.press("delete")
         assert "keeps 1314.0 N" in stage.text
@@ -243,16 +219,14 @@ def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
         assert not stage.ui.work.edited
         assert stage.kind() is FieldKind.NONE
 
-    play(scene, tmp_path, work=experiment())
-
 
 @pytest.mark.parametrize(
     ("typed", "force_n", "codes"), [("1350", 1350.0, []), ("1,350", 1314.0, ["screen.entry_dropped"])]
 )
-def test_leaving_takes_a_good_value_and_says_which_one_it_drops(
+async def test_leaving_takes_a_good_value_and_says_which_one_it_drops(
     typed: str, force_n: float, codes: list[str], tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type(typed)
         stage.page.leave()
@@ -260,8 +234,6 @@ def test_leaving_takes_a_good_value_and_says_which_one_it_drops(
         assert stage.ui.work is not None
         assert stage.ui.work.job.chucking_force_n == force_n
         assert stage.codes == codes
-
-    play(scene, tmp_path, work=experiment())
 
 
 def armed() -> Any:
@@ -276,8 +248,8 @@ def armed() -> Any:
         (replace(READY, armed=armed()), "screen.locked_armed"),
     ],
 )
-def test_values_are_locked_while_they_matter(state: StationState, code: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_values_are_locked_while_they_matter(state: StationState, code: str, tmp_path: Path) -> None:
+    async with play(tmp_path, work=edited(experiment(), "jaws", "4"), state=state) as stage:
         before = stage.ui.work
         for action in ("setup.edit", "setup.undo", "setup.save_as"):
             stage.ui.said = ()
@@ -288,11 +260,9 @@ def test_values_are_locked_while_they_matter(state: StationState, code: str, tmp
         assert stage.ui.work is before
         assert "locked" in stage.text
 
-    play(scene, tmp_path, work=edited(experiment(), "jaws", "4"), state=state)
 
-
-def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type("1350")
         stage.control.state = replace(READY, activity=Activity.HOMING)
@@ -301,8 +271,6 @@ def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path
         assert stage.codes == ["screen.entry_dropped"]
         assert stage.ui.work is not None
         assert not stage.ui.work.edited
-
-    play(scene, tmp_path, work=experiment())
 
 
 @pytest.mark.parametrize(
@@ -313,10 +281,10 @@ def test_an_open_entry_is_dropped_when_the_machine_begins_to_move(tmp_path: Path
         (4, "6", "lobe: 3", "lobe measured at 3, not at this"),
     ],
 )
-def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
+async def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
     tmp_path: Path, place: int, typed: str, beside: str, below: str
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=experiment(), size=ROOMS[-2]) as stage:
         assert "measured at" in stage.text
         await stage.act(*["setup.next"] * place, "setup.edit")
         await stage.type(typed)
@@ -329,11 +297,9 @@ def test_a_changed_condition_of_the_measured_lobe_says_so_at_its_field(
         await stage.act("setup.undo")
         assert "measured at" in stage.text and beside not in stage.text
 
-    play(scene, tmp_path, work=experiment(), size=ROOMS[-2])
 
-
-def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> None:
+    async with play(tmp_path, work=edited(experiment(), "jaws", "4")) as stage:
         await stage.act("setup.save_as")
         assert stage.kind() is FieldKind.TEXT
         assert "[lee-2001-experiment-1-2 " in stage.text
@@ -350,11 +316,9 @@ def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path) -> N
         assert stage.ui.work.job.name == "my r"
         assert stage.ui.work.job.jaws == 4
 
-    play(scene, tmp_path, work=edited(experiment(), "jaws", "4"))
 
-
-def test_nothing_is_saved_without_a_name(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_nothing_is_saved_without_a_name(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act("setup.save_as")
         await stage.pilot.press("delete")
         await stage.act("setup.edit")
@@ -364,22 +328,18 @@ def test_nothing_is_saved_without_a_name(tmp_path: Path) -> None:
         assert stage.codes == ["screen.not_saved"]
         assert not jobs_folder(tmp_path).exists()
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_a_disk_that_refuses_is_said_and_the_name_stays(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_disk_that_refuses_is_said_and_the_name_stays(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act("setup.save_as")
         (tmp_path / "jobs").write_text("a file where the folder should be")
         await stage.act("setup.edit")
         assert stage.codes == ["file.not_writable"]
         assert stage.kind() is FieldKind.TEXT
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_the_entry_lies_over_its_brackets_after_the_terminal_has_changed(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_the_entry_lies_over_its_brackets_after_the_terminal_has_changed(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
         await stage.type("777")
         for size in ((100, 24), (60, 12), (160, 42), (80, 18)):
@@ -388,22 +348,19 @@ def test_the_entry_lies_over_its_brackets_after_the_terminal_has_changed(tmp_pat
             await stage.pilot.pause()
             assert "[777       ]" in stage.text
 
-    play(scene, tmp_path, work=experiment())
 
-
-def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         await stage.act("setup.edit")
         for size in ((1, 1), (10, 3), (30, 5)):
             await stage.pilot.resize_terminal(*size)
             await stage.act("setup.next", "setup.save_as")
 
-    play(scene, tmp_path, work=experiment())
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment(), language=language) as stage:
+
         def fits() -> bool:
             return 0 < width_of(stage.page.next_step(stage.view)) <= 78
 
@@ -419,8 +376,6 @@ def test_every_next_step_stands_in_its_row(language: str, tmp_path: Path) -> Non
         await stage.act("setup.edit")
         assert fits()
 
-    play(scene, tmp_path, work=experiment(), language=language)
-
 
 def test_rules_that_have_no_room_are_counted() -> None:
     """22 rules and 9 rows: one says how many hold, seven are named, one says how many more there are."""
@@ -433,8 +388,6 @@ def test_rules_that_have_no_room_are_counted() -> None:
     assert "more passed" not in plain(finding_lines(findings, load("en"), 40, 23))
 
 
-def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:
+    async with play(tmp_path, work=experiment()) as stage:
         assert "a material of at most 80 characters" in stage.text
-
-    play(scene, tmp_path, work=experiment())

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import asyncio
 import random
 from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 
 import pytest
@@ -15,7 +15,7 @@ from console.text.catalogue import load
 from console.tui.app import ConsoleApp
 from console.tui.keymap import PageName, actions_of
 from console.tui.layout import SMALLEST
-from tests.tui.scenes import application, fill, played, rows_of, scene_of, settle
+from tests.tui.scenes import console_on, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl
 
 Size = tuple[int, int]
@@ -27,19 +27,11 @@ STORM = 12
 """Sizes that each page goes through: others on each of them."""
 
 
-def play(page: PageName, act: Act, data: Path, *, size: Size = USUAL, language: str = "en") -> ConsoleApp:
-    """Go to a page in its scene, and act there."""
-    scene = scene_of(page)
-    fill(data)
-    app, control = application(scene, data, language=language)
-
-    async def run() -> None:
-        async with played(app, scene, size) as pilot:
-            await act(app, pilot, control)
-
-    asyncio.run(run())
-    assert app.fault is None
-    return app
+def play(
+    page: PageName, data: Path, *, size: Size = USUAL, language: str = "en"
+) -> AbstractAsyncContextManager[tuple[ConsoleApp, Pilot[None], FixedControl]]:
+    """Go to a page in its scene."""
+    return console_on(scene_of(page), data, size, language=language)
 
 
 async def resize(app: ConsoleApp, pilot: Pilot[None], size: Size) -> None:
@@ -48,12 +40,11 @@ async def resize(app: ConsoleApp, pilot: Pilot[None], size: Size) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_terminal_that_is_too_small_says_what_it_needs(language: str, tmp_path: Path) -> None:
+async def test_a_terminal_that_is_too_small_says_what_it_needs(language: str, tmp_path: Path) -> None:
     """In a few rows the size comes first."""
     text = load(language)
     target = [*text("small.title").split(), *text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()]
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(PageName.RUN, tmp_path, language=language) as (app, pilot, _):
         for size in ((59, 24), (80, 17), (40, 5)):
             await resize(app, pilot, size)
             assert " ".join(rows_of(app)).split() == target, size
@@ -62,11 +53,9 @@ def test_a_terminal_that_is_too_small_says_what_it_needs(language: str, tmp_path
         assert rows[0].startswith(" SIM ")
         assert "60 x 18" in "\n".join(rows)
 
-    play(PageName.RUN, act, tmp_path, language=language)
 
-
-def test_space_stops_there(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_space_stops_there(tmp_path: Path) -> None:
+    async with play(PageName.RUN, tmp_path) as (app, pilot, control):
         for size in TOO_SMALL:
             await resize(app, pilot, size)
             control.stops, control.kills = [], []
@@ -76,18 +65,17 @@ def test_space_stops_there(tmp_path: Path) -> None:
             await pilot.press("f9")
             assert len(control.kills) == 1, size
 
-    play(PageName.RUN, act, tmp_path)
-
 
 WITH_KEYS = (PageName.ALIGN, PageName.RUN, PageName.INSPECT)
 
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("page", WITH_KEYS)
-def test_no_other_key_does_anything_and_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
+async def test_no_other_key_does_anything_and_growing_again_brings_the_page_back(
+    page: PageName, tmp_path: Path
+) -> None:
     keys = [action.keys[0] for action in actions_of(page)]
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(page, tmp_path) as (app, pilot, control):
         # The page of a cut is there with a machine at rest: a key that means nothing would stop it else.
         control.state = scene_of(PageName.JOBS).state
         await resize(app, pilot, USUAL)
@@ -100,34 +88,29 @@ def test_no_other_key_does_anything_and_growing_again_brings_the_page_back(page:
             await resize(app, pilot, USUAL)
             assert rows_of(app) == before, size
 
-    play(page, act, tmp_path)
 
-
-def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None:
+    async with play(PageName.RUN, tmp_path) as (app, pilot, control):
         assert control.state.activity is Activity.CUTTING
         await resize(app, pilot, (40, 10))
         await pilot.press("f6", "1")
         assert control.stops == ["unbound F6", "unbound 1"]
         assert control.orders == []
 
-    play(PageName.RUN, act, tmp_path)
-
 
 @pytest.mark.parametrize("size", [TOO_SMALL[0], TOO_SMALL[-1]])
-def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+async def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
+    async with play(PageName.INSPECT, tmp_path) as (app, pilot, _):
         await resize(app, pilot, size)
         await pilot.press("ctrl+q")
         await pilot.pause()
-
-    assert play(PageName.INSPECT, act, tmp_path).return_code == 0
+    assert app.return_code == 0
 
 
 @pytest.mark.first(3)
 @pytest.mark.parametrize("page", sorted({*PageName} - {*WITH_KEYS}))
-def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+async def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
+    async with play(page, tmp_path) as (app, pilot, _):
         before = rows_of(app)
         for size in (TOO_SMALL[0], TOO_SMALL[-1]):  # those above have all
             await resize(app, pilot, size)
@@ -135,17 +118,13 @@ def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> N
             await resize(app, pilot, USUAL)
             assert rows_of(app) == before, size
 
-    play(page, act, tmp_path)
-
 
 @pytest.mark.parametrize("size", TOO_SMALL)
-def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+async def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) -> None:
+    async with play(PageName.JOBS, tmp_path, size=size) as (app, pilot, _):
         await resize(app, pilot, USUAL)
         assert rows_of(app)[0].startswith(" SIM   lee-2001-lathe")
         assert "lee-2001-experiment-1" in "\n".join(rows_of(app))
-
-    play(PageName.JOBS, act, tmp_path, size=size)
 
 
 @pytest.mark.first(1)
@@ -156,11 +135,10 @@ def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) ->
         for page in PageName
     ],
 )
-def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None:
+async def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None:
     chance = random.Random(page)
     sizes = [(1, 1), *((chance.randint(1, 200), chance.randint(1, 60)) for _ in range(STORM - 2)), (1, 1)]
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(page, tmp_path) as (app, pilot, _):
         before = rows_of(app)
         for size in sizes:
             await pilot.resize_terminal(*size)
@@ -168,5 +146,3 @@ def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None
         await resize(app, pilot, USUAL)
         assert rows_of(app) == before
         assert app.ui.said == ()
-
-    play(page, act, tmp_path)

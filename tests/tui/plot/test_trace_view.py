@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Sequence
 from typing import Any, Self
@@ -116,62 +115,50 @@ def test_every_size_is_filled(size: tuple[int, int]) -> None:
     assert [len(row) for row in rows] == [size[0]] * size[1]
 
 
-def test_only_changed_spans_are_drawn_again() -> None:
-    async def scenario() -> None:
-        app = Page()
-        async with app.run_test(size=(100, 20)) as pilot:
+async def test_only_changed_spans_are_drawn_again() -> None:
+    app = Page()
+    async with app.run_test(size=(100, 20)) as pilot:
+        app.show([harmonic()])
+        await pilot.pause()
+        before = lines(app.trace)
+        app.trace.asked.clear()
+        app.show([harmonic()])
+        assert app.trace.asked == []
+        bent = np.array(harmonic().y)
+        bent[170:180] += 10.0
+        app.show([Series(x=ANGLE_DEG, y=bent, token=Token.AFTER)])
+        after = lines(app.trace)
+        await pilot.pause()
+        changed = {(x, y) for y in range(len(after)) for x in range(len(after[y])) if after[y][x] != before[y][x]}
+        asked = {(x, y) for region in app.trace.asked for x in region.column_range for y in region.line_range}
+        assert changed and changed <= asked
+        assert len(asked) < 0.2 * 50 * 20
+        assert max(x for x, _ in asked) < 40
+
+
+async def test_the_last_data_fill_every_new_size() -> None:
+    app = Page()
+    async with app.run_test(size=(80, 24)) as pilot:
+        app.show([harmonic()])
+        for size in ((80, 24), (20, 3), (2, 1), (161, 49), (1, 1), (7, 30), (80, 24)):
+            await pilot.resize_terminal(*size)
+            app.show([harmonic(5.0)])
             app.show([harmonic()])
             await pilot.pause()
-            before = lines(app.trace)
-            app.trace.asked.clear()
-            app.show([harmonic()])
-            assert app.trace.asked == []
-            bent = np.array(harmonic().y)
-            bent[170:180] += 10.0
-            app.show([Series(x=ANGLE_DEG, y=bent, token=Token.AFTER)])
-            after = lines(app.trace)
-            await pilot.pause()
-            changed = {
-                (x, y) for y in range(len(after)) for x in range(len(after[y])) if after[y][x] != before[y][x]
-            }
-            asked = {(x, y) for region in app.trace.asked for x in region.column_range for y in region.line_range}
-            assert changed and changed <= asked
-            assert len(asked) < 0.2 * 50 * 20
-            assert max(x for x, _ in asked) < 40
-
-    asyncio.run(scenario())
-
-
-def test_the_last_data_fill_every_new_size() -> None:
-    async def scenario() -> None:
-        app = Page()
-        async with app.run_test(size=(80, 24)) as pilot:
-            app.show([harmonic()])
-            for size in ((80, 24), (20, 3), (2, 1), (161, 49), (1, 1), (7, 30), (80, 24)):
-                await pilot.resize_terminal(*size)
-                app.show([harmonic(5.0)])
-                app.show([harmonic()])
-                await pilot.pause()
-                for view in (app.trace, app.polar):
-                    assert all(len(row) == view.size.width for row in lines(view))
-            assert lines(app.trace) == trace_cells(picture(harmonic()), 40, 24).text_rows()
-
-    asyncio.run(scenario())
+            for view in (app.trace, app.polar):
+                assert all(len(row) == view.size.width for row in lines(view))
+        assert lines(app.trace) == trace_cells(picture(harmonic()), 40, 24).text_rows()
 
 
 @pytest.mark.parametrize("palette", [COLOUR, MONO], ids=["colour", "mono"])
-def test_plots_survive_a_terminal_without_colour(monkeypatch: pytest.MonkeyPatch, palette: Palette) -> None:
+async def test_plots_survive_a_terminal_without_colour(monkeypatch: pytest.MonkeyPatch, palette: Palette) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
-
-    async def scenario() -> None:
-        app = Page(palette)
-        async with app.run_test(size=(80, 24)) as pilot:
-            for shift_deg in (0.0, 10.0, 20.0):
-                app.show([harmonic(shift_deg)])
-                await pilot.pause()
-            assert any("um" in row for row in lines(app.trace))
-
-    asyncio.run(scenario())
+    app = Page(palette)
+    async with app.run_test(size=(80, 24)) as pilot:
+        for shift_deg in (0.0, 10.0, 20.0):
+            app.show([harmonic(shift_deg)])
+            await pilot.pause()
+        assert any("um" in row for row in lines(app.trace))
 
 
 def test_plots_take_no_focus_and_keep_their_own_copy() -> None:
