@@ -6,7 +6,7 @@ import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cache
@@ -29,6 +29,7 @@ from console.session.learning.learning_steps import taught_by
 from console.session.learning.part_learning import PartLearning
 from console.session.station.alarms import FAULT, Alarms, Priority, cleared, raised
 from console.session.station.alarms import seen as seen_alarms
+from console.session.station.commands import Command
 from console.session.station.history.alarm_history import Instant
 from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.session.station.progress import AxisToGo, CutPhase, CutProgress, CutStage, PhaseLeft, Synchronisation
@@ -56,6 +57,7 @@ from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
 from tests.record_clock import set_dates
 from tests.tui import calibrate_stage, records_stage, scope_stage, tune_stage
+from tests.tui.page_stage import run_apart
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
@@ -407,6 +409,51 @@ async def console_on(
     async with played(app, scene, size) as pilot:
         yield app, pilot, control
     assert app.fault is None
+
+
+def console_at(
+    data: Path, page: PageName, state: StationState, *keys: str, **given: Any
+) -> AbstractAsyncContextManager[tuple[ConsoleApp, Pilot[None], FixedControl]]:
+    """Run the console on a page with the machine in a state and experiment 1 open, some keys pressed already."""
+    return console_on(Scene(page=page, state=state, work=experiment(), keys=keys), data, **given)
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """The console after some presses; `answers` has the codes after each."""
+
+    app: ConsoleApp
+    control: FixedControl
+    answers: list[str]
+
+    @property
+    def orders(self) -> list[Command]:
+        return self.control.orders
+
+    @property
+    def said(self) -> list[str]:
+        return [problem.code for problem in self.app.ui.said]
+
+
+def pressed(
+    data: Path, now: StationState, page: PageName, *presses: tuple[float, str], settles_s: float = 0.0
+) -> Pressed:
+    """Press keys at these times, s after the first look; then let some time pass."""
+    answers = list[str]()
+
+    async def run() -> Pressed:
+        async with console_at(data, page, now) as (app, pilot, control):
+            for after_s, key in presses:
+                control.at(100.0 + after_s)
+                await pilot.press(key)
+                await pilot.pause()
+                answers.append(" ".join(problem.code for problem in app.ui.said))
+            if settles_s:
+                control.at(control.now_s() + settles_s)
+                app.tick()
+        return Pressed(app, control, answers)
+
+    return run_apart(run)
 
 
 async def settle(app: ConsoleApp, pilot: Pilot[None]) -> None:

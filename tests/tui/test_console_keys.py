@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import asyncio
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from textual import events
 from textual.widgets import Input
 
 from console.session.cut.alignment import Alignment
 from console.session.data.kept_files import jobs_folder
-from console.session.station.commands import Adjust, Command, Home
+from console.session.station.commands import Adjust, Home, Jog
 from console.session.station.state import Activity, StationState, StopState
 from console.tui.align.jog_presses import SURE_S
 from console.tui.app import ConsoleApp
@@ -23,46 +25,15 @@ from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.scenes import Scene, application, fill, played, rows_of
+from tests.tui.scenes import Scene, application, console_at, fill, played, rows_of
+from tests.tui.scenes import pressed as pressed_at
 from tests.tui.stage import FixedControl, experiment
 
 HOMING = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
 LEFT = run_stage.state(snapshot=run_stage.look(tool=run_stage.SURFACE_COUNTS), cut=run_stage.cut())
 
 
-class Console:
-    """The whole console with fixed states: what was ordered, and what the last key was answered."""
-
-    def __init__(self, app: ConsoleApp, control: FixedControl) -> None:
-        self.app, self.control = app, control
-
-    @property
-    def orders(self) -> list[Command]:
-        return self.control.orders
-
-    @property
-    def said(self) -> list[str]:
-        return [problem.code for problem in self.app.ui.said]
-
-
-def pressed(data: Path, now: StationState, page: PageName, *presses: tuple[float, str]) -> Console:
-    """Press keys at these times, s after the first look."""
-    fill(data)
-    scene = Scene(page=page, state=now, work=experiment())
-    app, control = application(scene, data)
-
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            for after_s, key in presses:
-                control.at(100.0 + after_s)
-                await pilot.press(key)
-                await pilot.pause()
-            control.at(control.now_s() + SURE_S)  # a press that may be a terminal's repeat is decided then
-            app.tick()
-
-    asyncio.run(run())
-    assert app.fault is None
-    return Console(app, control)
+pressed = partial(pressed_at, settles_s=SURE_S)  # a press that may be a terminal's repeat is decided then
 
 
 def test_what_is_done_once_is_what_orders_or_takes_something() -> None:
@@ -181,11 +152,8 @@ def test_an_answer_goes_with_the_state_that_it_speaks_of(
 
 
 async def test_nothing_is_armed_does_not_stay_beside_armed(tmp_path: Path) -> None:
-    fill(tmp_path)
-    scene = Scene(page=PageName.RUN, state=run_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
     rows: list[str] = []
-    async with played(app, scene, (80, 24)) as pilot:
+    async with console_at(tmp_path, PageName.RUN, run_stage.state()) as (app, pilot, control):
         await pilot.press("f6")
         for now in (run_stage.state(), run_stage.state(armed=run_stage.armed())):
             control.state = now
@@ -218,21 +186,15 @@ def test_escape_without_a_list_is_a_stop_at_rest(tmp_path: Path) -> None:
 
 async def test_a_character_whose_field_is_closed_meanwhile_shows_no_page(tmp_path: Path) -> None:
     """It was not held back, as it was for a field; so it does nothing else."""
-    fill(tmp_path)
-    scene = Scene(page=PageName.SETUP, state=align_stage.state(), work=experiment())
-    app, _ = application(scene, tmp_path)
-    async with played(app, scene, (80, 24)) as pilot:
+    async with console_at(tmp_path, PageName.SETUP, align_stage.state()) as (app, pilot, _):
         app.post_message(Written("4", "4"))
         await pilot.pause()
     assert (app._page, [problem.code for problem in app.ui.said]) == (PageName.SETUP, ["screen.entry_over"])
 
 
 async def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
-    fill(tmp_path)
-    scene = Scene(page=PageName.SETUP, state=align_stage.state(), work=experiment(), keys=("down", "enter"))
-    app, _ = application(scene, tmp_path)
     written: list[str] = []
-    async with played(app, scene, (80, 24)) as pilot:
+    async with console_at(tmp_path, PageName.SETUP, align_stage.state(), "down", "enter") as (app, pilot, _):
         app.post_message(Written("4", "4"))
         await pilot.pause()
         written.append(app.query_one("SetupPage Input", Input).value)
@@ -325,9 +287,7 @@ async def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
         (jobs_folder(tmp_path) / f"flange-{number}.toml").write_text(
             source.replace("ring-52", f"flange-{number}"), encoding="utf-8"
         )
-    scene = Scene(page=PageName.JOBS, state=align_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
-    async with played(app, scene, (80, 24)) as pilot:
+    async with console_at(tmp_path, PageName.JOBS, align_stage.state()) as (app, pilot, control):
         await pilot.press("slash", "1", "3", "7", "enter")
         await pilot.pause()
     assert app.fault is None and control.stops == []
@@ -338,10 +298,8 @@ async def test_any_of_many_jobs_is_opened_in_five_keys(tmp_path: Path) -> None:
 async def test_a_held_d_deletes_nothing(tmp_path: Path) -> None:
     fill(tmp_path)
     path = jobs_folder(tmp_path) / "ring-52.toml"
-    scene = Scene(page=PageName.JOBS, state=align_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
     there: list[bool] = []
-    async with played(app, scene, (80, 24)) as pilot:
+    async with console_at(tmp_path, PageName.JOBS, align_stage.state()) as (_app, pilot, control):
         await pilot.press("down", "down")
         for after_s in (0.0, 0.1, 0.2, 0.9, 2.0):
             control.at(100.0 + after_s)
@@ -349,3 +307,122 @@ async def test_a_held_d_deletes_nothing(tmp_path: Path) -> None:
             await pilot.pause()
             there.append(path.exists())
     assert there == [True, True, True, True, False]
+
+
+# Steps of a jog key that wait, on the whole console: made one after the other, dropped by anything else.
+
+
+@dataclass(frozen=True)
+class Jogged:
+    """The console after some presses, and how many commands there were after each."""
+
+    app: ConsoleApp
+    control: FixedControl
+    orders: list[int]
+
+
+def jogged(tmp_path: Path, *presses: tuple[float, str, StationState]) -> Jogged:
+    """Press keys at these times, each in a state of the machine; look after each, and once without a key."""
+    fill(tmp_path)
+    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
+    app, control = application(scene, tmp_path)
+    control.arrives = False
+    orders: list[int] = []
+
+    async def run() -> None:
+        async with played(app, scene, (80, 24)) as pilot:
+            for at_s, key, now in presses:
+                control.at(at_s)
+                control.state = now
+                if key:  # at this moment, whatever tick is pending
+                    written = {"space": " "}.get(key, key if len(key) == 1 else None)
+                    await app.on_event(events.Key(key, written))
+                app.tick()
+                await pilot.pause()
+                orders.append(len(control.orders))
+
+    asyncio.run(run())
+    return Jogged(app=app, control=control, orders=orders)
+
+
+AT_REST, UNDER_WAY = align_stage.state(), align_stage.state(activity=Activity.JOGGING)
+ONE_MADE, TWO_MADE = (replace(AT_REST, jogs=n) for n in (1, 2))
+THREE_PRESSES = (
+    (100.0, "j", AT_REST),
+    (100.1, "right", AT_REST),
+    (100.3, "right", UNDER_WAY),
+    (100.45, "right", UNDER_WAY),
+)
+"""The first one starts a step; the others come while it is under way."""
+
+
+def test_presses_in_motion_wait_and_are_made_one_after_the_other(tmp_path: Path) -> None:
+    console = jogged(
+        tmp_path,
+        *THREE_PRESSES,
+        (100.7, "", UNDER_WAY),
+        (100.8, "", ONE_MADE),
+        (100.9, "", replace(UNDER_WAY, jogs=1)),
+        (101.2, "", TWO_MADE),
+    )
+    assert console.orders == [0, 1, 1, 1, 1, 2, 2, 3]
+    assert console.app.ui.said == ()
+
+
+@pytest.mark.parametrize(
+    ("key", "state", "reason"),
+    [
+        ("left", UNDER_WAY, ["change ←"]),
+        ("left", ONE_MADE, ["change ←"]),  # between two steps, at rest
+        ("up", ONE_MADE, ["change ↑"]),
+        ("z", ONE_MADE, ["unbound z"]),
+        ("space", ONE_MADE, ["space"]),
+        ("+", ONE_MADE, ["change +"]),
+        ("5", ONE_MADE, ["page"]),
+        # No stop, but a key that asks for something else.
+        ("w", UNDER_WAY, []),
+        ("k", UNDER_WAY, []),
+        ("j", UNDER_WAY, []),
+    ],
+)
+@pytest.mark.first(3)
+def test_any_other_key_drops_the_steps_that_wait(
+    key: str, state: StationState, reason: list[str], tmp_path: Path
+) -> None:
+    console = jogged(
+        tmp_path,
+        *THREE_PRESSES,
+        (100.7, key, state),
+        (100.8, "", TWO_MADE),
+        (101.3, "", TWO_MADE),
+    )
+    assert console.control.stops == reason
+    assert len([order for order in console.control.orders if isinstance(order, Jog)]) == 1
+
+
+@pytest.mark.parametrize(
+    "after",
+    [
+        replace(ONE_MADE, stops=1),
+        replace(ONE_MADE, activity=Activity.LOST),
+        replace(ONE_MADE, standing=Standing.OUSTED),
+        replace(ONE_MADE, activity=Activity.VERIFYING),
+    ],
+    ids=["a stop, and F2 at once", "lost link", "lost ownership", "busy with something else"],
+)
+@pytest.mark.first(2)
+def test_nothing_continues_on_a_machine_that_is_not_as_before(after: StationState, tmp_path: Path) -> None:
+    console = jogged(
+        tmp_path,
+        *THREE_PRESSES,
+        (100.8, "", after),
+        (101.0, "", TWO_MADE),
+    )
+    assert len(console.control.orders) == 1
+
+
+async def test_a_terminal_that_loses_the_focus_stops_the_jog(tmp_path: Path) -> None:
+    async with console_at(tmp_path, PageName.ALIGN, UNDER_WAY) as (app, pilot, control):
+        app.post_message(events.AppBlur())
+        await pilot.pause()
+    assert control.stops == ["blur"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -35,7 +34,6 @@ from tests.tui.machine_states import CLAMPED, ON, REST
 from tests.tui.scenes import Scene, console_on, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl, answered_age, experiment
 
-Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 STOP = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.4)
 CLAMP = Alignment(settings=())
 

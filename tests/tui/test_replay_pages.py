@@ -7,6 +7,7 @@ import re
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from datetime import datetime
 from functools import wraps
 from pathlib import Path
 from typing import Any
@@ -16,27 +17,42 @@ from textual import events
 
 from console.flight.playback import SPEEDS, Playback
 from console.flight.replay.replay_app import PAGES, ReplayApp
-from console.session.station.state import Activity, Armed
+from console.session.guide.situation import Situation
+from console.session.station.alarms import Priority, raised
+from console.session.station.commands import TakeControl
+from console.session.station.state import Activity, Armed, StationState
 from console.text.catalogue import load
+from console.tui.align.align_lines import why_lines
+from console.tui.frame import Frame, next_row, state_row
+from console.tui.gate import FieldKind
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
+from console.tui.lines import line, plain, width_of
 from console.tui.theme import COLOUR, MONO
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.standing import Standing
 from profiles.problem import Problem
+from profiles.store import load_machine
 from tests.console.flight.bench import BEGAN_S, FlightBench
+from tests.golden_text import compare, writing
+from tests.tui import align_stage, run_stage
+from tests.tui.machine_states import ON
 from tests.tui.run_stage import MADE
 from tests.tui.scenes import (
     ALIGNED,
+    Scene,
     application,
     cut,
+    fill,
     fixed_world,
     machine,
     played,
+    pressed,
     rows_of,
     scene_of,
     settle,
     signed,
 )
-from tests.tui.stage import LANGUAGES
+from tests.tui.stage import LANGUAGES, MACHINE
 
 SIZE = (80, 24)
 LIVE = [page for page in PAGES if page not in (PageName.PREVIEW, PageName.ALARMS, PageName.LOG)]
@@ -285,3 +301,124 @@ async def test_an_armed_cut_is_shown_without_its_program(tmp_path: Path) -> None
     bench.runs(0.1)
     async with replayed(bench) as (app, _):
         assert "1000 rpm" in "\n".join(rows_of(app))
+
+
+# The screens of a console that looks on: what stands there, what its keys do, how it takes over.
+
+
+GOLDENS = Path(__file__).with_name("observer_goldens")
+HOLDER = 1_683_503_496
+"""Numbers are drawn up to ten digits."""
+
+LOOKING_ON: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": HOLDER}
+ALARMS = raised((), Problem(code="owner.held", value=str(HOLDER)), Priority.MEDIUM, 1.0)
+MOVING = align_stage.look(ON - {"desired_velocity_zero"})
+
+
+def frame(state: StationState, language: str = "en", **changes: Any) -> Frame:
+    made = Frame(
+        text=load(language),
+        state=state,
+        machine=load_machine(MACHINE).machine,
+        page=PageName.RUN,
+        field=FieldKind.NONE,
+        next_step=line("what to do"),
+        said=(),
+        clock=datetime(2026, 1, 2, 8, 41),
+        now_s=100.1,
+    )
+    return replace(made, **changes)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("standing", [Standing.OBSERVER, Standing.OUSTED])
+def test_the_state_row_says_who_controls_and_the_next_row_what_helps(standing: Standing, language: str) -> None:
+    text, now = load(language), frame(run_stage.state(standing=standing, holder=HOLDER), language)
+    first, following = plain(state_row(now, 80)), plain(next_row(now, 80))
+    assert text("frame.looks_on", holder=HOLDER) in first and str(HOLDER) in first
+    assert text("frame.observer") in following and " t " in following
+    assert "what to do" not in following
+    for width in (60, 80, 160):
+        assert all(width_of(row) <= width for row in (*state_row(now, width), *next_row(now, width)))
+
+
+def test_a_stop_comes_before_who_controls() -> None:
+    stopped = replace(run_stage.stopped(), **LOOKING_ON)
+    assert "F2" in plain(next_row(frame(stopped), 80))
+
+
+@pytest.mark.parametrize("activity", [Activity.CONNECTING, Activity.LOST])
+def test_nothing_is_said_of_who_controls_where_that_is_not_known(activity: Activity) -> None:
+    now = frame(run_stage.state(activity=activity, **LOOKING_ON))
+    assert str(HOLDER) not in plain(state_row(now, 80))
+
+
+FREE: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": 0}
+RUN, ALIGN = run_stage.state(**LOOKING_ON), align_stage.state(**LOOKING_ON)
+MOVED = align_stage.state(snapshot=MOVING, **LOOKING_ON)
+AGAIN, TAKES = "screen.take_over_again", [TakeControl()]
+
+
+@pytest.mark.parametrize(
+    ("now", "page", "presses", "orders", "answers"),
+    [
+        (RUN, PageName.RUN, ((0.0, "t"), (2.0, "t")), TAKES, [AGAIN, ""]),
+        (RUN, PageName.RUN, ((0.0, "ㅅ"), (2.0, "ㅅ")), TAKES, [AGAIN, ""]),
+        (RUN, PageName.RUN, ((0.0, "t"), (6.0, "t"), (12.0, "t")), [], [AGAIN] * 3),
+        (
+            run_stage.state(**FREE),
+            PageName.RUN,
+            ((0.0, "t"), (2.0, "t")),
+            TAKES,
+            ["screen.take_control_again", ""],
+        ),
+        (run_stage.state(), PageName.RUN, ((0.0, "t"), (1.0, "t")), [], ["screen.controls_already"] * 2),
+        *((ALIGN, PageName.ALIGN, ((0.0, key),), [], ["screen.observes"]) for key in ("f4", "enter")),
+        *((RUN, PageName.RUN, ((0.0, key),), [], ["screen.observes"]) for key in ("f5", "f8")),
+        # It may leave while the owner moves.
+        (MOVED, PageName.ALIGN, ((0.0, "ctrl+q"),), [], [""]),
+    ],
+)
+def test_t_twice_within_five_seconds_takes_the_machine_over_and_no_other_key_moves_it(
+    now: StationState,
+    page: PageName,
+    presses: tuple[tuple[float, str], ...],
+    orders: list[object],
+    answers: list[str],
+    tmp_path: Path,
+) -> None:
+    found = pressed(tmp_path, now, page, *presses)
+    assert (found.orders, found.control.stops, found.answers) == (orders, [], answers)
+
+
+@pytest.mark.parametrize(
+    ("keys", "stops", "kills"), [(("z", "f3"), [], []), (("space",), ["space"], []), (("f9",), [], ["f9"])]
+)
+def test_space_and_f9_stop_whoever_controls_and_a_key_without_a_meaning_does_not(
+    keys: tuple[str, ...], stops: list[str], kills: list[str], tmp_path: Path
+) -> None:
+    control = pressed(tmp_path, MOVED, PageName.ALIGN, *enumerate(keys)).control
+    assert (control.stops, control.kills) == (stops, kills)
+
+
+def test_a_machine_that_nobody_controls_is_called_so() -> None:
+    for lost, words in ((FREE, ("No console has control", "t twice")), (LOOKING_ON, ("Another console",))):
+        now = Situation(state=align_stage.state(**lost), work=None, machine=load_machine(MACHINE).machine)
+        assert all(each in plain(why_lines(load("en"), now, 60, 4)) for each in words)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("page", [PageName.RUN, PageName.ALIGN])
+def test_the_screen_of_an_observer_looks_as_it_did(page: PageName, language: str, tmp_path: Path) -> None:
+    state = replace(machine(Activity.READY), simulated=False, alignment=ALIGNED, alarms=ALARMS, **LOOKING_ON)
+    scene = Scene(page=page, state=state, work=signed())
+
+    async def play() -> list[str]:
+        app, _ = application(scene, tmp_path, language=language)
+        async with played(app, scene, (80, 24)):
+            return rows_of(app)
+
+    with fixed_world():
+        fill(tmp_path)
+        rows = asyncio.run(play())
+    compare(rows, GOLDENS / f"{page}-{language}.txt", write=writing())

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import unicodedata
-from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
@@ -33,7 +32,6 @@ from tests.tui.stage import LANGUAGES, FixedControl, experiment
 from tests.tui.test_frame_rows import frame
 from tests.tui.test_nothing_is_cut import filled, problems
 
-Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 SETTINGS = scene_of(PageName.SETTINGS)
 EVERYWHERE = replace(SETTINGS, state=run_stage.state(), work=experiment())
 """One state of the machine in which every page has something to show."""

@@ -28,7 +28,7 @@ from tests.tui import align_stage, run_stage, scenes
 from tests.tui.machine_states import REST
 from tests.tui.run_stage import VALID, look
 from tests.tui.stage import experiment, lathe
-from tests.tui.test_force_on_the_pages import WRONG
+from tests.tui.test_learning_keys import WRONG
 
 OFF_UNHOMED = REST | {"open_loop"}
 ON_UNHOMED = REST | {"amplifier_enabled"}
