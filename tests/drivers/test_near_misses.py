@@ -12,7 +12,7 @@ from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.collision import Clamped, CollisionWatch, Track
 from tests.console.floor import open_floor
 from tests.school.test_debrief import JOB, Pupil, marks_of, part_lesson
-from tests.school.test_fault_lessons import homes
+from tests.school.test_lessons import homes
 
 CYCLE_MS = 0.5
 JAW_FACE_MM, JAW_OUTER_MM = 200.0, 70.0
