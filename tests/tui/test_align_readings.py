@@ -20,7 +20,6 @@ from console.session.station.commands import (
     TakeTouchOff,
 )
 from console.session.station.state import StationState
-from console.session.work import edited
 from console.text.catalogue import load
 from console.tui.align.answers import clamp_answer, clamp_lines
 from console.tui.align.asked import Asked, Question
@@ -177,21 +176,6 @@ def test_on_a_real_lathe_the_chuck_is_drawn_once_jaw_1_is_found() -> None:
     )
     # The spindle is at 12.6 degrees, jaw 1 was found at 2.6.
     assert "◂" in found.text and "by jaw 1 as found" in found.text
-
-
-@pytest.mark.parametrize(
-    ("changes", "asked"),
-    [
-        ({"jaws": "2"}, "○ 5 jaw 1"),
-        ({"diameter_mm": "60"}, "○ 6 touch-off"),
-    ],
-)
-def test_another_job_asks_for_what_it_changes(changes: dict[str, str], asked: str) -> None:
-    other = experiment()
-    for key, value in changes.items():
-        other = edited(other, key, value)
-    page = shown(state(VALID), work=other)
-    assert "● 2 clamped" in page.text and asked in page.text
 
 
 CLAMPED = state(replace(NO_JAW, readings=None))

@@ -14,7 +14,6 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.data.run_reader import PartPoint
-from console.session.guide.refusals import LOOKS
 from console.session.learning.job_chart import Figure, JobChart, JobParts, NoClaim, job_chart
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import with_strategy
@@ -23,7 +22,6 @@ from console.tui.inspecting.comparison import compared
 from console.tui.inspecting.evaluation import Looked, supported_upr, tolerance_rings_um, with_next_filter
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
 from console.tui.inspecting.plain_words import plain_words
-from console.tui.keymap import ACTIONS
 from console.tui.lines import plain, width_of
 from console.tui.pages.inspect import InspectPage
 from console.tui.plot.frame import stepped_125
@@ -336,12 +334,6 @@ def test_a_lobe_that_stands_out_is_corrected_with_a_and_the_page_says_so() -> No
     quiet = taught(part(Strategy.CAM, ((7, 0.3, 0.0),)))
     assert quiet.learning is not None
     assert plain_words(quiet.learning, None, text, failed=False).startswith("Nothing to learn")
-
-
-def test_none_of_these_keys_moves_anything() -> None:
-    found = {action.id: action for action in ACTIONS if action.id in LOOKS}
-    assert found.keys() == LOOKS
-    assert not any(action.moves for action in found.values())
 
 
 # Run chart of a job: limits, what is claimed of the process and what is not, and how it is drawn.

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import os
 import shutil
-import subprocess
-import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -252,14 +250,6 @@ async def test_a_page_without_room_does_not_break(tmp_path: Path) -> None:
         for size in ((1, 1), (10, 3), (30, 5)):
             await stage.pilot.resize_terminal(*size)
             await stage.act("jobs.down", "jobs.up")
-
-
-def test_the_page_needs_no_numerics() -> None:
-    """It is painted first; numbers, plots and plans are loaded after it."""
-    heavy = "('numpy', 'scipy', 'control', 'plotext', 'sqlite3', 'drivers.cutting.planning')"
-    program = f"import sys, console.tui.pages.jobs\nprint([name for name in {heavy} if name in sys.modules])"
-    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=True)
-    assert done.stdout.strip() == "[]"
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -22,7 +22,6 @@ from console.session.work import Work, edited, opened, with_strategy
 from console.text.catalogue import load
 from console.text.force import force_words
 from console.tui.gate import FieldKind
-from console.tui.keymap import ACTIONS
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.learn_lines import learn_lines
@@ -312,14 +311,6 @@ def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * path.target.amplitude_um)
     assert chosen.of(cam(), JAW, simulated=True) is None
     assert chosen.of(with_strategy(work, "pvt"), JAW, simulated=True) is None
-
-
-def test_letters_of_learning_move_nothing() -> None:
-    fresh = {"inspect.accept", "inspect.revert", "preview.learned", "preview.stage"}
-    found = {action.id: action for action in ACTIONS if action.id in fresh}
-    assert found.keys() == fresh
-    for action in found.values():
-        assert not action.moves and len(action.keys) == 2
 
 
 def learned() -> LearnedCompensation:
