@@ -35,6 +35,7 @@ from drivers.cutting.place import ProgramPlace
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 from tests.tui.machine_states import ON, REST
+from tests.tui.page_stage import shown_in_turn
 from tests.tui.run_stage import (
     CUT_IN_PART,
     OFF,
@@ -83,23 +84,20 @@ def test_a_stop_tells_how_it_ended_and_what_to_do() -> None:
     assert "F8 cannot retract the tool" in killed.words
 
 
-@pytest.mark.parametrize(
-    ("now", "code"),
-    [
-        (stopped(tool_in_part=True, can_retract=True), "screen.stopped_first"),
-        (cutting(), "screen.in_motion"),
-        (state(), "screen.tool_is_out"),
-        (state(snapshot=look(OFF, tool=SURFACE_COUNTS)), "machine.retract_not_possible"),
-        (state(snapshot=look(OFF)), "alignment.drives_off"),
-        (FRESH, "machine.tool_unknown"),
-        (state(replace(VALID, clamping=None), snapshot=look(OFF)), "machine.tool_unknown"),
-        (state(activity=Activity.ARMING, snapshot=look(tool=SURFACE_COUNTS)), "screen.busy"),
-        (StationState(), "screen.nothing_known"),
-    ],
-)
-def test_retract_says_why_not(now: StationState, code: str) -> None:
-    page = shown(now, "run.retract")
-    assert (page.orders, page.said) == ([], [code])
+def test_retract_says_why_not() -> None:
+    states = {
+        "screen.stopped_first": stopped(tool_in_part=True, can_retract=True),
+        "screen.in_motion": cutting(),
+        "screen.tool_is_out": state(),
+        "machine.retract_not_possible": state(snapshot=look(OFF, tool=SURFACE_COUNTS)),
+        "alignment.drives_off": state(snapshot=look(OFF)),
+        "machine.tool_unknown": FRESH,
+        "machine.tool_unknown, nothing clamped": state(replace(VALID, clamping=None), snapshot=look(OFF)),
+        "screen.busy": state(activity=Activity.ARMING, snapshot=look(tool=SURFACE_COUNTS)),
+        "screen.nothing_known": StationState(),
+    }
+    for name, page in shown_in_turn(RunPage, states, "run.retract").items():
+        assert (page.orders, page.said) == ([], [name.partition(",")[0]])
 
 
 def test_retract_after_a_cut_that_was_left() -> None:
@@ -166,26 +164,16 @@ def test_a_mark_beyond_the_last_poll_tells_how_far_the_part_is_cut() -> None:
     assert text("problem.screen.part_is_touched", value="5.4", limit="8.0") in words
 
 
-def test_what_was_cut_in_part_may_be_armed_again() -> None:
-    orders = shown(STATES["cut in part"], "run.arm").orders
-    assert [type(order) for order in orders] == [Arm]
-
-
-def test_while_a_second_cut_goes_to_its_start_the_first_one_is_not_forgotten() -> None:
-    """The progress of the first is gone by then."""
-    page = shown(replace(STATES["stop on the way to the start"], stop=None, **CUT_IN_PART))
-    assert "blank partly cut" in page.words
-
-
-@pytest.mark.parametrize("name", ["marked", "killed and marked"])
-def test_a_stop_says_how_far_the_part_is_cut(name: str) -> None:
-    assert "part cut to Z 4.2 of 8.0 mm" in shown(STATES[name]).words
-
-
-@pytest.mark.parametrize("stage", [CutStage.DONE, CutStage.HELD])
-def test_a_cut_over_a_mark_tells_of_it(stage: CutStage) -> None:
-    page = shown(state(cut=cut(stage), cut_done=stage is CutStage.DONE, **CUT_IN_PART), size=(100, 30))
-    assert "marked at Z 4.2 mm" in page.words
+def test_what_was_cut_in_part_is_told_may_be_armed_again_and_is_not_forgotten() -> None:
+    """While a second cut goes to its start the progress of the first is gone."""
+    assert [type(order) for order in shown(STATES["cut in part"], "run.arm").orders] == [Arm]
+    again = shown(replace(STATES["stop on the way to the start"], stop=None, **CUT_IN_PART))
+    assert "blank partly cut" in again.words
+    for name in ("marked", "killed and marked"):
+        assert "part cut to Z 4.2 of 8.0 mm" in shown(STATES[name]).words
+    for stage in (CutStage.DONE, CutStage.HELD):
+        page = shown(state(cut=cut(stage), cut_done=stage is CutStage.DONE, **CUT_IN_PART), size=(100, 30))
+        assert "marked at Z 4.2 mm" in page.words
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -199,30 +187,26 @@ def test_a_stop_in_mid_cut_says_that_the_part_is_marked(name: str, language: str
         assert "4.2 mm" not in shown(other, language=language).text.partition("││")[0]
 
 
-@pytest.mark.parametrize(
-    ("known", "can_retract", "words"),
-    [
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_where_the_tool_stands_is_not_guessed_and_one_that_nothing_holds_is_not_called_clear(
+    language: str,
+) -> None:
+    """A stop of a machine that nobody has homed: it may stand anywhere, in the part or out of it."""
+    text = load(language)
+    for can_retract, remedy in ((True, "unknown"), (False, "unknown_off")):
+        page = shown(stopped(can_retract=can_retract), language=language)
+        assert text("run_page.tool_unknown") in page.text and text(f"run_page.remedy.{remedy}") in page.words
+        for guess in ("retract", "by_hand", "clear", "not_held"):
+            assert text(f"run_page.remedy.{guess}") not in page.words
+    for known, can_retract, words in (
         (True, False, "IN OR AT THE PART"),
         (None, False, "position not known"),
         (False, False, "not held (disabled)"),
         (False, True, "clear of the part"),
-    ],
-)
-def test_a_tool_that_nothing_holds_is_not_called_clear(known: bool | None, can_retract: bool, words: str) -> None:
-    page = shown(stopped(killed=not can_retract, tool_in_part=known, can_retract=can_retract))
-    assert words in page.text
-    assert ("nothing held" in page.text) is not can_retract
-
-
-@pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize("can_retract", [True, False])
-def test_where_the_tool_stands_is_not_guessed(can_retract: bool, language: str) -> None:
-    """A stop of a machine that nobody has homed: it may stand anywhere, in the part or out of it."""
-    page, text = shown(stopped(can_retract=can_retract), language=language), load(language)
-    assert text("run_page.tool_unknown") in page.text
-    assert text("run_page.remedy.unknown" if can_retract else "run_page.remedy.unknown_off") in page.words
-    for guess in ("retract", "by_hand", "clear", "not_held"):
-        assert text(f"run_page.remedy.{guess}") not in page.words
+    ):
+        page = shown(stopped(killed=not can_retract, tool_in_part=known, can_retract=can_retract))
+        assert words in page.text
+        assert ("nothing held" in page.text) is not can_retract
 
 
 def test_a_cut_that_was_left_with_its_zeros_lost_is_not_said_to_stand_in_the_part() -> None:
@@ -296,22 +280,15 @@ TO_GO = (AxisToGo(AxisName.CARRIAGE, 3.8),)
 PLACE = ProgramPlace(program=2, text="X(P11+P12*COS(P27)):(-P15*SIN(P27))", line=31, lines=66)
 
 
-def test_the_phases_that_are_left_the_way_and_the_line_are_shown() -> None:
+def test_the_phases_that_are_left_the_way_with_its_units_and_the_line_are_shown() -> None:
     page = shown(cutting(phases=PHASES, to_go=TO_GO, place=PLACE))
     assert "cut 5 s · retract 1 s · home 1 s" in page.text
     assert "Z 3.80 mm" in page.text
     assert "PROG 2: 31 of 66  X(P11+P12*COS(P27))" in page.text
     assert "program line not reported yet" in shown(cutting(phases=PHASES)).text
-
-
-def test_each_axis_has_its_unit_on_the_way_to_the_start() -> None:
+    assert "PROG 2: ? of 66" in shown(cutting(place=replace(PLACE, line=None))).text, "a line that occurs twice"
     to_go = (AxisToGo(AxisName.CARRIAGE, 12.3), AxisToGo(AxisName.SPINDLE, 34.04), AxisToGo(AxisName.TOOL, 1.2))
-    page = shown(cutting(stage=CutStage.POSITION, to_go=to_go))
-    assert "Z 12.3 mm  C 34.0 °  X 1.20 mm" in page.text
-
-
-def test_a_line_that_occurs_twice_has_no_number() -> None:
-    assert "PROG 2: ? of 66" in shown(cutting(place=replace(PLACE, line=None))).text
+    assert "Z 12.3 mm  C 34.0 °  X 1.20 mm" in shown(cutting(stage=CutStage.POSITION, to_go=to_go)).text
 
 
 @pytest.mark.parametrize("lobes", [3, 4])
@@ -337,38 +314,31 @@ PAUSED = cutting(
 )
 
 
-@pytest.mark.parametrize(
-    ("now", "action", "orders"),
-    [
-        (cutting(hold_from_mm=-0.1), "run.feed_hold", [HoldFeed()]),
-        (PAUSED, "run.start", [ResumeFeed()]),
-        (PAUSED, "run.one_turn", [ResumeFeed(one_turn=True)]),
-        (PAUSED, "run.hold", [EndCut()]),
-    ],
-)
-def test_the_keys_of_a_held_cut(now: StationState, action: str, orders: list[Command]) -> None:
-    assert shown(now, action).orders == orders
+HELD: list[tuple[StationState, str, list[Command], str]] = [
+    (cutting(hold_from_mm=-0.1), "run.feed_hold", [HoldFeed()], ""),
+    (PAUSED, "run.start", [ResumeFeed()], ""),
+    (PAUSED, "run.one_turn", [ResumeFeed(one_turn=True)], ""),
+    (PAUSED, "run.hold", [EndCut()], ""),
+    (state(), "run.feed_hold", [], "session.nothing_to_hold"),
+    (state(), "run.one_turn", [], "session.nothing_to_hold"),
+    (cutting(), "run.feed_hold", [], "cut.no_hold"),
+    (cutting(hold_from_mm=5.0), "run.feed_hold", [], "cut.hold_early"),
+    (cutting(stage=CutStage.RUN_UP, hold_from_mm=-0.1), "run.feed_hold", [], "cut.hold_early"),
+    (cutting(hold_from_mm=-0.1, hold=HoldReport(asked=True)), "run.feed_hold", [], "cut.hold_asked"),
+    (cutting(hold_from_mm=-0.1, holding=True), "run.feed_hold", [], "screen.holding_already"),
+    (cutting(hold_from_mm=-0.1), "run.one_turn", [], "cut.not_held"),
+    (PAUSED, "run.feed_hold", [], "cut.hold_asked"),
+    (PAUSED, "run.arm", [], "screen.in_motion"),
+    (PAUSED, "run.retract", [], "screen.in_motion"),
+]
 
 
-@pytest.mark.parametrize(
-    ("now", "action", "code"),
-    [
-        (state(), "run.feed_hold", "session.nothing_to_hold"),
-        (state(), "run.one_turn", "session.nothing_to_hold"),
-        (cutting(), "run.feed_hold", "cut.no_hold"),
-        (cutting(hold_from_mm=5.0), "run.feed_hold", "cut.hold_early"),
-        (cutting(stage=CutStage.RUN_UP, hold_from_mm=-0.1), "run.feed_hold", "cut.hold_early"),
-        (cutting(hold_from_mm=-0.1, hold=HoldReport(asked=True)), "run.feed_hold", "cut.hold_asked"),
-        (cutting(hold_from_mm=-0.1, holding=True), "run.feed_hold", "screen.holding_already"),
-        (cutting(hold_from_mm=-0.1), "run.one_turn", "cut.not_held"),
-        (PAUSED, "run.feed_hold", "cut.hold_asked"),
-        (PAUSED, "run.arm", "screen.in_motion"),
-        (PAUSED, "run.retract", "screen.in_motion"),
-    ],
-)
-def test_why_a_cut_cannot_be_held_or_resumed(now: StationState, action: str, code: str) -> None:
-    page = shown(now, action)
-    assert (page.orders, page.said[0]) == ([], code)
+@pytest.mark.parametrize("action", ["feed_hold", "start", "one_turn", "hold", "arm", "retract"])
+def test_the_keys_of_a_held_cut_and_why_one_cannot_be_held_or_resumed(action: str) -> None:
+    rows = [(now, orders, code) for now, key, orders, code in HELD if key == f"run.{action}"]
+    pages = shown_in_turn(RunPage, {str(n): now for n, (now, *_) in enumerate(rows)}, f"run.{action}")
+    for page, (_, orders, code) in zip(pages.values(), rows, strict=True):
+        assert (page.orders, [*page.said, ""][0]) == (orders, code)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
