@@ -81,7 +81,7 @@ def sees(client: PmacClient, reached: Callable[[float], bool], process: subproce
     return False
 
 
-@pytest.mark.first(2)
+@pytest.mark.first(1)
 @pytest.mark.parametrize("number", range(DEEDS))
 def test_what_was_changed_for_the_whole_feed_is_not_called_good(number: int, made: Order, serve: Serve) -> None:
     plan, changes = drawn(made)

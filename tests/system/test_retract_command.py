@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -21,6 +20,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.programs.cam import correction_register
 from drivers.pmac.reserved import LOST, OWNER
 from profiles.problem import Problem
+from tests.preloaded import completed
 from tests.system.run_over_link import Order, order
 
 if TYPE_CHECKING:
@@ -58,8 +58,7 @@ def lathe(serve: Serve, tmp_path: Path) -> Iterator[tuple[Order, str, PmacClient
 
 def retract(made: Order, address: str, *more: str) -> subprocess.CompletedProcess[str]:
     words = ("retract", "--machine", str(made.machine_file), "--data", str(made.data), "--link", address, *more)
-    command = [sys.executable, "-m", "console", *words]
-    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60.0)
+    return completed(words, 60.0)
 
 
 def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, str, PmacClient]) -> None:

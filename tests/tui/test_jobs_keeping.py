@@ -164,15 +164,21 @@ async def test_the_list_is_sorted_and_says_by_what(own: Path, tmp_path: Path) ->
             assert words in stage.text and names(stage)[0] == stage.selected == first
 
 
-async def test_pages_and_ends_of_a_long_list(own: Path, tmp_path: Path) -> None:
+async def test_a_long_list_goes_along_with_the_selection_by_rows_pages_and_ends(own: Path, tmp_path: Path) -> None:
     for number in range(60):
         put(own, f"a-{number:02d}")
     async with play(tmp_path) as stage:
-        await stage.act("jobs.page_down")
-        assert stage.selected == "a-14"
-        await stage.act("jobs.page_up")
-        assert stage.selected == "a-00"
-        await stage.act("jobs.last")
+        assert "more below" in stage.text
+        for _ in range(20):
+            await stage.act("jobs.down")
+            assert stage.selected
+        assert "more above" in stage.text
+        await stage.act("jobs.first")
+        for action, selected in (("page_down", "a-14"), ("page_up", "a-00"), ("last", "two-jaw-tube")):
+            await stage.act(f"jobs.{action}")
+            assert stage.selected == selected
+        assert "more below" not in stage.text
+        await stage.act("jobs.down")
         assert stage.selected == "two-jaw-tube"
         await stage.act("jobs.first")
         assert stage.selected == "a-00"

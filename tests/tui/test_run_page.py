@@ -217,7 +217,7 @@ def test_the_cut_shows_its_values_with_units() -> None:
 
 
 def test_each_value_of_a_cut_has_its_row_and_its_bound() -> None:
-    """Of a look that was asked for 0.23 s ago each value may be that old; a phase out by less than is known is not."""
+    """Of a look that was asked for 0.23 s ago each value may be that old; a phase may be within its bound."""
     out = Phase(error_deg=-1.5, within_deg=0.05)
     old = replace(cutting(), snapshot=replace(look(running=True), asked_s=99.77, at_s=99.9))
     shown_words: list[tuple[StationState, str]] = [

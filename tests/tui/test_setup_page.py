@@ -88,16 +88,34 @@ async def test_without_a_job_the_way_to_one_is_shown(tmp_path: Path) -> None:
         assert "1" in stage.next_step
 
 
-@pytest.mark.parametrize(
-    ("typed", "said"),
-    [("400", "✗ below window"), ("1970", "force window ✓"), ("621", "force window ✓"), ("1971", "✗ above window")],
-)
-async def test_where_a_force_stands_is_seen_while_it_is_typed(tmp_path: Path, typed: str, said: str) -> None:
+async def test_a_typed_value_is_judged_while_it_is_typed_and_counts_when_it_is_taken(tmp_path: Path) -> None:
     async with play(tmp_path, work=experiment()) as stage:
-        await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        await stage.type(typed)
-        assert said in stage.text
-        assert stage.ui.work is not None and stage.ui.work.job.chucking_force_n == 1314.0
+        await stage.act(*["setup.next"] * FORCE)
+        for typed, said in (
+            ("400", "✗ below window"),
+            ("1970", "force window ✓"),
+            ("621", "force window ✓"),
+            ("1971", "✗ above window"),
+            ("1400", "! force, total = 1400 N, but"),
+            ("1400", "21 of 22 rules passed"),
+            ("7000", "✗ force, total = 7000 N"),
+            ("", "keeps 1314.0 N"),
+        ):
+            await stage.act("setup.edit")
+            assert stage.kind() is FieldKind.NUMBER
+            await (stage.type(typed) if typed else stage.pilot.press("delete"))
+            await stage.show()
+            assert said in stage.text
+            assert stage.ui.work is not None and stage.ui.work.job.chucking_force_n == 1314.0
+            await stage.pilot.press(*["delete", "backspace"] * 4)
+            await stage.act("setup.edit")
+            assert stage.kind() is FieldKind.NONE and not stage.ui.work.edited, "an empty entry keeps the value"
+        await stage.act("setup.edit")
+        await stage.type("7000")
+        assert "= 7000.0" in stage.text
+        await stage.act("setup.edit")
+        assert stage.kind() is FieldKind.NONE and stage.ui.work.job.chucking_force_n == 7000.0
+        assert "edited, not saved" in stage.text and "2 rules refuse" in stage.next_step
 
 
 def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothing() -> None:
@@ -111,59 +129,25 @@ def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothin
     assert "wrench" not in words[None]
 
 
-async def test_a_typed_value_replaces_the_old_one_and_is_judged_before_it_counts(tmp_path: Path) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
-        await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        assert stage.kind() is FieldKind.NUMBER
-        await stage.type("7000")
-        assert "= 7000.0" in stage.text
-        assert "✗ force, total = 7000 N" in stage.text
-        assert stage.ui.work is not None
-        assert stage.ui.work.job.chucking_force_n == 1314.0
-        await stage.act("setup.edit")
-        assert stage.kind() is FieldKind.NONE
-        assert stage.ui.work.job.chucking_force_n == 7000.0
-        assert "edited, not saved" in stage.text
-        assert "2 rules refuse" in stage.next_step
-
-
-async def test_another_force_than_that_of_the_error_is_warned_of(tmp_path: Path) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
-        await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        await stage.type("1400")
-        assert "! force, total = 1400 N, but" in stage.text
-        assert "21 of 22 rules passed" in stage.text
-
-
 @pytest.mark.parametrize("language", LANGUAGES)
-@pytest.mark.parametrize(
-    ("typed", "code"), [("1,314", "value.ambiguous"), ("0", "value.out_of_range"), ("-", "value.not_number")]
-)
-async def test_what_does_not_parse_is_not_taken_and_not_lost(
-    typed: str, code: str, language: str, tmp_path: Path
-) -> None:
+async def test_what_does_not_parse_is_not_taken_and_not_lost(language: str, tmp_path: Path) -> None:
+    """A letter in a number refuses the entry, and is not left out of it."""
     async with play(tmp_path, work=experiment(), language=language) as stage:
         await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        await stage.type(typed)
-        assert "✗ " + stage.ui.text("setup.refused") in stage.text
-        for ending in ("setup.edit", "setup.next", "setup.previous", "setup.save_as"):
-            stage.ui.said = ()
-            await stage.act(ending)
-            assert stage.codes == [code]
-            assert stage.kind() is FieldKind.NUMBER
-            assert f"[{typed} " in stage.text
-        assert stage.ui.work == experiment()
-
-
-@pytest.mark.parametrize("typed", ["1a2e3", "1e3", "1e3x7", "13!"])
-async def test_a_letter_in_a_number_refuses_the_entry_and_is_not_left_out(tmp_path: Path, typed: str) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
-        await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        await stage.type(typed)
-        assert f"[{typed} " in stage.text and "✗ refused" in stage.text
-        await stage.act("setup.edit")
-        assert stage.codes == ["value.not_number"]
-        assert stage.ui.said[0].value == f'"{typed}"'
+        for typed, code in (
+            ("1,314", "value.ambiguous"),
+            ("0", "value.out_of_range"),
+            *((each, "value.not_number") for each in ("-", "1a2e3", "1e3", "1e3x7", "13!")),
+        ):
+            await stage.pilot.press("home", *["delete"] * 8)
+            await stage.type(typed)
+            assert "✗ " + stage.ui.text("setup.refused") in stage.text
+            for ending in ("setup.edit", "setup.next", "setup.previous", "setup.save_as"):
+                stage.ui.said = ()
+                await stage.act(ending)
+                assert stage.codes == [code] and stage.kind() is FieldKind.NUMBER
+                assert f"[{typed} " in stage.text
+            assert code != "value.not_number" or stage.ui.said[0].value == f'"{typed}"'
         assert stage.ui.work == experiment()
 
 
@@ -181,8 +165,9 @@ async def test_keys_that_come_in_one_piece_are_all_in_the_value(tmp_path: Path) 
         assert stage.ui.work.job.chucking_force_n == 1350.0
 
 
-async def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> None:
+async def test_tab_takes_the_value_and_opens_the_next_one_and_ends_behind_the_last(tmp_path: Path) -> None:
     async with play(tmp_path, work=experiment()) as stage:
+        assert "a material of at most 80 characters" in stage.text
         await stage.act("setup.edit")
         assert stage.kind() is FieldKind.TEXT
         await stage.type("Steel 45")
@@ -198,27 +183,11 @@ async def test_tab_takes_the_value_and_opens_the_next_one(tmp_path: Path) -> Non
         assert not stage.ui.work.edited
         await stage.act("setup.undo")
         assert stage.codes == ["screen.nothing_to_undo"]
-
-
-async def test_tab_behind_the_last_value_ends_the_entry(tmp_path: Path) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
         await stage.act(*["setup.next"] * 20, "setup.previous", "setup.edit")
         await stage.type("4")
         await stage.act("setup.next")
         assert stage.kind() is FieldKind.NONE
-        assert stage.ui.work is not None
         assert stage.ui.work.job.diameter_tolerance_um == 4.0
-
-
-async def test_an_empty_entry_keeps_the_value(tmp_path: Path) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
-        await stage.act(*["setup.next"] * FORCE, "setup.edit")
-        await stage.pilot.press("delete")
-        assert "keeps 1314.0 N" in stage.text
-        await stage.act("setup.edit")
-        assert stage.ui.work is not None
-        assert not stage.ui.work.edited
-        assert stage.kind() is FieldKind.NONE
 
 
 @pytest.mark.parametrize(
@@ -318,7 +287,7 @@ async def test_save_as_offers_a_free_name_and_opens_what_it_saved(tmp_path: Path
         assert stage.ui.work.job.jaws == 4
 
 
-async def test_nothing_is_saved_without_a_name(tmp_path: Path) -> None:
+async def test_nothing_is_saved_without_a_name_and_a_disk_that_refuses_is_said(tmp_path: Path) -> None:
     async with play(tmp_path, work=experiment()) as stage:
         await stage.act("setup.save_as")
         await stage.pilot.press("delete")
@@ -328,15 +297,12 @@ async def test_nothing_is_saved_without_a_name(tmp_path: Path) -> None:
         stage.page.leave()
         assert stage.codes == ["screen.not_saved"]
         assert not jobs_folder(tmp_path).exists()
-
-
-async def test_a_disk_that_refuses_is_said_and_the_name_stays(tmp_path: Path) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
+        stage.ui.said = ()
         await stage.act("setup.save_as")
         (tmp_path / "jobs").write_text("a file where the folder should be")
         await stage.act("setup.edit")
         assert stage.codes == ["file.not_writable"]
-        assert stage.kind() is FieldKind.TEXT
+        assert stage.kind() is FieldKind.TEXT, "the name stays"
 
 
 async def test_the_entry_lies_over_its_brackets_after_the_terminal_has_changed(tmp_path: Path) -> None:
@@ -389,11 +355,6 @@ def test_rules_that_have_no_room_are_counted() -> None:
     assert "more passed" not in plain(finding_lines(findings, load("en"), 40, 23))
 
 
-async def test_a_material_is_asked_for_as_one(tmp_path: Path) -> None:
-    async with play(tmp_path, work=experiment()) as stage:
-        assert "a material of at most 80 characters" in stage.text
-
-
 # The fields of the form: numbers are shown as they are, limits fit their cells, file names can be kept.
 
 
@@ -434,13 +395,6 @@ def test_limits_stand_in_ten_cells(key: str, shown: str) -> None:
 def test_what_is_shown_can_be_typed_again(field: object) -> None:
     work = experiment()
     assert judge(work, FIELDS[field.key], written(FIELDS[field.key], work.job, METRIC), METRIC).work is work  # type: ignore[attr-defined]
-
-
-def test_an_empty_entry_keeps_the_value_of_form() -> None:
-    work = experiment()
-    judged = judge(work, FIELDS["chucking_force_n"], "  ", METRIC)
-    assert judged.work is work
-    assert judged.problems == ()
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
