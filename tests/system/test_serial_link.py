@@ -103,58 +103,27 @@ def test_the_line_is_set_up_as_the_address_says(far_end: FarEnd) -> None:
     assert link.address == f"serial:{far_end.device}?baud=9600"
 
 
-def test_receiving_waits_no_longer_than_it_was_told(link: SerialLink) -> None:
-    began = time.monotonic()
-    assert link.receive(0.1) == b""
-    assert link.receive(-1.0) == b""
-    assert 0.1 <= time.monotonic() - began < 1.0
+def uses(link: SerialLink) -> list[Callable[[], object]]:
+    return [lambda: link.receive(1.0), lambda: link.send(b"P1\r"), lambda: link.send_urgent(b"\x0b")]
 
 
-def test_the_client_speaks_over_it(link: SerialLink, far_end: FarEnd) -> None:
-    def controller() -> None:
-        far_end.read(6)
-        os.write(far_end.line, b"25\r5")
-        os.write(far_end.line, b"0\r\x06")
-        far_end.read(3)
-        os.write(far_end.line, b"\x07ERR003\r")
-
-    answering = threading.Thread(target=controller)
-    answering.start()
-    client = PmacClient(link, RealClock())
-    assert client.request("P1..2") == ("25", "50")
-    with pytest.raises(ControllerError) as refused:
-        client.request("UU")
-    answering.join(5)
-    assert refused.value.error_number == 3
-
-
-def test_a_line_that_is_unplugged_is_a_lost_link(link: SerialLink, far_end: FarEnd) -> None:
-    far_end.unplug()
-    for use in (lambda: link.receive(1.0), lambda: link.send(b"P1\r"), lambda: link.send_urgent(b"\x0b")):
-        with pytest.raises(LinkError) as error:
-            use()
-        assert lost(error)
-    stop = StopPath(link)
-    stop.stop("unplugged")
-    assert stop.reason == "unplugged"
-
-
-def test_unplugging_ends_a_wait_at_once(link: SerialLink, far_end: FarEnd) -> None:
+def test_a_line_that_is_unplugged_or_closed_is_a_lost_link_and_ends_a_wait_at_once(
+    link: SerialLink, far_end: FarEnd
+) -> None:
     threading.Timer(0.2, far_end.unplug).start()
     began = time.monotonic()
     with pytest.raises(LinkError) as error:
         link.receive(20.0)
-    assert lost(error)
-    assert time.monotonic() - began < 5.0
-
-
-def test_a_closed_link_says_that_it_is_lost_and_does_not_raise_anything_else(link: SerialLink) -> None:
-    link.close()
-    for use in (lambda: link.receive(0.1), lambda: link.send(b"P1\r"), lambda: link.send_urgent(b"\x0b")):
-        with pytest.raises(LinkError) as error:
-            use()
-        assert lost(error)
-    link.close()
+    assert lost(error) and time.monotonic() - began < 5.0
+    stop = StopPath(link)
+    stop.stop("unplugged")
+    assert stop.reason == "unplugged"
+    for closed in (False, True):
+        for use in uses(link):
+            with pytest.raises(LinkError) as error:
+                use()
+            assert lost(error), closed
+        link.close()
 
 
 def test_a_stop_goes_while_a_reply_is_pending(link: SerialLink, far_end: FarEnd) -> None:
@@ -394,16 +363,6 @@ def test_a_silent_controller_times_out_and_is_flushed_and_the_late_reply_is_not_
         assert silent.value.problems[0].code == "link.silent"
         assert client.request("P2") == ("22",)
     assert received == [b"P1\r", b"\x18", b"P2\r"]
-
-
-def test_receiving_waits_no_longer_than_it_was_told_of_tcp() -> None:
-    held = threading.Event()
-    with linked(holding(held)) as link:
-        began = time.monotonic()
-        assert link.receive(0.1) == b""
-        assert link.receive(-1.0) == b""
-        assert 0.1 <= time.monotonic() - began < 1.0
-        held.set()
 
 
 def test_a_stop_is_sent_while_a_reply_is_pending_and_while_another_thread_sends() -> None:

@@ -238,11 +238,25 @@ def test_a_socket_that_a_dead_simulator_left_is_taken_over_and_a_file_is_not(ser
     assert path.read_text() == "mine"
 
 
-def test_the_line_of_the_console_comes_back_where_it_was() -> None:
+def test_the_simulator_of_the_console_has_faults_over_its_channel_and_its_line_comes_back_where_it_was() -> None:
     simulator = SimulatorProcess.start(MACHINE, seed=1)
     device = simulator.address.device
     try:
         with client_over_pty(device) as client:
+            assert simulator.fault("inject nul replies=1").endswith("\nok\n")
+            with pytest.raises(LinkError):
+                client.numbers("P1")
+            assert client.numbers("P1") == (0,)
+            assert simulator.fault("active") == "ok\n"
+            for line, told in (
+                ("inject lightning", "split-segments"),
+                ("inject stranger-writes line=" + "P" * 100_000, "4096 bytes"),
+            ):
+                with pytest.raises(LinkError) as refused:
+                    simulator.fault(line)
+                assert refused.value.problems[0].code == "simulator.refused"
+                assert told in refused.value.problems[0].value
+            assert simulator.fault("active") == "ok\n"
             simulator.fault("inject cut-cable for=0.2")
             with pytest.raises(LinkError) as lost:
                 while True:
@@ -263,28 +277,6 @@ def test_a_simulator_that_has_died_leaves_no_name(number: int) -> None:
     os.kill(simulator._child._process.pid, number)
     simulator.close()
     assert not Path(simulator.address.device).parent.exists()
-
-
-def test_the_simulator_of_the_console_has_faults_over_its_channel() -> None:
-    simulator = SimulatorProcess.start(MACHINE, seed=1)
-    try:
-        with client_over_pty(simulator.address.device) as client:
-            assert simulator.fault("inject nul replies=1").endswith("\nok\n")
-            with pytest.raises(LinkError):
-                client.numbers("P1")
-            assert client.numbers("P1") == (0,)
-            assert simulator.fault("active") == "ok\n"
-        with pytest.raises(LinkError) as refused:
-            simulator.fault("inject lightning")
-        assert refused.value.problems[0].code == "simulator.refused"
-        assert "split-segments" in refused.value.problems[0].value
-        with pytest.raises(LinkError) as too_long:
-            simulator.fault("inject stranger-writes line=" + "P" * 100_000)
-        assert too_long.value.problems[0].code == "simulator.refused"
-        assert "4096 bytes" in too_long.value.problems[0].value
-        assert simulator.fault("active") == "ok\n"
-    finally:
-        simulator.close()
 
 
 # `console simulator` as other programs meet it: a real process, a real port, plain sockets.
