@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -249,24 +248,18 @@ def test_after_a_stop_the_jog_keys_want_to_be_enabled_again() -> None:
     assert (control.orders, [problem.code for problem in ui.said]) == ([], ["screen.jog_not_enabled"])
 
 
-def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
+async def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
     """A tick shows what was read some ms before: 30 s of 30, by the time of the view, not 31."""
     control = FixedControl(state(), now_s=100.02)
     ui = ui_for(control, Path("/nowhere"), work=experiment())
     page = AlignPage(ui)
     page.act("align.enable")
-    jogging = state(activity=Activity.JOGGING)
-
-    async def run() -> str:
-        view = View(state=jogging, work=ui.work, now_s=100.0)
-        app = PageStage(page, view)
-        async with app.run_test(size=(80, 18)) as pilot:
-            await pilot.pause()
-            page.show(view)
-            await pilot.pause()
-            return grid(app)
-
-    assert "jog enabled, 30 s left" in asyncio.run(run())
+    view = View(state=state(activity=Activity.JOGGING), work=ui.work, now_s=100.0)
+    async with (app := PageStage(page, view)).run_test(size=(80, 18)) as pilot:
+        await pilot.pause()
+        page.show(view)
+        await pilot.pause()
+        assert "jog enabled, 30 s left" in grid(app)
 
 
 def test_before_the_touch_off_steps_toward_the_work_are_short() -> None:

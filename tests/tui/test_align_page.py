@@ -285,30 +285,17 @@ def test_of_a_lost_machine_nothing_is_shown_as_known() -> None:
     assert "SIM jaw" not in page.text
 
 
-def test_showing_the_same_again_paints_nothing() -> None:
+async def test_showing_the_same_again_paints_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     ui = ui_for(FixedControl(state()), Path("/nowhere"), work=experiment())
-    page = AlignPage(ui)
+    page, painted = AlignPage(ui), []
     view = View(state=state(), work=ui.work, now_s=100.0)
-
-    async def run() -> int:
-        app = PageStage(page, view)
-        async with app.run_test(size=(80, 18)) as pilot:
-            await pilot.pause()
-            page.show(view)
-            painted = 0
-            for sheet in page.query("Sheet"):
-                original = sheet.refresh
-
-                def count(*regions: Any, original: Any = original, **more: Any) -> Any:
-                    nonlocal painted
-                    painted += 1
-                    return original(*regions, **more)
-
-                sheet.refresh = count  # type: ignore[method-assign]
-            page.show(view)
-            return painted
-
-    assert asyncio.run(run()) == 0
+    async with PageStage(page, view).run_test(size=(80, 18)) as pilot:
+        await pilot.pause()
+        page.show(view)
+        for sheet in page.query("Sheet"):
+            monkeypatch.setattr(sheet, "refresh", lambda *_, **__: painted.append(1))
+        page.show(view)
+    assert painted == []
 
 
 @pytest.mark.parametrize(

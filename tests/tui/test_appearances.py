@@ -38,6 +38,7 @@ from tests.tui.scenes import (
     NOW_S,
     Scene,
     application,
+    console_on,
     fill,
     fixed_world,
     keys_to,
@@ -173,22 +174,16 @@ def test_points_of_a_calibration_are_asked_for_and_kept_in_their_own_units() -> 
     assert row.split() == ["1314", "200", "0", "2", "1.2", "100"]
 
 
-def test_the_unit_changes_on_every_page_while_the_console_runs() -> None:
+async def test_the_unit_changes_on_every_page_while_the_console_runs(tmp_path: Path) -> None:
     scene = replace(scene_of(PageName.SETUP), state=run_stage.state(), work=experiment(), keys=())
-
-    async def play(data: Path) -> None:
-        app, _ = application(scene, data, language="en")
-        async with played(app, scene, SIZE) as pilot:
+    with fixed_world():
+        async with console_on(scene, tmp_path) as (app, pilot, _):
             assert any("D 52.000  mm" in row for row in rows_of(app))
             await pilot.press(*keys_to(PageName.SETTINGS))
             app.appear(replace(app.ui.appearance, units="inch"))
             await pilot.press(*keys_to(PageName.SETUP))
             await settle(app, pilot)
             assert any("D 2.04724  in" in row for row in rows_of(app))
-
-    with fixed_world(), tempfile.TemporaryDirectory() as folder:
-        fill(Path(folder))
-        asyncio.run(play(Path(folder)))
 
 
 # Without colour: every page is there, no colour is sent to the terminal, and words and marks tell the states.

@@ -59,22 +59,15 @@ def test_presses_within_eight_tenths_of_a_second_are_one() -> None:
     assert [held.repeats(up, t) for t in (0.0, 0.1, 0.2)] == [False, False, False]
 
 
-def test_readings_may_be_typed_as_fast_as_a_number_pad_allows(tmp_path: Path) -> None:
+async def test_readings_may_be_typed_as_fast_as_a_number_pad_allows(tmp_path: Path) -> None:
     """Each Enter takes what was typed before it: else a reading would go on with the digits of the next."""
-    fill(tmp_path)
-    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
-
-    async def run() -> list[str]:
-        async with played(app, scene, (80, 24)) as pilot:
-            for after_s, key in enumerate(["n", "6", "enter", "5", "enter", "minus", "3", "enter"]):
-                control.at(100.0 + 0.2 * after_s)
-                await pilot.press(key)
-                await pilot.pause()
-            app.tick()
-            return rows_of(app)
-
-    shown = "\n".join(asyncio.run(run()))
+    async with console_at(tmp_path, PageName.ALIGN, align_stage.state()) as (app, pilot, control):
+        for after_s, key in enumerate(["n", "6", "enter", "5", "enter", "minus", "3", "enter"]):
+            control.at(100.0 + 0.2 * after_s)
+            await pilot.press(key)
+            await pilot.pause()
+        app.tick()
+        shown = "\n".join(rows_of(app))
     assert "place 3 of 6" in shown and "held down" not in shown
 
 

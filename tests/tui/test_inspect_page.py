@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -34,6 +33,7 @@ from profiles.compensations.certificate import Certified, Standing
 from profiles.roundness import evaluate
 from profiles.traces import Trace
 from tests.golden_text import compare, writing
+from tests.tui.page_stage import shown_on
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, lathe, ui_for
 
 ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
@@ -79,14 +79,7 @@ def staged(state: StationState, language: str = "en") -> tuple[PageStage, Inspec
 
 
 def shown(state: StationState, room: tuple[int, int] = ROOMS[0], language: str = "en") -> str:
-    app, _, _ = staged(state, language)
-
-    async def play() -> str:
-        async with app.run_test(size=room) as pilot:
-            await pilot.pause()
-            return grid(app)
-
-    return asyncio.run(play())
+    return shown_on(InspectPage, state, size=(room[0], room[1] + FRAME_ROWS), language=language).text
 
 
 def results(state: StationState, height: int = 20) -> list[str]:
@@ -253,50 +246,47 @@ def test_what_is_drawn_is_centred_filtered_and_said_to_be() -> None:
     assert "free · LSC · unfiltered" in shown(BOTH)
 
 
-def test_both_traces_are_on_one_scale_that_is_named() -> None:
-    app, page, _ = staged(BOTH)
-
-    async def play() -> tuple[str, float]:
-        async with app.run_test(size=ROOMS[1]) as pilot:
+async def test_both_traces_are_on_one_scale_that_is_named_at_every_size_until_the_next_blank() -> None:
+    app, page, _ = staged(StationState(cut_done=True))
+    page.show(app.view)
+    async with app.run_test(size=ROOMS[0]) as pilot:
+        await pilot.pause()
+        page.show(replace(app.view, state=BOTH))
+        for size in ((1, 1), (60, 3), (60, 12), (200, 60), (80, 18)):
+            await pilot.resize_terminal(*size)
             await pilot.pause()
-            return grid(app), page.query_one(PolarView).scale_um_per_division
-
-    text, scale = asyncio.run(play())
-    assert scale == 20.0
-    for words in ("- - before, measured", "── after, measured, pvt", "20 um/div", "jaw 1 at 90.0°"):
-        assert words in text
-
-
-def test_m_releases_and_measures_the_part_that_was_cut() -> None:
-    _, page, control = staged(StationState(cut_done=True, activity=Activity.READY))
-    page.act("inspect.measure")
-    assert control.orders == [Measure()]
-    assert page.ui.said == ()
+        assert "✓ PASS" in grid(app)
+        await pilot.resize_terminal(*ROOMS[1])
+        await pilot.pause()
+        assert page.query_one(PolarView).scale_um_per_division == 20.0
+        for words in ("- - before, measured", "── after, measured, pvt", "20 um/div", "jaw 1 at 90.0°"):
+            assert words in grid(app)
+        page.show(replace(app.view, state=replace(BOTH, measured=None)))
+        await pilot.pause()
+        assert "PASS" not in grid(app)
 
 
 @pytest.mark.parametrize(
-    ("state", "code"),
+    ("state", "action", "orders", "codes"),
     [
-        (StationState(), "session.nothing_cut"),
-        (BOTH, "session.nothing_cut"),
-        (StationState(cut_done=True, activity=Activity.RETRACTING), "machine.moving"),
-        (StationState(cut_done=True, simulated=False), "session.no_gauge"),
+        (StationState(cut_done=True, activity=Activity.READY), "measure", [Measure()], []),
+        (StationState(), "measure", [], ["session.nothing_cut"]),
+        (BOTH, "measure", [], ["session.nothing_cut"]),
+        (StationState(cut_done=True, activity=Activity.RETRACTING), "measure", [], ["machine.moving"]),
+        (StationState(cut_done=True, simulated=False), "measure", [], ["session.no_gauge"]),
+        (StationState(measured=AFTER, activity=Activity.READY), "offset", [], ["offset.no_size"]),
+        (BOTH, "next", [], []),
     ],
 )
-def test_m_is_refused_with_the_reason(state: StationState, code: str) -> None:
+def test_m_measures_the_part_that_was_cut_o_needs_a_size_and_enter_moves_nothing(
+    state: StationState, action: str, orders: list[object], codes: list[str]
+) -> None:
     _, page, control = staged(state)
-    page.act("inspect.measure")
-    assert control.orders == []
-    assert [problem.code for problem in page.ui.said] == [code]
-
-
-def test_enter_goes_to_the_next_part_and_moves_nothing() -> None:
-    _, page, control = staged(BOTH)
     gone: list[PageName] = []
     page.ui.go = gone.append
-    page.act("inspect.next")
-    assert gone == [PageName.ALIGN]
-    assert control.orders == []
+    page.act(f"inspect.{action}")
+    assert (control.orders, [problem.code for problem in page.ui.said]) == (orders, codes)
+    assert gone == ([PageName.ALIGN] if action == "next" else [])
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -306,39 +296,6 @@ def test_before_anything_is_measured_the_page_says_what_to_do(language: str) -> 
         page = " ".join(shown(state, (160, 42), language).split())
         assert text("inspect_page.nothing") in page
         assert " ".join(text(f"inspect_page.{key}").split()) in page
-
-
-def test_the_result_appears_when_the_part_is_measured_and_goes_with_the_next_blank() -> None:
-    empty = StationState(cut_done=True)
-    app, page, _ = staged(empty)
-
-    async def play() -> list[str]:
-        seen = []
-        async with app.run_test(size=ROOMS[0]) as pilot:
-            await pilot.pause()
-            for state in (BOTH, replace(BOTH, measured=None)):
-                page.show(replace(app.view, state=state))
-                await pilot.pause()
-                seen.append(grid(app))
-        return seen
-
-    measured, next_blank = asyncio.run(play())
-    assert "✓ PASS" in measured
-    assert "PASS" not in next_blank
-
-
-def test_the_page_survives_every_size() -> None:
-    app, page, _ = staged(BOTH)
-    page.show(app.view)
-
-    async def play() -> str:
-        async with app.run_test(size=(80, 18)) as pilot:
-            for size in ((1, 1), (60, 3), (60, 12), (200, 60), (80, 18)):
-                await pilot.resize_terminal(*size)
-                await pilot.pause()
-            return grid(app)
-
-    assert "✓ PASS" in asyncio.run(play())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -376,14 +333,6 @@ def test_the_diameter_and_the_tool_offset_are_beside_the_roundness(room: tuple[i
     text = shown(StationState(measured=sized, uncompensated=BEFORE), room, language)
     assert "51.871 +35.4 um" in text
     assert "51.871" not in shown(BOTH, room, language)
-
-
-def test_o_corrects_the_touch_off_where_there_is_a_size() -> None:
-    state = StationState(measured=AFTER, activity=Activity.READY)
-    _, page, control = staged(state)
-    page.act("inspect.offset")
-    assert control.orders == []
-    assert [problem.code for problem in page.ui.said] == ["offset.no_size"]
 
 
 @pytest.mark.parametrize("activity", [Activity.POSITIONING, Activity.CUTTING])

@@ -15,7 +15,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rich.cells import cell_len
-from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import StationState
@@ -164,27 +163,18 @@ def test_what_cannot_be_planned_is_said_and_the_rest_is_shown() -> None:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
-def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int], language: str) -> None:
-    chosen = ("pvt", "paper", "none")
-    app, page = staged(previewed(chosen[0]), language)
-
-    async def play() -> list[str]:
-        texts = []
-        async with app.run_test(size=room) as pilot:
+async def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int], language: str) -> None:
+    app, page = staged(previewed("pvt"), language)
+    async with app.run_test(size=room) as pilot:
+        await pilot.pause()
+        for strategy in ("pvt", "paper", "none"):
+            page.show(replace(app.view, work=previewed(strategy)))
             await pilot.pause()
-            for strategy in chosen:
-                page.show(replace(app.view, work=previewed(strategy)))
-                await pilot.pause()
-                texts.append(grid(app))
-        return texts
-
-    for strategy, text in zip(chosen, asyncio.run(play()), strict=True):
-        rows = text.split("\n")
-        assert all(cell_len(row) <= room[0] for row in rows)
-        assert len(rows) <= room[1]
-        for name, left in (("pvt", "2.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
-            row = next(row for row in rows if f" {name} " in row and left in row)
-            assert ("▸" in row) == (name == strategy)
+            rows = grid(app).split("\n")
+            assert all(cell_len(row) <= room[0] for row in rows) and len(rows) <= room[1]
+            for name, left in (("pvt", "2.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
+                row = next(row for row in rows if f" {name} " in row and left in row)
+                assert ("▸" in row) == (name == strategy)
 
 
 def test_the_plots_have_their_scale_and_keys() -> None:
@@ -274,26 +264,28 @@ def test_servo_and_inverse_are_told_at_the_frequency_that_is_reached() -> None:
     assert "blending leaves 36.67 um" in paper
 
 
-def test_c_steps_through_the_strategies() -> None:
-    app, page = staged(previewed("pvt"))
-
-    async def play(pilot: Pilot[None]) -> list[str]:
-        chosen = []
-        for _ in Strategy:
+async def test_the_charts_come_with_the_preview_c_steps_through_the_strategies_and_every_size_is_survived() -> (
+    None
+):
+    app, page = staged(experiment())
+    page.show(app.view)
+    async with app.run_test(size=ROOMS[0]) as pilot:
+        await pilot.pause()
+        page.ui.work = previewed("pvt")
+        page.show(replace(app.view, work=page.ui.work))
+        await pilot.pause()
+        assert "jaw 1 at 90.0°" in grid(app)
+        first, *rest = Strategy
+        for strategy in (*rest, first):
             page.act("preview.strategy")
             await pilot.pause()
-            assert page.ui.work is not None
-            row = next(row for row in grid(app).split("\n") if "▸" in row)
-            chosen.append(f"{page.ui.work.strategy}: {row.split()[1]}")
-        return chosen
-
-    async def run() -> list[str]:
-        async with app.run_test(size=ROOMS[0]) as pilot:
+            (row,) = [row for row in grid(app).split("\n") if "▸" in row]
+            assert page.ui.work is not None and page.ui.work.strategy == row.split()[1] == strategy
+        page.show(replace(app.view, work=previewed("paper")))
+        for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
+            await pilot.resize_terminal(*size)
             await pilot.pause()
-            return await play(pilot)
-
-    first, *rest = Strategy
-    assert asyncio.run(run()) == [f"{each}: {each}" for each in (*rest, first)]
+        assert "28.1 um" in grid(app)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -305,33 +297,6 @@ def test_without_a_preview_the_page_says_why(language: str) -> None:
     problem = Problem(code="response.too_small", value="0.01", limit=">= 0.05")
     refused = shown(replace(work, preview_problems=(problem,)), (160, 42), language)
     assert f"✗ {text.problem(problem)}" in refused
-
-
-def test_the_charts_come_as_soon_as_the_preview_is_there() -> None:
-    app, page = staged(experiment())
-
-    async def play() -> str:
-        async with app.run_test(size=ROOMS[0]) as pilot:
-            await pilot.pause()
-            page.show(replace(app.view, work=previewed()))
-            await pilot.pause()
-            return grid(app)
-
-    assert "jaw 1 at 90.0°" in asyncio.run(play())
-
-
-def test_a_page_may_be_shown_before_it_has_a_size_and_survives_every_size() -> None:
-    app, page = staged(previewed("paper"))
-    page.show(app.view)
-
-    async def play() -> str:
-        async with app.run_test(size=(80, 18)) as pilot:
-            for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
-                await pilot.resize_terminal(*size)
-                await pilot.pause()
-            return grid(app)
-
-    assert "28.1 um" in asyncio.run(play())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -463,29 +428,21 @@ def test_a_program_that_is_still_made_is_not_shown_as_one_without_findings() -> 
     assert "no findings" not in said
 
 
-def test_it_stays_where_it_was_scrolled_to_when_another_program_is_there() -> None:
-    paper = Program(
-        plan=seen_program().strategies[Strategy.PAPER], prediction=seen_program().predictions[Strategy.PAPER]
-    )
-    early = underway(seen_program(), seen_program().eq9_loop, {Strategy.PAPER: paper})
+async def test_it_stays_where_it_was_scrolled_to_when_another_program_is_there() -> None:
+    made = seen_program()
+    paper = Program(plan=made.strategies[Strategy.PAPER], prediction=made.predictions[Strategy.PAPER])
+    early = underway(made, made.eq9_loop, {Strategy.PAPER: paper})
     work = replace(experiment(), outlook=early, strategy="paper")
-    page = PreviewPage(ui_for(FixedControl(StationState()), Path("/nowhere"), "en", work))
-    app = PageStage(page, View(state=StationState(), work=work, now_s=0.0))
-
-    async def play() -> tuple[str, str]:
-        async with app.run_test(size=ROOM) as pilot:
+    app, page = staged(work)
+    async with app.run_test(size=ROOM) as pilot:
+        await pilot.pause()
+        for action in ("preview.program", "preview.down"):
+            page.act(action)
             await pilot.pause()
-            for action in ("preview.program", "preview.down"):
-                page.act(action)
-                await pilot.pause()
-            before = grid(app)
-            page.show(replace(app.view, work=replace(work, outlook=seen_program(), preview=seen_program())))
-            await pilot.pause()
-            return before, grid(app)
-
-    before, after = asyncio.run(play())
-    assert "rows 9-24 of" in before
-    assert after == before
+        before = grid(app)
+        page.show(replace(app.view, work=replace(work, outlook=made, preview=made)))
+        await pilot.pause()
+        assert "rows 9-24 of" in before and grid(app) == before
 
 
 def test_another_strategy_begins_at_its_top() -> None:
