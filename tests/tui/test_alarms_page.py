@@ -86,18 +86,24 @@ async def test_the_selection_stays_on_its_alarm_while_others_come(tmp_path: Path
         assert "No. 3 " in after
 
 
-@pytest.mark.parametrize(
-    ("priority", "sign", "word"),
-    [(Priority.HIGH, "!!!", "high"), (Priority.MEDIUM, "!!", "medium"), (Priority.LOW, "!", "low")],
-)
-async def test_each_priority_has_a_sign_and_a_word(
-    priority: Priority, sign: str, word: str, tmp_path: Path
-) -> None:
+async def test_each_priority_has_a_sign_and_a_word_and_no_key_breaks_an_empty_page(tmp_path: Path) -> None:
+    keys = ("up", "down", "pageup", "pagedown", "home", "end", "a", "k")
     async with play(QUIET, tmp_path) as (app, pilot, control):
-        control.state = replace(control.state, alarms=raised((), SPINDLE, priority, 90.0))
-        shown = await text_after(app, pilot, "home")
-        assert re.search(rf"▸{re.escape(sign)} +1 ", shown), shown
-        assert f"{word} priority" in shown
+        shown = await text_after(app, pilot, *keys)
+        assert "No alarm in this session." in shown
+        assert shown.count("╭") == 1, "an empty panel"
+        await text_after(app, pilot, "l", *keys, "w", "w", "8", "l", "8")
+        assert (control.stops, control.kills) == ([], [])
+        for priority, sign, word in (
+            (Priority.HIGH, "!!!", "high"),
+            (Priority.MEDIUM, "!!", "medium"),
+            (Priority.LOW, "!", "low"),
+        ):
+            problem = Problem(code="cut.spindle_stands", value=word)
+            control.state = replace(control.state, alarms=raised((), problem, priority, 90.0))
+            shown = await text_after(app, pilot, "home")
+            assert re.search(rf"▸{re.escape(sign)} +\d ", shown), shown
+            assert f"{word} priority" in shown
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -119,16 +125,6 @@ async def test_every_alarm_is_said_in_words_and_whole(language: str, tmp_path: P
                 read = "".join((await text_after(app, pilot, "w")).split())
                 assert said in read
                 await pilot.press("w")
-
-
-async def test_no_key_breaks_an_empty_page(tmp_path: Path) -> None:
-    async with play(QUIET, tmp_path) as (app, pilot, control):
-        keys = ("up", "down", "pageup", "pagedown", "home", "end", "a", "k")
-        shown = await text_after(app, pilot, *keys)
-        assert "No alarm in this session." in shown
-        assert shown.count("╭") == 1, "an empty panel"
-        await text_after(app, pilot, "l", *keys, "w", "w", "8", "l")
-        assert (control.stops, control.kills) == ([], [])
 
 
 # Page Log on the whole console: what is in it, how it is scrolled, searched and exported.

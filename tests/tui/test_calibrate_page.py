@@ -133,7 +133,7 @@ async def test_what_an_older_console_has_kept_in_another_unit_is_listed_as_not_u
         assert "not plausible" in stage.words and "NOT used" in stage.words and "kN <> N" in stage.words
 
 
-async def test_a_value_that_is_none_stays_in_the_entry_and_says_why(tmp_path: Path) -> None:
+async def test_what_is_no_point_is_refused_and_too_few_are_not_stored_but_come_back(tmp_path: Path) -> None:
     async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.new")
@@ -148,9 +148,21 @@ async def test_a_value_that_is_none_stays_in_the_entry_and_says_why(tmp_path: Pa
             stage.ui.said = ()
         await stage.enter("10", "")
         assert stage.field() == FieldKind.NONE and "not stored" not in stage.words, "half a point is none"
+        await stage.act_on("calibrate.new")
+        await stage.enter("10", "3741", "20", "7488", "")
+        assert "number of measurements: 2" in stage.words
+        await stage.act_on("calibrate.keep")
+        assert stage.codes == ["calibration.few_points"] and kept_files(tmp_path) == []
+        for action, words in (
+            ("calibrate.undo", "not stored: 1 point "),
+            ("calibrate.drop", "None is stored"),
+            ("calibrate.undo", "not stored: 1 point "),
+        ):
+            await stage.act_on(action)
+            assert words in stage.words, action
 
 
-async def test_before_the_first_point_nothing_is_wrong_and_an_entry_of_nothing_leaves_nothing(
+async def test_before_the_first_point_nothing_is_wrong_nothing_is_left_and_empty_plots_name_their_units(
     tmp_path: Path,
 ) -> None:
     async with on_page(CalibrateScene, tmp_path) as stage:
@@ -161,6 +173,10 @@ async def test_before_the_first_point_nothing_is_wrong_and_an_entry_of_nothing_l
         assert "None is stored" in stage.words and stage.field() == FieldKind.NONE
         await stage.act_on("calibrate.keep")
         assert stage.codes == ["screen.calibrate_nothing"] and kept_files(tmp_path) == []
+        await stage.act_on("calibrate.kind", "calibrate.kind", "calibrate.view")
+        for units in ("N over N m", "um: measured over fitted", "No plot"):
+            assert units in stage.text
+            await stage.act("calibrate.kind")
 
 
 async def test_a_long_list_is_walked_by_the_page_and_from_end_to_end(tmp_path: Path) -> None:
@@ -172,39 +188,6 @@ async def test_a_long_list_is_walked_by_the_page_and_from_end_to_end(tmp_path: P
         for action, day in (("last", 10), ("page_up", 15), ("page_up", 20), ("page_down", 15), ("first", 29)):
             await stage.act_on(f"calibrate.{action}")
             assert f"▶ 2025-11-{day}" in stage.words, action
-
-
-async def test_empty_plots_name_their_units(tmp_path: Path) -> None:
-    async with on_page(CalibrateScene, tmp_path) as stage:
-        await stage.show()
-        await stage.act_on("calibrate.view")
-        for units in ("N over N m", "um: measured over fitted", "No plot"):
-            assert units in stage.text
-            await stage.act_on("calibrate.kind")
-
-
-async def test_too_few_points_are_not_stored_and_the_reason_is_shown(tmp_path: Path) -> None:
-    async with on_page(CalibrateScene, tmp_path) as stage:
-        await stage.show()
-        await stage.act_on("calibrate.new")
-        await stage.enter("10", "3741", "20", "7488", "")
-        assert "number of measurements: 2" in stage.words
-        await stage.act_on("calibrate.keep")
-        assert stage.codes == ["calibration.few_points"] and kept_files(tmp_path) == []
-
-
-async def test_what_was_taken_back_or_dropped_comes_back(tmp_path: Path) -> None:
-    async with on_page(CalibrateScene, tmp_path) as stage:
-        await stage.show()
-        await stage.act_on("calibrate.new")
-        await stage.enter("10", "3741", "20", "7488", "")
-        for action, words in (
-            ("calibrate.undo", "not stored: 1 point "),
-            ("calibrate.drop", "None is stored"),
-            ("calibrate.undo", "not stored: 1 point "),
-        ):
-            await stage.act_on(action)
-            assert words in stage.words, action
 
 
 async def test_a_table_is_imported_byte_for_byte_and_a_broken_one_refused_with_its_line(tmp_path: Path) -> None:

@@ -134,22 +134,18 @@ def hold(
     return len(orders), shown[0], [problem.code for problem in app.ui.said]
 
 
-def test_a_held_key_is_one_step_before_the_repeat_is_measured(tmp_path: Path) -> None:
+def test_a_held_key_is_one_step_until_the_repeat_is_measured_then_runs_and_ends_with_its_repeats(
+    tmp_path: Path,
+) -> None:
     steps, text, said = hold(tmp_path, "right", calibrate=False)
     assert (steps, said) == (1, ["screen.jog_key_held"])
     assert "Jog, step only" in text
-
-
-def test_a_held_key_runs_in_steps_once_it_is_and_ends_with_its_repeats(tmp_path: Path) -> None:
-    steps, text, _ = hold(tmp_path, "pageup")
-    assert steps > 20  # 30 repeats, on a machine that needs no time for a step
+    even, text, _ = hold(tmp_path / "even", "pageup")
+    assert even > 20  # 30 repeats, on a machine that needs no time for a step
     # Step 0.10 degrees, 4 of them.
     assert "Jog, hold: ≤ 0.4° over" in text
-
-
-def test_a_stall_ends_it_although_the_key_is_still_held(tmp_path: Path) -> None:
-    steps, _, _ = hold(tmp_path, "pageup", stall_at_s=0.8)
-    assert 1 < steps < hold(tmp_path / "even", "pageup")[0] / 2
+    stalled, _, _ = hold(tmp_path / "stalls", "pageup", stall_at_s=0.8)
+    assert 1 < stalled < even / 2, "a stall ends it although the key is still held"
 
 
 @pytest.mark.long

@@ -220,11 +220,9 @@ async def test_enter_performs_on_this_page_only_what_moves_nothing(tmp_path: Pat
         assert (codes(app), app._list.is_palette) == (["screen.nothing_to_take_back"], True)
 
 
-def test_no_moving_action_is_started_from_it_on_any_page(tmp_path: Path) -> None:
-    for action in ACTIONS:
-        if action.moves:
-            assert not Entry(action=action, words="", page_name="").is_started
-    assert not any(Entry(action=action, words="", page_name="").is_started for action in STOPPING)
+def test_no_moving_action_is_started_from_it_on_any_page() -> None:
+    moving = [*STOPPING, *(action for action in ACTIONS if action.moves)]
+    assert not any(Entry(action=action, words="", page_name="").is_started for action in moving)
 
 
 async def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Path) -> None:
@@ -245,24 +243,21 @@ async def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Pat
 # Safety --------------------------------------------------------------------------------------------------------
 
 
-async def test_space_is_written_at_rest_and_the_stop_row_names_the_other_key(tmp_path: Path) -> None:
+async def test_space_is_written_at_rest_and_stops_where_nobody_knows_that_nothing_moves(tmp_path: Path) -> None:
+    """What was read as text for it, and comes when it has closed, does nothing."""
     async with play(tmp_path) as (app, pilot, control):
+        app.post_message(Written("j", "j"))
+        await pilot.pause()
+        assert codes(app) == ["screen.entry_over"] and control.orders == []
         await pilot.press(":", *"save", "space", "n")
         await settle(app, pilot)
         assert control.stops == [] and any("find an action: save n" in row for row in rows_of(app))
         assert any("[F12] STOP" in row for row in rows_of(app))
-        await pilot.press("f12")
-        assert control.stops == ["f12"]
-
-
-async def test_space_stops_where_nobody_knows_that_nothing_moves(tmp_path: Path) -> None:
-    async with play(tmp_path) as (app, pilot, control):
-        await pilot.press(":", "a")
         control.at(110.0)  # the last poll is old
         await settle(app, pilot)
         assert any("[SPACE] STOP" in row for row in rows_of(app))
-        await pilot.press("space")
-        assert control.stops == ["space"]
+        await pilot.press("space", "f12")
+        assert control.stops == ["space", "f12"]
 
 
 MOVES = align_stage.look(ON - {"desired_velocity_zero"})
@@ -290,14 +285,6 @@ async def test_it_neither_opens_nor_stays_open_while_something_moves(moving: Sta
         assert control.stops == ["space"]
         app.tick()
         assert (app._list.is_open, codes(app)) == (False, ["screen.palette_moving"])
-
-
-async def test_characters_of_a_palette_that_has_closed_do_nothing_on_the_page(tmp_path: Path) -> None:
-    """The thread that reads the terminal took them for text: they were not held back as an action is."""
-    async with play(tmp_path) as (app, pilot, control):
-        app.post_message(Written("j", "j"))
-        await pilot.pause()
-        assert codes(app) == ["screen.entry_over"] and control.orders == []
 
 
 class Terminal:

@@ -99,11 +99,20 @@ async def test_the_list_is_filtered_by_failure_by_the_open_job_and_by_words(shop
         assert rows_of(page) == [] and "No recorded run matches" in page.text
 
 
-async def test_without_an_open_job_j_says_what_to_press(shop: Path) -> None:
+async def test_what_works_elsewhere_or_with_a_job_says_so_and_nothing_is_commanded_or_stops(shop: Path) -> None:
     async with on_records(shop) as page:
+        for action in ("search", "failed", "job", "machines"):
+            await page.act(*keys("open", action))
+            assert page.codes == ["screen.records_list_first"]
+            page.ui.said = ()
+        await page.act(*keys("back", "back"))
         page.ui.work = None
         await page.act(*keys("job"))
         assert page.codes == ["screen.nothing_to_cut"] and len(rows_of(page)) == 4
+        page.control.state = replace(READY, activity=Activity.CUTTING)
+        monitored = keys("down", "open", "program", "cut", "back", "chart", "figure", "back", "mark", "machines")
+        await page.act(*monitored)
+        assert (page.control.orders, page.control.stops, page.control.kills) == ([], [], [])
 
 
 async def test_a_run_is_shown_as_it_was(shop: Path) -> None:
@@ -266,22 +275,6 @@ async def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytes
             await asyncio.sleep(0.01)
             await page.show()
         assert len(rows_of(page)) == 4
-
-
-async def test_nothing_on_the_page_is_commanded_or_stops(shop: Path) -> None:
-    async with on_records(shop) as page:
-        page.control.state = replace(READY, activity=Activity.CUTTING)
-        monitored = keys("down", "open", "program", "cut", "back", "chart", "figure", "back", "mark", "machines")
-        await page.act(*monitored)
-        assert (page.control.orders, page.control.stops, page.control.kills) == ([], [], [])
-
-
-async def test_what_works_in_the_list_alone_says_so_elsewhere(shop: Path) -> None:
-    async with on_records(shop) as page:
-        for action in ("search", "failed", "job", "machines"):
-            await page.act(*keys("open", action))
-            assert page.codes == ["screen.records_list_first"]
-            page.ui.said = ()
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

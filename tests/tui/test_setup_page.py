@@ -114,8 +114,12 @@ async def test_a_typed_value_is_judged_while_it_is_typed_and_counts_when_it_is_t
         await stage.type("7000")
         assert "= 7000.0" in stage.text
         await stage.act("setup.edit")
-        assert stage.kind() is FieldKind.NONE and stage.ui.work.job.chucking_force_n == 7000.0
-        assert "edited, not saved" in stage.text and "2 rules refuse" in stage.next_step
+        assert stage.ui.work is not None and stage.ui.work.job.chucking_force_n == 7000.0
+        assert (
+            stage.kind() is FieldKind.NONE
+            and "edited, not saved" in stage.text
+            and "2 rules refuse" in stage.next_step
+        )
 
 
 def test_a_force_without_a_torque_says_so_and_a_chuck_without_a_line_says_nothing() -> None:

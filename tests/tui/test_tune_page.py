@@ -81,13 +81,17 @@ async def test_the_margins_are_those_of_the_gains_that_were_read_not_of_the_prof
         assert "UNSTABLE" in stage.words and "gain margin" not in stage.words
 
 
-async def test_a_setting_that_the_model_does_not_have_is_told(tmp_path: Path) -> None:
-    async with on_page(
-        TuneScene, tmp_path, state=replace(STATE, tool_loop=with_values(n36=-1.2, n68=40.0))
-    ) as stage:
+async def test_a_setting_that_the_model_does_not_have_and_a_loop_that_was_not_read_are_told(
+    tmp_path: Path,
+) -> None:
+    strange = replace(STATE, tool_loop=with_values(n36=-1.2, n68=40.0))
+    async with on_page(TuneScene, tmp_path, state=strange, size=(80, 24)) as stage:
         await stage.show()
         assert "I168 not 0" in stage.words
         assert "I136 -1.2 (0)" in stage.words, "a filter that the profile does not state differs from it"
+        stage.control.state = replace(STATE, tool_loop=None)
+        await stage.act("tune.read")
+        assert "was not read" in stage.words and "Ki 32.2" in stage.words, "the gains are those of the profile"
 
 
 async def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would_disarm_a_cut(
@@ -158,12 +162,6 @@ async def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by
             )
 
 
-async def test_without_a_reading_the_gains_are_those_of_the_profile_and_the_page_says_so(tmp_path: Path) -> None:
-    async with on_page(TuneScene, tmp_path, state=replace(STATE, tool_loop=None), size=(80, 24)) as stage:
-        await stage.show()
-        assert "was not read" in stage.words and "Ki 32.2" in stage.words
-
-
 def test_table_5_is_shown_beside_the_machine_of_the_paper_alone(tmp_path: Path) -> None:
     machine = lathe().machine
     facts = loop_facts(machine, None, tmp_path, simulated=True)
@@ -228,20 +226,29 @@ async def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed
         assert started == {name: name == "in time" for name in started}
 
 
-@pytest.mark.parametrize(
-    ("state", "code"),
-    [
-        (STATE, "alignment.drives_off"),
-        (replace(SET_UP, armed=run_stage.armed()), "screen.tune_cut_armed"),
-        (replace(SET_UP, standing=Standing.OUSTED, holder=7), "screen.observes"),
-        (replace(SET_UP, activity=Activity.CUTTING), "screen.in_motion"),
-    ],
-    ids=["drives off", "cut armed", "observing", "cutting"],
-)
-async def test_a_test_is_refused_with_its_reason(state: StationState, code: str, tmp_path: Path) -> None:
-    async with on_page(TuneScene, tmp_path, state=state) as stage:
-        await stage.act("tune.arm")
-        assert stage.codes == [code] and not [o for o in stage.control.orders if o != ReadLoop()]
+async def test_a_test_is_refused_with_its_reason_and_the_next_step_is_what_it_still_lacks(tmp_path: Path) -> None:
+    states = {
+        "alignment.drives_off": (STATE, "A test needs drives enabled and axes homed"),
+        "": (SET_UP, "F5 arms"),
+        "machine.tool_in_part": (
+            replace(SET_UP, alignment=aligned(76.1), snapshot=align_stage.IN_PART),
+            "jog it away",
+        ),
+        "screen.tune_cut_armed": (replace(SET_UP, armed=run_stage.armed()), "F5 says why"),
+        "screen.observes": (replace(SET_UP, standing=Standing.OUSTED, holder=7), ""),
+        "screen.in_motion": (replace(SET_UP, activity=Activity.CUTTING), ""),
+    }
+    async with on_page(TuneScene, tmp_path, state=SET_UP) as stage:
+        await stage.act("tune.kind")
+        for code, (state, words) in states.items():
+            stage.page.leave()
+            stage.control.state, stage.control.orders, stage.ui.said = state, [], ()
+            await stage.show()
+            assert words in stage.next_step, code
+            await stage.act("tune.arm")
+            if code != "machine.tool_in_part":  # whose reason is that of its next step
+                assert stage.codes == ([code] if code else []), code
+            assert not [order for order in stage.control.orders if order != ReadLoop()]
 
 
 async def test_before_the_first_test_the_page_says_what_one_does_and_in_which_unit(tmp_path: Path) -> None:
@@ -251,22 +258,6 @@ async def test_before_the_first_test_the_page_says_what_one_does_and_in_which_un
         assert "Step, um over ms" in stage.text and "a sine of 40 Hz" in stage.words
         await stage.act("tune.kind")
         assert "it swings by" in stage.words
-
-
-@pytest.mark.parametrize(
-    ("state", "words"),
-    [
-        (STATE, "A test needs drives enabled and axes homed"),
-        (SET_UP, "F5 arms"),
-        (replace(SET_UP, alignment=aligned(76.1), snapshot=align_stage.IN_PART), "jog it away"),
-        (replace(SET_UP, armed=run_stage.armed()), "F5 says why"),
-    ],
-    ids=["drives off", "ready", "at the part", "cut armed"],
-)
-async def test_the_next_step_is_what_a_test_still_lacks(state: StationState, words: str, tmp_path: Path) -> None:
-    async with on_page(TuneScene, tmp_path, state=state) as stage:
-        await stage.act("tune.kind")
-        assert words in stage.next_step
 
 
 @pytest.mark.parametrize("size", [(80, 18), (160, 42)])
@@ -391,16 +382,10 @@ async def test_gains_on_trial_are_shown_with_those_before_and_taken_back_with_b(
         assert stage.control.orders[-1] == RevertGains()
 
 
-async def test_what_stands_after_a_broken_writing_is_told_value_by_value(tmp_path: Path) -> None:
+async def test_what_stands_after_a_broken_writing_is_told_and_nothing_is_written_where_that_is_not_safe(
+    tmp_path: Path,
+) -> None:
     found = (("I130", 700.0), ("I131", 4905.0), ("I132", 17.0), ("I133", 811.0))
-    async with on_page(TuneScene, tmp_path, state=replace(STATE, trial=on_trial(found)), size=(80, 24)) as stage:
-        await stage.act("tune.revert")
-        assert "did NOT come to its end" in stage.words
-        assert "as proposed I130 700; as before I131 4905, I133 811; neither I132 17" in stage.words
-        assert "I132 4905 4200 17" in stage.words
-
-
-async def test_gains_are_not_written_where_that_is_not_safe(tmp_path: Path) -> None:
     on = replace(AT_REST, tool=replace(AT_REST.tool, flags=ON))
     states = {
         "screen.tune_drives_on": replace(STATE, snapshot=on, trial=on_trial()),
@@ -409,7 +394,12 @@ async def test_gains_are_not_written_where_that_is_not_safe(tmp_path: Path) -> N
         "screen.tune_unread": replace(STATE, tool_loop=None),
         "trial.none": STATE,
     }
-    async with on_page(TuneScene, tmp_path, state=STATE) as stage:
+    async with on_page(TuneScene, tmp_path, state=replace(STATE, trial=on_trial(found)), size=(80, 24)) as stage:
+        await stage.act("tune.revert")
+        assert "did NOT come to its end" in stage.words
+        assert "as proposed I130 700; as before I131 4905, I133 811; neither I132 17" in stage.words
+        assert "I132 4905 4200 17" in stage.words
+        stage.page.leave()
         for code, state in states.items():
             stage.control.state, stage.ui.said = state, ()
             await stage.act("tune.revert" if code in ("trial.none", "screen.tune_drives_on") else "tune.apply")
