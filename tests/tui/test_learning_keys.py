@@ -210,17 +210,14 @@ def test_run_refuses_what_does_not_hold_and_says_what_is_cut(tmp_path: Path) -> 
 def test_after_the_air_comes_half_on_the_same_blank(language: str) -> None:
     text, done = load(language), run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, in_air=True)
     now, air = run_stage.state(cut=done), replace(cam(), stage="air")
-    page = shown_on(RunPage, now, work=air, language=language)
-    assert page.next_step == text("run_page.next.arm_air")
+    page, inspect = (shown_on(each, now, work=air, language=language) for each in (RunPage, InspectPage))
+    assert page.next_step == text("run_page.next.arm_air") and inspect.next_step == text("inspect_page.next.air")
     assert text("run_page.done_in_air")[:12] in page.text and text("run_page.after_air")[:12] in page.text
-    assert shown_on(RunPage, now, work=replace(air, stage="partial"), language=language).next_step == text(
-        "run_page.next.arm"
-    )
-    inspect = shown_on(InspectPage, now, work=air, language=language)
-    assert inspect.next_step == text("inspect_page.next.air")
+    half = shown_on(RunPage, now, work=replace(air, stage="partial"), language=language)
+    assert half.next_step == text("run_page.next.arm")
     assert max(cell_len(words) for words in (page.next_step, inspect.next_step)) <= 77
-    under_way = run_stage.cutting(in_air=True)
-    assert text("run_page.cut_in_air") in shown_on(RunPage, under_way, work=air, language=language).text
+    under_way = shown_on(RunPage, run_stage.cutting(in_air=True), work=air, language=language)
+    assert text("run_page.cut_in_air") in under_way.text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)

@@ -141,8 +141,12 @@ def test_after_the_gauge_run_says_one_thing(language: str) -> None:
     assert not any(words in page.words + page.next_step for words in ("not measured yet", "see the list"))
 
 
-def test_a_list_that_is_spoken_of_is_there() -> None:
+def test_while_the_tool_is_taken_out_the_row_says_so_and_a_list_that_is_spoken_of_is_there() -> None:
     """After a hold the blank may be cut again; the drives were switched off meanwhile."""
+    for language in LANGUAGES:
+        for activity, word in ((Activity.RETRACTING, "taken_out"), (Activity.HOMING, "moves")):
+            page = shown_on(RunPage, run_stage.state(activity=activity), language=language)
+            assert page.next_step == load(language)(f"run_page.next.{word}")
     held = run_stage.state(Alignment(), snapshot=run_stage.look(run_stage.OFF), cut=run_stage.cut(CutStage.HELD))
     page = shown_on(RunPage, held, work=cam())
     assert "see the list" in page.next_step
@@ -206,15 +210,6 @@ def test_preview_opens_the_run_where_the_alignment_is_valid(language: str) -> No
         state = StationState(activity=Activity.READY, alignment=alignment)
         shown = shown_on(PreviewPage, state, work=work, language=language)
         assert text(f"preview_page.opens_{page}") in shown.next_step
-
-
-def test_while_the_tool_is_taken_out_the_row_says_so_and_names_the_stop() -> None:
-    for language in LANGUAGES:
-        text = load(language)
-        taken = shown_on(RunPage, run_stage.state(activity=Activity.RETRACTING), language=language)
-        assert taken.next_step == text("run_page.next.taken_out")
-        moves = shown_on(RunPage, run_stage.state(activity=Activity.HOMING), language=language)
-        assert moves.next_step == text("run_page.next.moves")
 
 
 # What was accepted is what the next part is cut with, in whatever session; where not, the screen says so.

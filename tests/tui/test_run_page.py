@@ -102,18 +102,47 @@ def test_the_verdict_on_a_cut_is_told_with_what_the_tool_took_of_round_and_diame
     assert "not proven" in shown(state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True)).words
 
 
-def test_nothing_is_said_of_a_blank_while_none_is_clamped() -> None:
-    assert "blank not cut yet" in shown(state()).text
-    assert "not cut yet" not in shown(state(replace(VALID, clamping=None))).text
+WIDE = (100, 30)
 
 
-def test_before_the_start_every_condition_has_a_mark_and_a_reason() -> None:
-    page = shown(state(replace(VALID, jaw=None)))
-    assert "✓ drives enabled" in page.text
-    assert "✗ alignment valid" in page.text
-    assert "jaw 1 is not found" in page.words
-    assert "○ program" in page.text
-    assert "4" in page.next_step
+@pytest.mark.parametrize(
+    ("now", "size", "words", "step"),
+    [
+        (
+            state(replace(VALID, jaw=None)),
+            (80, 24),
+            ("✓ drives enabled", "✗ alignment valid", "jaw 1 is not found", "○ program"),
+            "4",
+        ),
+        (state(), (80, 24), ("blank not cut yet",), ""),
+        (STATES["held"], (80, 24), ("Cut ended after the turn; the tool is out.", "only partly cut"), ""),
+        (
+            state(armed=armed()),
+            WIDE,
+            (
+                *("ARMED", "F6 starts within 9 s", "✓ program"),
+                "tool out, carriage to Z 169.3 mm, spindle to its start",
+            ),
+            "F6",
+        ),
+        # 3 lobes at 1000.3 rpm; the tool stands 0.6 um less deep than wanted, so wanted is the smaller radius.
+        (
+            cutting(),
+            (80, 24),
+            (
+                *("turn 83 of 160 · Z 4.2 of 8.0 mm · 5 s left", "52 %", "1000 rpm", "50.0 Hz", "R 25.9271 mm"),
+                *("R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °", "± 1.39°", "CUTTING"),
+            ),
+            "",
+        ),
+    ],
+)
+def test_the_page_says_what_is_the_case(
+    now: StationState, size: tuple[int, int], words: tuple[str, ...], step: str
+) -> None:
+    page = shown(now, size=size)
+    assert [each for each in words if each not in page.text + page.words] == []
+    assert step in page.next_step
 
 
 def test_the_summary_names_what_will_be_cut() -> None:
@@ -194,26 +223,6 @@ def test_f6_starts_only_what_is_armed_f5_takes_it_back_and_enter_does_nothing() 
     assert shown(state(), "run.take").orders == []
     nothing = shown(state(), "run.arm", no_job=True)
     assert (nothing.orders, nothing.said) == ([], ["screen.nothing_to_cut"])
-
-
-def test_armed_says_what_moves_first_and_how_long_it_holds() -> None:
-    page = shown(state(armed=armed()), size=(100, 30))
-    assert "ARMED" in page.text
-    assert "F6 starts within 9 s" in page.words
-    assert "tool out, carriage to Z 169.3 mm, spindle to its start" in page.words
-    assert "✓ program" in page.text
-    assert "F6" in page.next_step
-
-
-def test_the_cut_shows_its_values_with_units() -> None:
-    page = shown(cutting())
-    assert "turn 83 of 160 · Z 4.2 of 8.0 mm · 5 s left" in page.text
-    assert "52 %" in page.text
-    # 3 lobes at 1000.3 rpm; the tool stands 0.6 um less deep than wanted, so wanted is the smaller radius.
-    for value in ("1000 rpm", "50.0 Hz", "R 25.9271 mm", "R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °"):
-        assert value in page.text
-    assert "± 1.39°" in page.text
-    assert "CUTTING" in page.text
 
 
 def test_each_value_of_a_cut_has_its_row_and_its_bound() -> None:
@@ -318,6 +327,8 @@ def test_after_the_cut_figures_the_phase_error_of_its_end_and_the_way_on() -> No
     assert "simulated" not in shown(replace(STATES["done"], simulated=False)).text
     late = replace(ended, path_phase=None, phase=replace(ended.phase, error_deg=9.0, within_deg=0.1))
     assert "! OUT +9.00 °" in shown(replace(STATES["done"], cut=late)).text
+    assert shown(STATES["held"], "run.arm").orders, "a held cut is not done"
+    assert "not cut yet" not in shown(state(replace(VALID, clamping=None))).text, "nothing is clamped"
 
 
 def test_the_remedy_of_a_tool_out_of_phase_is_one_that_changes_its_phase() -> None:
@@ -325,13 +336,6 @@ def test_the_remedy_of_a_tool_out_of_phase_is_one_that_changes_its_phase() -> No
     for language, words in {"en": ("console identify", "learn"), "ko": ("console identify", "학습")}.items():
         said = load(language).problem(Problem(code="cut.out_of_phase", limit="± 1.4 deg"))
         assert all(word in said for word in words) and "jaw" not in said and "조 1" not in said
-
-
-def test_a_held_cut_is_not_called_done() -> None:
-    page = shown(STATES["held"])
-    assert "Cut ended after the turn; the tool is out." in page.words
-    assert "only partly cut" in page.words
-    assert shown(STATES["held"], "run.arm").orders
 
 
 @pytest.mark.parametrize("stage", [CutStage.POSITION, CutStage.RUN_UP])
