@@ -67,8 +67,7 @@ def aligned(data: Path, length_mm: float = 4.0) -> Iterator[Trainee]:
 def says_so(trainee: Trainee) -> None:
     """One line says that something was dropped: by the keys, or by the pause of the polls."""
     trainee.terminal.wait_for(
-        lambda text: any(re.search(trainee._pattern(f"problem.{code}"), text) for code in DROPPED),
-        5.0,
+        lambda text: any(re.search(trainee._pattern(f"problem.{code}"), text) for code in DROPPED), 5.0
     )
 
 
@@ -222,8 +221,7 @@ print("got", repr(line.text), "late" if line.late else "in time")
 
 
 @pytest.mark.parametrize(
-    ("delay", "for_s"),
-    [(held, 1.0), (frozen, 3.0), pytest.param(held, 12.0, marks=pytest.mark.long)],
+    ("delay", "for_s"), [(held, 1.0), (frozen, 3.0), pytest.param(held, 12.0, marks=pytest.mark.long)]
 )
 def test_a_line_typed_to_a_question_has_its_age(delay: Delay, for_s: float) -> None:
     with Terminal([sys.executable, "-c", ASK], columns=80, rows=24) as terminal:

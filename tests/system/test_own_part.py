@@ -161,12 +161,7 @@ class Shop:
         assert self.true.jaw_1_deg is not None
         angle_deg = np.mod(self.true.jaw_1_deg - trace.angle_deg, 360.0)
         order = np.argsort(angle_deg)
-        meta = {
-            "state": "free",
-            "direction": "ccw",
-            "start_mark": "jaw 1",
-            "radius_mm": trace.meta["radius_mm"],
-        }
+        meta = {"state": "free", "direction": "ccw", "start_mark": "jaw 1", "radius_mm": trace.meta["radius_mm"]}
         found = Trace(angle_deg=angle_deg[order], deviation_um=trace.deviation_um[order], meta=meta)
         write_trace(trace_folder(self.data) / name, found)
 

@@ -276,17 +276,12 @@ def test_a_run_that_is_refused_stops_nobody_either(lathe: SimulatedLathe, made: 
         assert is_another_s_and_turns(card)
 
 
-def test_an_identification_that_ends_before_it_has_the_machine_stops_nobody(
-    tmp_path: Path,
-) -> None:
+def test_an_identification_that_ends_before_it_has_the_machine_stops_nobody(tmp_path: Path) -> None:
     machine = signed_copy("lee-2001-lathe", tmp_path)
     lathe = SimulatedLathe(load_machine(str(machine)).machine)
     turned_by_another(lathe)
     words = ("identify", "--machine", str(machine), "--data", str(tmp_path), "--yes")
-    with (
-        patient_card(lathe) as card,
-        console(*words, "--link", card.console, unheard=(card, b"P1000")) as process,
-    ):
+    with patient_card(lathe) as card, console(*words, "--link", card.console, unheard=(card, b"P1000")) as process:
         card.until_it_is_said()
         ended(card, process, signal.SIGINT)
         assert STOPS.search(heard(card)) is None

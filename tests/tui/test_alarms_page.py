@@ -62,11 +62,7 @@ async def test_what_has_ended_is_gone_when_it_is_acknowledged_and_stays_among_th
 ) -> None:
     async with play(QUIET, tmp_path) as (app, pilot, control):
         alarm = raised((), SPINDLE, Priority.HIGH, 90.0)
-        for alarms, word in (
-            (alarm, "new"),
-            ((replace(alarm[0], active=False),), "returned"),
-            ((), "over"),
-        ):
+        for alarms, word in ((alarm, "new"), ((replace(alarm[0], active=False),), "returned"), ((), "over")):
             control.state = replace(control.state, alarms=alarms)
             shown = await text_after(app, pilot, "home")
             assert re.search(rf"1 08:51:50 {word} ", shown), shown

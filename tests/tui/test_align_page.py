@@ -101,9 +101,7 @@ def test_a_value_of_the_job_has_the_name_that_set_up_gives_it(language: str, nam
 
 NARROW, WIDE = (80, 24), (100, 30)
 PAST_STOP = state(
-    Alignment(settings=(), clamping=CLAMPED),
-    activity=Activity.STOPPED,
-    stop=replace(STOPPING, rest_s=99.95),
+    Alignment(settings=(), clamping=CLAMPED), activity=Activity.STOPPED, stop=replace(STOPPING, rest_s=99.95)
 )
 
 
@@ -136,8 +134,7 @@ def test_nothing_known_is_shown_as_nothing() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "step"),
-    [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 touch-off")],
+    ("changes", "step"), [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 touch-off")]
 )
 def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: str) -> None:
     """Experiment 1 was aligned; a job with other jaws or another diameter is opened."""

@@ -208,12 +208,7 @@ class Seen:
 
 
 def seen(
-    scene: Scene,
-    data: Path,
-    *,
-    size: tuple[int, int] = SIZES[0],
-    language: str = "en",
-    palette: Palette = MONO,
+    scene: Scene, data: Path, *, size: tuple[int, int] = SIZES[0], language: str = "en", palette: Palette = MONO
 ) -> Seen:
     async def play() -> Seen:
         app, _ = application(scene, data, language=language, palette=palette)

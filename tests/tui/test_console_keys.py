@@ -72,8 +72,7 @@ async def test_readings_may_be_typed_as_fast_as_a_number_pad_allows(tmp_path: Pa
 
 
 @pytest.mark.parametrize(
-    ("key", "page"),
-    [("f4", PageName.ALIGN), *((key, PageName.RUN) for key in ("f5", "f6", "f7", "f8"))],
+    ("key", "page"), [("f4", PageName.ALIGN), *((key, PageName.RUN) for key in ("f5", "f6", "f7", "f8"))]
 )
 @pytest.mark.first(2)
 def test_a_key_that_is_held_down_orders_once(key: str, page: PageName, tmp_path: Path) -> None:
@@ -382,13 +381,7 @@ def test_presses_in_motion_wait_and_are_made_one_after_the_other(tmp_path: Path)
 def test_any_other_key_drops_the_steps_that_wait(
     key: str, state: StationState, reason: list[str], tmp_path: Path
 ) -> None:
-    console = jogged(
-        tmp_path,
-        *THREE_PRESSES,
-        (100.7, key, state),
-        (100.8, "", TWO_MADE),
-        (101.3, "", TWO_MADE),
-    )
+    console = jogged(tmp_path, *THREE_PRESSES, (100.7, key, state), (100.8, "", TWO_MADE), (101.3, "", TWO_MADE))
     assert console.control.stops == reason
     assert len([order for order in console.control.orders if isinstance(order, Jog)]) == 1
 
@@ -405,12 +398,7 @@ def test_any_other_key_drops_the_steps_that_wait(
 )
 @pytest.mark.first(2)
 def test_nothing_continues_on_a_machine_that_is_not_as_before(after: StationState, tmp_path: Path) -> None:
-    console = jogged(
-        tmp_path,
-        *THREE_PRESSES,
-        (100.8, "", after),
-        (101.0, "", TWO_MADE),
-    )
+    console = jogged(tmp_path, *THREE_PRESSES, (100.8, "", after), (101.0, "", TWO_MADE))
     assert len(console.control.orders) == 1
 
 

@@ -256,10 +256,7 @@ def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cu
     error_um = found.found.fit.error_um_pp
     job = replace(signed().job, lobe_error_source="fitted", lobe_error_um_pp=error_um)
     now = replace(MEASURED, measured=replace(made, lobe=found))
-    for strategy, word, said in (
-        ("pvt", "lobe_taken", "lobe_taken"),
-        ("none", "lobe_plain", "lobe_in_job"),
-    ):
+    for strategy, word, said in (("pvt", "lobe_taken", "lobe_taken"), ("none", "lobe_plain", "lobe_in_job")):
         work = replace(signed(), job=job, strategy=strategy)
         page = shown_on(InspectPage, now, work=work, language=language)
         assert page.next_step == text(f"inspect_page.next.{word}") and cell_len(page.next_step) <= 77

@@ -130,10 +130,7 @@ def test_after_the_gauge_run_says_one_thing(language: str) -> None:
     done = run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES)
     # Measuring opens the chuck: nothing is clamped and the drives are off.
     now = run_stage.state(
-        replace(run_stage.VALID, clamping=None),
-        snapshot=run_stage.look(run_stage.OFF),
-        cut=done,
-        measured=PART,
+        replace(run_stage.VALID, clamping=None), snapshot=run_stage.look(run_stage.OFF), cut=done, measured=PART
     )
     page = shown_on(RunPage, now, work=cam(), language=language)
     assert page.next_step == text("run_page.next.measured") and cell_len(page.next_step) <= 77

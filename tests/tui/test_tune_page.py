@@ -9,14 +9,7 @@ import pytest
 
 from console.session.data.health import store as store_test
 from console.session.data.identified import store
-from console.session.station.commands import (
-    ApplyGains,
-    CheckHealth,
-    Command,
-    IdentifyTool,
-    ReadLoop,
-    RevertGains,
-)
+from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
 from console.session.tuning.standing import StandingTrial, stands_problem
 from console.tui.further.loop_facts import loop_facts

@@ -148,10 +148,7 @@ def test_alarms_are_conditions_with_their_codes() -> None:
     over = with_alarms(
         replace(amplifier, state="returned"), alarm("record.lost", "low", "disk full", "acknowledged")
     )
-    assert shdr_lines(over, both) == [
-        f"{AT}|communications|NORMAL||||",
-        f"{AT}|system|NORMAL|machine.fault|||",
-    ]
+    assert shdr_lines(over, both) == [f"{AT}|communications|NORMAL||||", f"{AT}|system|NORMAL|machine.fault|||"]
     assert shdr_lines(normal, over) == [f"{AT}|system|NORMAL||||"]
 
 

@@ -244,10 +244,7 @@ def test_a_change_of_meaning_is_a_change() -> None:
 
 def test_each_row_has_one_span() -> None:
     new = picture([(0, 1, "a", Token.AXIS), (0, 8, "b", Token.AXIS), (2, 5, "c", Token.AXIS)])
-    assert changed_spans(Cells.blank(COLUMNS, ROWS), new) == [
-        Region(1, 0, 8, 1),
-        Region(5, 2, 1, 1),
-    ]
+    assert changed_spans(Cells.blank(COLUMNS, ROWS), new) == [Region(1, 0, 8, 1), Region(5, 2, 1, 1)]
 
 
 @pytest.mark.parametrize("palette", [COLOUR, MONO], ids=["colour", "mono"])
