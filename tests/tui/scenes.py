@@ -56,7 +56,7 @@ from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
 from tests.record_clock import set_dates
-from tests.tui import calibrate_stage, records_stage, scope_stage, tune_stage
+from tests.tui import records_stage, tune_stage
 from tests.tui.page_stage import run_apart
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
@@ -291,9 +291,9 @@ def _filled() -> tempfile.TemporaryDirectory[str]:
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
-    scope_stage.keep(data)
+    records_stage.keep_scope_record(data)
     tune_stage.fill(data)
-    calibrate_stage.fill(data)
+    records_stage.fill_calibrations(data)
     return kept
 
 

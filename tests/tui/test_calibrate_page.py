@@ -22,9 +22,9 @@ from console.tui.records import beside
 from console.units import METRIC, Units
 from profiles.calibration.table import CalibrationKind
 from profiles.store import load_machine
-from tests.tui import calibrate_stage
-from tests.tui.calibrate_stage import TABLE, WRENCH, keep_wrench
+from tests.tui import records_stage
 from tests.tui.page_stage import PageScene, on_page
+from tests.tui.records_stage import TABLE, WRENCH, keep_wrench
 from tests.tui.stage import MACHINE, lathe
 
 MOVING = StationState(activity=Activity.CUTTING)
@@ -267,7 +267,7 @@ def test_which_calibration_counts_is_what_the_next_start_does(tmp_path: Path) ->
 
 
 def test_the_points_are_shown_only_while_their_file_is_what_was_fitted(tmp_path: Path) -> None:
-    calibrate_stage.fill(tmp_path)
+    records_stage.fill_calibrations(tmp_path)
     (row, _) = kept_list(tmp_path, lathe(), "wrench")
 
     def facts() -> ChuckFacts:
@@ -280,7 +280,7 @@ def test_the_points_are_shown_only_while_their_file_is_what_was_fitted(tmp_path:
 
 
 async def test_the_lobes_of_the_jobs_are_listed_and_say_how_one_is_taken(tmp_path: Path) -> None:
-    calibrate_stage.fill(tmp_path)
+    records_stage.fill_calibrations(tmp_path)
     async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.kind", "calibrate.kind")
@@ -301,7 +301,7 @@ def test_every_standing_has_its_words() -> None:
 async def test_in_motion_nothing_is_fitted_before_scipy_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calibrate_stage.fill(tmp_path)
+    records_stage.fill_calibrations(tmp_path)
     monkeypatch.setattr("console.tui.further.calibrate.STATISTICS", "no.such.module")
     async with on_page(CalibrateScene, tmp_path, state=MOVING, size=(100, 24)) as stage:
         await stage.show()

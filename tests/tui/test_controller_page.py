@@ -30,7 +30,7 @@ from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from drivers.requests.side_line import Moment
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family
-from tests.tui import align_stage, scope_stage
+from tests.tui import align_stage, records_stage
 from tests.tui.machine_states import CLAMPED
 from tests.tui.scenes import (
     Scene,
@@ -293,9 +293,9 @@ async def test_cursors_read_what_the_file_says_and_the_angle_averages_the_turns(
 
 
 def test_the_mean_over_the_angle_and_its_spread_are_those_of_the_turns() -> None:
-    record = scope_stage.record(1.0, step_s=0.0001)
+    record = records_stage.scope_record(1.0, step_s=0.0001)
     degrees = np.degrees(record.values[ANGLE])
-    found = over_turns(degrees, record.values[scope_stage.ERROR] * 1e6)
+    found = over_turns(degrees, record.values[records_stage.ERROR] * 1e6)
     assert found is not None and found.turns == pytest.approx(10.0, abs=0.02)
     wave = np.sin(3.0 * np.radians(found.angle_deg))
     seen = ~np.isnan(found.mean)
@@ -326,7 +326,7 @@ async def test_what_cannot_be_done_says_why(state: StationState, key: str, code:
 async def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
     folder = tmp_path / "scope"
     folder.mkdir()
-    text = record_text(scope_stage.record())
+    text = record_text(records_stage.scope_record())
     for number, damaged in enumerate(
         (text.replace("scope 1", "scope 9"), text.replace("[m]", "[um]"), text[:200], "", text[: len(text) // 2])
     ):
@@ -346,7 +346,9 @@ async def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(t
     folder = tmp_path / "scope"
     folder.mkdir()
     for number in range(30):
-        (folder / f"lathe-202601{number:02d}.csv").write_text(record_text(scope_stage.record()), encoding="utf-8")
+        (folder / f"lathe-202601{number:02d}.csv").write_text(
+            record_text(records_stage.scope_record()), encoding="utf-8"
+        )
     async with play_scope(tmp_path) as stage:
         assert "Nothing gathered" in await stage.press() and "mm, um, ° over s" in await stage.press()
         assert "g gather" in await stage.press()
