@@ -25,7 +25,7 @@ from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.scenes import Scene, application, console_at, fill, played, rows_of
+from tests.tui.scenes import Pressed, Scene, application, console_at, fill, played, rows_of
 from tests.tui.scenes import pressed as pressed_at
 from tests.tui.stage import FixedControl, experiment
 
@@ -103,20 +103,22 @@ def test_every_press_of_plus_changes_the_cut_by_a_step_and_a_held_one_by_one(tmp
     assert steps((0.0, "+"), (0.3, "+"), (0.35, "c")) == [1]
 
 
-def test_a_held_f4_does_not_go_from_step_to_step(tmp_path: Path) -> None:
+def test_a_held_f4_and_a_held_enter_do_not_go_from_step_to_step_and_a_jog_key_is_none_of_them(
+    tmp_path: Path,
+) -> None:
     again = pressed(tmp_path, HOMING, PageName.ALIGN, (0.0, "f4"), (0.7, "f4"), (1.55, "f4"))
     assert again.orders == [Home(), Home()]
-
-
-def test_a_held_enter_does_not_ask_again(tmp_path: Path) -> None:
     far = align_stage.state(seen=align_stage.FAR)
     held = pressed(tmp_path, far, PageName.ALIGN, *((0.1 * n, "enter") for n in range(20)))
     assert (held.orders, held.said) == ([], ["screen.key_repeats"])
-
-
-def test_a_jog_key_is_no_such_key(tmp_path: Path) -> None:
     jogs = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "j"), (0.1, "right"), (0.9, "right"))
     assert len(jogs.orders) == 2
+
+
+def test_escape_closes_the_list_of_keys_at_rest_and_without_one_is_a_stop(tmp_path: Path) -> None:
+    console = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "?"), (0.5, "escape"))
+    assert console.control.stops == [] and not console.app._list.is_open
+    assert pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "escape")).control.stops == ["escape"]
 
 
 STOP = StopState(reason="space", killed=False, sent_s=100.0)
@@ -144,16 +146,14 @@ def test_an_answer_goes_with_the_state_that_it_speaks_of(
 
 
 async def test_nothing_is_armed_does_not_stay_beside_armed(tmp_path: Path) -> None:
-    rows: list[str] = []
     async with console_at(tmp_path, PageName.RUN, run_stage.state()) as (app, pilot, control):
         await pilot.press("f6")
-        for now in (run_stage.state(), run_stage.state(armed=run_stage.armed())):
+        for now, is_said in ((run_stage.state(), True), (run_stage.state(armed=run_stage.armed()), False)):
             control.state = now
             app.tick()
             await pilot.pause()
-            rows.append("".join(text for text, _ in app._rows["alarm"].lines[0]))
-    assert "nothing is armed" in rows[0]
-    assert "nothing is armed" not in rows[1]
+            row = "".join(text for text, _ in app._rows["alarm"].lines[0])
+            assert ("nothing is armed" in row) is is_said
 
 
 def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
@@ -166,31 +166,17 @@ def test_why_a_key_stopped_the_machine_stays_said(tmp_path: Path) -> None:
     assert console.said == ["screen.key_in_motion"]
 
 
-def test_escape_closes_the_list_of_keys_at_rest_and_stops_nothing(tmp_path: Path) -> None:
-    console = pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "?"), (0.5, "escape"))
-    assert console.control.stops == []
-    assert not console.app._list.is_open
-
-
-def test_escape_without_a_list_is_a_stop_at_rest(tmp_path: Path) -> None:
-    assert pressed(tmp_path, align_stage.state(), PageName.ALIGN, (0.0, "escape")).control.stops == ["escape"]
-
-
-async def test_a_character_whose_field_is_closed_meanwhile_shows_no_page(tmp_path: Path) -> None:
+@pytest.mark.parametrize("keys", [(), ("down", "enter")])
+async def test_a_character_for_a_field_is_written_into_it_and_shows_no_page_once_it_is_closed(
+    keys: tuple[str, ...], tmp_path: Path
+) -> None:
     """It was not held back, as it was for a field; so it does nothing else."""
-    async with console_at(tmp_path, PageName.SETUP, align_stage.state()) as (app, pilot, _):
+    async with console_at(tmp_path, PageName.SETUP, align_stage.state(), *keys) as (app, pilot, _):
         app.post_message(Written("4", "4"))
         await pilot.pause()
-    assert (app._page, [problem.code for problem in app.ui.said]) == (PageName.SETUP, ["screen.entry_over"])
-
-
-async def test_a_character_for_a_field_is_written_into_it(tmp_path: Path) -> None:
-    written: list[str] = []
-    async with console_at(tmp_path, PageName.SETUP, align_stage.state(), "down", "enter") as (app, pilot, _):
-        app.post_message(Written("4", "4"))
-        await pilot.pause()
-        written.append(app.query_one("SetupPage Input", Input).value)
-    assert written == ["4"]
+        said = [problem.code for problem in app.ui.said]
+        assert (app._page, said) == (PageName.SETUP, [] if keys else ["screen.entry_over"])
+        assert not keys or app.query_one("SetupPage Input", Input).value == "4"
 
 
 ANOTHERS: dict[str, Any] = {"standing": Standing.OUSTED, "holder": 7}
@@ -231,16 +217,19 @@ def test_a_machine_that_was_lost_in_motion_is_still_stopped_by_any_key_and_can_b
     assert (console.control.stops, console.said) == (["unbound z"], [])
 
 
-@pytest.mark.parametrize("typed", ["1e3", "1e3x7", "1 5", "1k3", "1t3", "ㅁ13", "1ㅏ3"])
+def typed(data: Path, *keys: str) -> Pressed:
+    return pressed(data, align_stage.state(), PageName.SETUP, *((float(n), key) for n, key in enumerate(keys)))
+
+
+@pytest.mark.parametrize("number", ["1e3", "1e3x7", "1 5", "1k3", "1t3", "ㅁ13", "1ㅏ3"])
 @pytest.mark.first(3)
 def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_it(
-    typed: str, tmp_path: Path
+    number: str, tmp_path: Path
 ) -> None:
     """1e3 without its e would be 13 mm: what does not belong stays in the entry, and Enter refuses it."""
-    keys = ["down", "enter", *("space" if each == " " else each for each in typed), "enter"]
-    console = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
+    console = typed(tmp_path, "down", "enter", *("space" if each == " " else each for each in number), "enter")
     (refused,) = console.app.ui.said
-    assert (refused.code, refused.value) == ("value.not_number", f'"{typed}"')
+    assert (refused.code, refused.value) == ("value.not_number", f'"{number}"')
     assert console.app.ui.work == experiment()
     assert console.app._field is FieldKind.NUMBER and console.orders == []
 
@@ -250,23 +239,15 @@ def test_no_character_is_left_out_of_a_number_and_no_key_acts_in_the_middle_of_i
 def test_nothing_is_typed_or_taken_behind_a_list_that_hides_the_entry(opening: str, tmp_path: Path) -> None:
     """13 would be taken by somebody who has not seen the list come up in the middle of it."""
     keys = ["down", "enter", "1", opening, "3", "enter"]
-    hidden = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
+    hidden = typed(tmp_path, *keys)
     assert hidden.app.ui.work == experiment() and hidden.app._field is FieldKind.NUMBER
-    keys += ["backspace", "5", "enter"]
-    again = pressed(
-        tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))
-    )
+    again = typed(tmp_path / "again", *keys, "backspace", "5", "enter")
     assert again.app.ui.work is not None and again.app.ui.work.job.diameter_mm == 15.0
 
 
 def test_a_character_that_does_not_belong_is_told_at_once_and_can_be_deleted(tmp_path: Path) -> None:
-    keys = ["down", "enter", "5", "e"]
-    spoilt = pressed(tmp_path, align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys)))
-    assert spoilt.said == ["screen.not_of_a_number"]
-    keys += ["backspace", "3", "enter"]
-    mended = pressed(
-        tmp_path / "again", align_stage.state(), PageName.SETUP, *((float(n), k) for n, k in enumerate(keys))
-    )
+    assert typed(tmp_path, "down", "enter", "5", "e").said == ["screen.not_of_a_number"]
+    mended = typed(tmp_path / "again", "down", "enter", "5", "e", "backspace", "3", "enter")
     assert mended.app.ui.work is not None and mended.app.ui.work.job.diameter_mm == 53.0
 
 

@@ -262,13 +262,27 @@ async def test_another_part_of_the_job_lies_beside_this_one_on_one_scale(
         assert stage.control.orders == []
 
 
-async def test_a_single_part_is_not_counted_as_several(tmp_path: Path) -> None:
-    records_stage.run(tmp_path, 1.3, strategy="cam", compensation=2, kind="part")
+async def test_a_record_without_other_parts_with_one_and_a_damaged_one_are_told(tmp_path: Path) -> None:
     async with play(tmp_path) as stage:
         await settled(stage)
         await stage.act("inspect.beside")
         await settled(stage)
-        assert " 1 part " in stage.text
+        assert "no other measured part" in stage.text and "b closes" in stage.next_step
+        await stage.act("inspect.beside")
+        records_stage.run(tmp_path, 1.3, strategy="cam", compensation=2, kind="part")
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert " 1 part " in stage.text, "a single one is not counted as several"
+        await stage.act("inspect.beside")
+        await settled(stage)
+        for file in filter(Path.is_file, tmp_path.iterdir()):
+            file.write_bytes(b"this is no record of runs" * 100)
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert "PASS" not in stage.text
+        await stage.act("inspect.beside")
+        await settled(stage)
+        assert "PASS" in stage.text
 
 
 def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
@@ -285,25 +299,6 @@ def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -
     # With a filter that it does not support both keep that of the verdict.
     wide = compared(MEASURED, Looked(filter_upr=500.0), other)
     assert wide is not None and wide.looked == Looked() and wide.supported == (15.0, 50.0)
-
-
-async def test_a_record_without_other_parts_and_a_damaged_one_are_told(tmp_path: Path) -> None:
-    async with play(tmp_path) as stage:
-        await settled(stage)
-        await stage.act("inspect.beside")
-        await settled(stage)
-        assert "no other measured part" in stage.text and "b closes" in stage.next_step
-        await stage.act("inspect.beside")
-        await settled(stage)
-        (tmp_path / "runs.sqlite").write_bytes(b"this is no record of runs" * 100)
-        for file in tmp_path.iterdir():
-            file.write_bytes(b"this is no record of runs" * 100)
-        await stage.act("inspect.beside")
-        await settled(stage)
-        assert "PASS" not in stage.text
-        await stage.act("inspect.beside")
-        await settled(stage)
-        assert "PASS" in stage.text
 
 
 # In plain words ------------------------------------------------------------------------------------------------

@@ -203,20 +203,25 @@ async def test_a_job_is_renamed_and_stays_open(own: Path, tmp_path: Path) -> Non
         assert stage.ui.work is not None and stage.ui.work.job.name == "a-ring-2" and not stage.ui.work.edited
 
 
-@pytest.mark.parametrize(
-    ("name", "code"),
-    [("two-jaw-tube", "screen.name_taken"), ("../x", "file.name_unfit"), ("x" * 61, "file.name_long")],
-)
-async def test_a_name_that_cannot_be_is_refused_and_stays_in_the_entry(
-    name: str, code: str, own: Path, tmp_path: Path
+async def test_a_name_that_cannot_be_is_refused_stays_in_the_entry_and_is_discarded_with_a_word(
+    own: Path, tmp_path: Path
 ) -> None:
     put(own, "a-ring")
     async with play(tmp_path) as stage:
         await stage.act("jobs.rename")
-        stage.page._entry.value = name  # type: ignore[attr-defined]
-        await stage.act("jobs.open")
-        assert stage.codes == [code] and stage.page.field is FieldKind.TEXT
-        assert (own / "a-ring.toml").exists()
+        for name, code in (
+            ("two-jaw-tube", "screen.name_taken"),
+            ("../x", "file.name_unfit"),
+            ("x" * 61, "file.name_long"),
+        ):
+            stage.ui.said = ()
+            stage.page._entry.value = name  # type: ignore[attr-defined]
+            await stage.act("jobs.open")
+            assert stage.codes == [code] and stage.page.field is FieldKind.TEXT
+            assert (own / "a-ring.toml").exists()
+        stage.ui.said = ()
+        stage.page.leave()
+        assert stage.codes == ["screen.job_entry_dropped"] and (own / "a-ring.toml").exists()
 
 
 async def test_note_and_tags_are_shown_and_the_open_job_keeps_its_edits_and_its_hash(
@@ -271,22 +276,23 @@ async def test_the_open_job_is_closed_when_it_is_deleted_and_kept_with_unsaved_e
         assert stage.ui.work is None
 
 
-@pytest.mark.parametrize("action", ["rename", "note", "tags", "delete"])
-async def test_a_supplied_job_stays_as_it_is(action: str, tmp_path: Path) -> None:
+async def test_a_supplied_job_stays_as_it_is_and_nothing_is_changed_in_motion_or_armed(
+    own: Path, tmp_path: Path
+) -> None:
     async with play(tmp_path) as stage:
-        await stage.act(f"jobs.{action}", f"jobs.{action}")
-        assert stage.codes == ["screen.job_bundled"] and stage.page.field is FieldKind.NONE
-
-
-async def test_nothing_is_changed_while_the_machine_moves_or_a_cut_is_armed(own: Path, tmp_path: Path) -> None:
-    put(own, "a-ring")
-    async with play(tmp_path) as stage:
+        for action in ("rename", "note", "tags", "delete"):
+            await stage.act(f"jobs.{action}", f"jobs.{action}")
+            assert stage.codes == ["screen.job_bundled"] and stage.page.field is FieldKind.NONE
+        put(own, "a-ring")
+        stage.page.leave()
+        await stage.show()
+        await stage.act("jobs.first")
         for action in ("rename", "note", "tags", "delete", "undo", "import"):
-            for state, code in (
-                (replace(READY, activity=Activity.CUTTING), "screen.jobs_moving"),
-                (replace(READY, activity=Activity.ARMING), "screen.jobs_armed"),
+            for activity, code in (
+                (Activity.CUTTING, "screen.jobs_moving"),
+                (Activity.ARMING, "screen.jobs_armed"),
             ):
-                stage.control.state = state
+                stage.control.state = replace(READY, activity=activity)
                 await stage.act(f"jobs.{action}")
                 assert stage.codes == [code], action
 
@@ -352,11 +358,3 @@ async def test_each_entry_says_what_enter_does_within_the_row(language: str, own
             if actions != ("import",):
                 stage.page._entry.close()  # type: ignore[attr-defined]
         assert len(said) == 6 and not [each for each in said if cell_len(each) > NEXT_STEP_CELLS]
-
-
-async def test_a_name_that_was_not_ended_is_discarded_with_a_word(own: Path, tmp_path: Path) -> None:
-    put(own, "a-ring")
-    async with play(tmp_path) as stage:
-        await stage.act("jobs.rename")
-        stage.page.leave()
-        assert stage.codes == ["screen.job_entry_dropped"] and (own / "a-ring.toml").exists()
