@@ -266,7 +266,8 @@ READERS = {"profiles/axis/servo_gains.py"}
 
 def reads_a_variable(path: Path) -> bool:
     """Whether a file looks one of the controller's variables up, as in `variables["I116"]`."""
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    text = path.read_text(encoding="utf-8")
+    for node in ast.walk(ast.parse(text)) if "variables" in text else ():
         if isinstance(node, ast.Subscript) and ast.unparse(node.value).endswith("variables"):
             return True
         if isinstance(node, ast.Call) and ast.unparse(node.func).endswith("variables.get"):

@@ -79,7 +79,7 @@ def shown_on(
             if leave:
                 page.leave()
             for _ in range(2):
-                page.show(replace(view, state=then or now, now_s=100.0 + then_s))
+                page.show(replace(view, state=then or now, work=ui.work, now_s=100.0 + then_s))
                 await pilot.pause()
             return grid(app)
 

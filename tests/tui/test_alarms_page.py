@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -26,9 +25,18 @@ from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 from profiles.words.sentences import entries_in
 from tests.tui import align_stage
+from tests.tui.page_stage import run_apart
 from tests.tui.run_stage import shown, state
-from tests.tui.scenes import Scene, application, console_on, fill, machine, played, rows_of, scene_of, settle
-from tests.tui.stage import LANGUAGES, experiment
+from tests.tui.scenes import (
+    Scene,
+    console_at,
+    console_on,
+    machine,
+    rows_of,
+    scene_of,
+    settle,
+)
+from tests.tui.stage import LANGUAGES
 
 SPINDLE, POLL = Problem(code="cut.spindle_stands"), Problem(code="link.silent", value="2 s")
 QUIET = Scene(page=PageName.ALARMS, state=machine(Activity.READY))
@@ -275,16 +283,13 @@ def test_each_new_alarm_of_high_priority_rings_once_and_a_flood_rarely() -> None
 
 def rung(data: Path, appearance: Appearance) -> tuple[list[str], str]:
     """What rang while an answer, an alarm, and nothing came; and the row of alarms before it."""
-    fill(data)
-    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
-    app, control = application(scene, data, appearance=appearance, language=appearance.language)
-    heard, rows = list[str](), list[str]()
-    now = ["start"]
-    app.bell = lambda: heard.append(now[0])  # type: ignore[method-assign]
+    heard, now = list[str](), ["start"]
+    given = {"appearance": appearance, "language": appearance.language}
 
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            rows.append(rows_of(app)[1])
+    async def run() -> str:
+        async with console_at(data, PageName.ALIGN, align_stage.state(), **given) as (app, pilot, control):
+            app.bell = lambda: heard.append(now[0])  # type: ignore[method-assign]
+            row = rows_of(app)[1]
             now[0] = "answer"
             await pilot.press("pageup")
             app.tick()
@@ -296,9 +301,10 @@ def rung(data: Path, appearance: Appearance) -> tuple[list[str], str]:
             for n in range(20):
                 control.at(101.0 + n)
                 app.tick()
+            return row
 
-    asyncio.run(run())
-    return heard, rows[0]
+    row = run_apart(run)
+    return heard, row
 
 
 def test_the_terminal_rings_for_an_alarm_and_not_for_an_answer(tmp_path: Path) -> None:

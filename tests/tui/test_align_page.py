@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -27,8 +26,8 @@ from profiles.store import load_machine
 from tests.tui import align_stage
 from tests.tui.align_stage import IN_PART, NEAR, NO_JAW, OFF, OTHER, VALID, look, shown, state, words_of
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.page_stage import shown_in_turn, too_wide
-from tests.tui.scenes import Scene, application, fill, played
+from tests.tui.page_stage import run_apart, shown_in_turn, too_wide
+from tests.tui.scenes import console_at
 from tests.tui.stage import LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, grid, ui_for
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
@@ -322,14 +321,9 @@ class Typed:
 
 def typed(data: Path, *keys: str, now: StationState = READY, then: StationState | None = None) -> Typed:
     """Press keys on the whole console, 0.9 s apart; look at the end, with `then` as the machine."""
-    data = data / str(len(list(data.iterdir())))
-    fill(data)
-    scene = Scene(page=PageName.ALIGN, state=now, work=experiment())
-    app, control = application(scene, data)
-    seen: list[str] = []
 
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
+    async def run() -> Typed:
+        async with console_at(data / str(len(list(data.iterdir()))), PageName.ALIGN, now) as (app, pilot, control):
             for n, key in enumerate(keys):
                 control.at(100.0 + 0.9 * n)
                 await pilot.press(key)
@@ -338,11 +332,9 @@ def typed(data: Path, *keys: str, now: StationState = READY, then: StationState 
             for _ in range(2):
                 app.tick()
                 await pilot.pause()
-            seen.append(grid(app))
+            return Typed(list(control.orders), control.stops, [each.code for each in app.ui.said], grid(app))
 
-    asyncio.run(run())
-    assert app.fault is None
-    return Typed(list(control.orders), control.stops, [each.code for each in app.ui.said], seen[0])
+    return run_apart(run)
 
 
 @pytest.mark.parametrize("number", ["166.0", "166,0"])

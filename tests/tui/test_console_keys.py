@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -25,7 +24,8 @@ from drivers.cutting.bounds import Adjusted, Bounds
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.scenes import Pressed, Scene, application, console_at, fill, played, rows_of
+from tests.tui.page_stage import run_apart
+from tests.tui.scenes import Pressed, console_at, fill, rows_of
 from tests.tui.scenes import pressed as pressed_at
 from tests.tui.stage import FixedControl, experiment
 
@@ -296,14 +296,11 @@ class Jogged:
 
 def jogged(tmp_path: Path, *presses: tuple[float, str, StationState]) -> Jogged:
     """Press keys at these times, each in a state of the machine; look after each, and once without a key."""
-    fill(tmp_path)
-    scene = Scene(page=PageName.ALIGN, state=align_stage.state(), work=experiment())
-    app, control = application(scene, tmp_path)
-    control.arrives = False
-    orders: list[int] = []
 
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
+    async def run() -> Jogged:
+        orders: list[int] = []
+        async with console_at(tmp_path, PageName.ALIGN, align_stage.state()) as (app, pilot, control):
+            control.arrives = False
             for at_s, key, now in presses:
                 control.at(at_s)
                 control.state = now
@@ -313,9 +310,9 @@ def jogged(tmp_path: Path, *presses: tuple[float, str, StationState]) -> Jogged:
                 app.tick()
                 await pilot.pause()
                 orders.append(len(control.orders))
+        return Jogged(app=app, control=control, orders=orders)
 
-    asyncio.run(run())
-    return Jogged(app=app, control=control, orders=orders)
+    return run_apart(run)
 
 
 AT_REST, UNDER_WAY = align_stage.state(), align_stage.state(activity=Activity.JOGGING)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -32,20 +31,20 @@ from profiles.problem import ProfileError
 from tests.drivers.families import of_family
 from tests.tui import align_stage, records_stage
 from tests.tui.machine_states import CLAMPED
+from tests.tui.page_stage import run_apart
 from tests.tui.scenes import (
     Scene,
-    application,
+    console_at,
     console_on,
     fill,
     fixed_world,
     machine,
-    played,
     rows_of,
     settle,
     signed,
 )
 from tests.tui.side_stage import DirectSide
-from tests.tui.stage import LANGUAGES, FixedControl, experiment, lathe
+from tests.tui.stage import LANGUAGES, FixedControl, lathe
 from tests.tui.test_replay_pages import MOVING
 
 FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
@@ -392,22 +391,21 @@ def test_it_is_asked_once_and_a_late_answer_is_none() -> None:
 
 def enabled(data: Path, client: str, *, simulated: bool, language: str = "en") -> tuple[list[int], list[str], str]:
     """How often drives were enabled after each of two F4, what was said, and the first row."""
-    fill(data)
-    scene = Scene(page=PageName.ALIGN, state=replace(OFF, simulated=simulated), work=experiment())
-    app, control = application(scene, data, language=language, client=client)
-    counts, said, rows = list[int](), list[str](), list[str]()
+    counts, said, now = list[int](), list[str](), replace(OFF, simulated=simulated)
 
-    async def run() -> None:
-        async with played(app, scene, (80, 24)) as pilot:
-            rows.extend(rows_of(app))
+    async def run() -> str:
+        given = {"language": language, "client": client}
+        async with console_at(data, PageName.ALIGN, now, **given) as (app, pilot, control):
+            row = rows_of(app)[0]
             for at_s in (101.0, 103.0):
                 control.at(at_s)
                 await pilot.press("f4")
                 counts.append(sum(isinstance(order, EnableDrives) for order in control.orders))
                 said.extend(problem.code for problem in app.ui.said)
+            return row
 
-    asyncio.run(run())
-    return counts, said, rows[0]
+    row = run_apart(run)
+    return counts, said, row
 
 
 def test_by_ssh_the_drives_are_enabled_by_who_says_that_he_sees_the_machine(tmp_path: Path) -> None:

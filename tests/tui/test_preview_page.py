@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 import re
 from collections.abc import Iterable
@@ -39,6 +38,7 @@ from drivers.preview.program_prediction import Prediction, followed, predict
 from profiles.axis.servo import sampled_response
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
+from tests.tui.page_stage import shown_on
 from tests.tui.stage import (
     EXPERIMENT,
     FRAME_ROWS,
@@ -84,17 +84,9 @@ def shown(
     state: StationState | None = None,
 ) -> str:
     """The text on the terminal, after some keys of the page."""
-    app, page = staged(work, language, state)
-
-    async def play() -> str:
-        async with app.run_test(size=size) as pilot:
-            await pilot.pause()
-            for action in acts:
-                page.act(action)
-                await pilot.pause()
-            return grid(app)
-
-    return asyncio.run(play())
+    room = (size[0], size[1] + FRAME_ROWS)
+    now = state or StationState()
+    return shown_on(PreviewPage, now, *acts, size=room, language=language, work=work, no_job=work is None).text
 
 
 def by_order(prediction: Prediction, n: int) -> complex:
@@ -334,20 +326,8 @@ def text_of(strategy: Strategy) -> str:
 
 
 def shown_program(*acts: str, strategy: Strategy = Strategy.PAPER, language: str = "en") -> str:
-    state = StationState()
     work = replace(experiment(), preview=seen_program(), strategy=strategy.value)
-    page = PreviewPage(ui_for(FixedControl(state), Path("/nowhere"), language, work))
-    app = PageStage(page, View(state=state, work=work, now_s=0.0))
-
-    async def play() -> str:
-        async with app.run_test(size=ROOM) as pilot:
-            await pilot.pause()
-            for action in acts:
-                page.act(action)
-                await pilot.pause()
-            return grid(app)
-
-    return asyncio.run(play())
+    return shown(work, ROOM, language, acts)
 
 
 @pytest.mark.parametrize("strategy", list(Strategy))

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from datetime import datetime
-from functools import wraps
 from pathlib import Path
 from typing import Any
 
@@ -41,8 +39,8 @@ from tests.tui.scenes import (
     ALIGNED,
     Scene,
     application,
+    console_on,
     cut,
-    fill,
     fixed_world,
     machine,
     played,
@@ -57,16 +55,6 @@ from tests.tui.stage import LANGUAGES, MACHINE
 SIZE = (80, 24)
 LIVE = [page for page in PAGES if page not in (PageName.PREVIEW, PageName.ALARMS, PageName.LOG)]
 """Not Preview, whose numbers come from a thread of their own, nor what has the times of the recording."""
-
-
-def at_once(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run a test that waits for an application."""
-
-    @wraps(test)
-    def run(**given: Any) -> None:
-        asyncio.run(test(**given))
-
-    return run
 
 
 class Clock:
@@ -120,7 +108,6 @@ def a_cut(data: Path) -> FlightBench:
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("page", LIVE)
-@at_once
 async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
     scene = replace(scene_of(page), keys=())
     measured = scene.state.measured
@@ -140,7 +127,6 @@ async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@at_once
 @pytest.mark.long
 async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path) -> None:
     bench = a_cut(tmp_path)
@@ -158,7 +144,6 @@ async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path)
             assert rows_of(app) == shown[at_s]
 
 
-@at_once
 @pytest.mark.long
 async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> None:
     bench = a_cut(tmp_path)
@@ -202,7 +187,6 @@ async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> Non
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
-@at_once
 async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: str, tmp_path: Path) -> None:
     bench, text = a_cut(tmp_path), load(language)
     ours = {
@@ -239,7 +223,6 @@ async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: s
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "palette"), [("en", MONO), ("ko", COLOUR)], ids=LANGUAGES)
-@at_once
 async def test_the_badge_the_time_and_the_keys_are_always_there(
     language: str, palette: Any, tmp_path: Path
 ) -> None:
@@ -259,7 +242,6 @@ async def test_the_badge_the_time_and_the_keys_are_always_there(
         assert text("replay.small") in " ".join(" ".join(rows_of(app)).split())
 
 
-@at_once
 async def test_the_page_of_alarms_has_what_was_raised_and_commanded_up_to_the_moment(tmp_path: Path) -> None:
     bench = FlightBench(tmp_path)
     bench.runs(2.0)
@@ -290,7 +272,6 @@ async def test_the_page_of_alarms_has_what_was_raised_and_commanded_up_to_the_mo
         assert (app.page, app._refused) == (PageName.LOG, True)
 
 
-@at_once
 async def test_an_armed_cut_is_shown_without_its_program(tmp_path: Path) -> None:
     work = signed()
     plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
@@ -409,16 +390,10 @@ def test_a_machine_that_nobody_controls_is_called_so() -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("page", [PageName.RUN, PageName.ALIGN])
-def test_the_screen_of_an_observer_looks_as_it_did(page: PageName, language: str, tmp_path: Path) -> None:
+async def test_the_screen_of_an_observer_looks_as_it_did(page: PageName, language: str, tmp_path: Path) -> None:
     state = replace(machine(Activity.READY), simulated=False, alignment=ALIGNED, alarms=ALARMS, **LOOKING_ON)
     scene = Scene(page=page, state=state, work=signed())
-
-    async def play() -> list[str]:
-        app, _ = application(scene, tmp_path, language=language)
-        async with played(app, scene, (80, 24)):
-            return rows_of(app)
-
     with fixed_world():
-        fill(tmp_path)
-        rows = asyncio.run(play())
+        async with console_on(scene, tmp_path, language=language) as (app, _, _):
+            rows = rows_of(app)
     compare(rows, GOLDENS / f"{page}-{language}.txt", write=writing())
