@@ -104,7 +104,7 @@ def test_what_was_changed_for_the_whole_feed_is_not_called_good(number: int, mad
 # One digit that changes between a real serial device and the controller: a cut that nothing has moved for.
 
 
-A_TIMEOUT_S = 40.0
+ENDS_WITHIN_S = 40.0
 CHUNK = 4096
 JOG = re.compile(rb'(?<!")#\dJ=-?(?=\d)')
 
@@ -165,19 +165,19 @@ def bad_cable(card: PatientCard) -> Iterator[BadCable]:
         yield cable
     finally:
         cable.end()
-        carrying.join(A_TIMEOUT_S)
+        carrying.join(ENDS_WITHIN_S)
         cable.close()
 
 
 @pytest.fixture
-def made_a(tmp_path: Path) -> Order:
+def short_order(tmp_path: Path) -> Order:
     return order(tmp_path, 0.5)
 
 
-def test_a_digit_too_many_in_a_jog_ends_the_run_and_moves_nothing(made_a: Order) -> None:
-    with patient_card(SimulatedLathe(made_a.machine)) as card, bad_cable(card) as cable:
-        with made_a.proven(cable.address) as process:
-            _, told = process.communicate(timeout=A_TIMEOUT_S)
+def test_a_digit_too_many_in_a_jog_ends_the_run_and_moves_nothing(short_order: Order) -> None:
+    with patient_card(SimulatedLathe(short_order.machine)) as card, bad_cable(card) as cable:
+        with short_order.proven(cable.address) as process:
+            _, told = process.communicate(timeout=ENDS_WITHIN_S)
         assert process.returncode == 1
         motors = card.lathe.controller.motors
         assert cable.positions, "no jog was ever sent"

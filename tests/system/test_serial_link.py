@@ -309,7 +309,7 @@ def test_a_controller_that_closes_inside_a_reply_is_a_closed_link_and_no_reply()
     assert lost.value.problems[0].code == "link.closed"
 
 
-def test_a_closed_link_says_that_it_is_lost_and_does_not_raise_anything_else_of_tcp() -> None:
+def test_a_closed_tcp_link_says_that_it_is_lost_and_does_not_raise_anything_else() -> None:
     with linked(lambda connection: None) as link:
         link.close()
         for use in (lambda: link.send(b"P1\r"), lambda: link.receive(0.1), lambda: link.send_urgent(b"\x0b")):
@@ -395,7 +395,7 @@ def test_a_stop_is_sent_while_a_reply_is_pending_and_while_another_thread_sends(
     assert bytes(received).startswith(b"P1\r\x0b")
 
 
-def test_a_stop_does_not_wait_for_a_send_that_is_stuck_of_tcp() -> None:
+def test_a_stop_over_tcp_does_not_wait_for_a_send_that_is_stuck() -> None:
     """Another thread is in the middle of lines that nobody takes; the stop is refused within a moment."""
     held = threading.Event()
     failures: list[LinkError] = []

@@ -239,7 +239,7 @@ class Moving(DirectSide):
 
 
 @asynccontextmanager
-async def play_scope(data: Path, *, family: str = "pmac", state: StationState = READY) -> AsyncIterator[Stage]:
+async def on_scope(data: Path, *, family: str = "pmac", state: StationState = READY) -> AsyncIterator[Stage]:
     side = Moving(of_family(lathe().machine, family))
     begun = Scene(page=PageName.SCOPE, state=state, work=signed(), side=side)
     with fixed_world():
@@ -257,7 +257,7 @@ def gathers(stage: Stage) -> bool:
 @pytest.mark.first(1)
 @pytest.mark.parametrize("family", ["pmac", "turbo"])
 async def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp_path: Path) -> None:
-    async with play_scope(tmp_path, family=family) as stage:
+    async with on_scope(tmp_path, family=family) as stage:
         stage.side.client.request("#1J/ #2J/")
         shown = await stage.press("g")
         assert "Tool cmd mm" in shown and stage.codes == []
@@ -274,7 +274,7 @@ async def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: st
 
 async def test_cursors_read_what_the_file_says_and_the_angle_averages_the_turns(tmp_path: Path) -> None:
     fill(tmp_path)
-    async with play_scope(tmp_path) as stage:
+    async with on_scope(tmp_path) as stage:
         shown = await stage.press("o", "enter", "n", "n")
         times = re.search(r"time s +([\d.-]+) +([\d.-]+) +([\d.-]+)", shown)
         assert times is not None
@@ -317,7 +317,7 @@ def test_the_mean_over_the_angle_and_its_spread_are_those_of_the_turns() -> None
     ],
 )
 async def test_what_cannot_be_done_says_why(state: StationState, key: str, code: str, tmp_path: Path) -> None:
-    async with play_scope(tmp_path, state=state) as stage:
+    async with on_scope(tmp_path, state=state) as stage:
         await stage.pilot.press(key)
         assert stage.codes == [code]
 
@@ -336,7 +336,7 @@ async def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None
         assert refused.value.problems[0].code == "scope.unreadable" and path.name in str(refused.value)
     last = text[: len(text) // 2].count("\n") + 1
     assert refused.value.problems[0].value == f"damaged or cut short at line: {last}"
-    async with play_scope(tmp_path) as stage:
+    async with on_scope(tmp_path) as stage:
         await stage.press("o", "enter")
         assert stage.codes == ["scope.unreadable"]
 
@@ -348,7 +348,7 @@ async def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(t
         (folder / f"lathe-202601{number:02d}.csv").write_text(
             record_text(records_stage.scope_record()), encoding="utf-8"
         )
-    async with play_scope(tmp_path) as stage:
+    async with on_scope(tmp_path) as stage:
         assert "Nothing gathered" in await stage.press() and "mm, um, ° over s" in await stage.press()
         assert "g gather" in await stage.press()
         shown = await stage.press("o")

@@ -337,7 +337,7 @@ def test_a_release_that_is_lost_ends_with_the_repeats(tmp_path: Path) -> None:
     assert LAST_S + 0.05 < max(steps) <= LAST_S + UNMEASURED.timeout_s + 0.02
 
 
-def test_what_a_stalled_line_brings_later_moves_nothing_of_key(tmp_path: Path) -> None:
+def test_what_a_stalled_line_brings_later_moves_nothing_where_releases_are_reported(tmp_path: Path) -> None:
     late = [(2.5, REPEATED)] * 40 + [(2.5, RELEASED), (2.8, PAGE_UP), (2.85, RELEASED)]
     steps, text, _ = play(tmp_path, [*HELD, *late], 3.0)
     assert max(steps) <= LAST_S + UNMEASURED.timeout_s + 0.02

@@ -302,7 +302,7 @@ class Jobs(Held):
     page_class = JobsPage
 
 
-play_new = partial(on_page, Form)
+on_form = partial(on_page, Form)
 
 
 def filled(**changed: str) -> Work:
@@ -323,7 +323,7 @@ def test_a_new_job_has_no_value_that_nobody_gave() -> None:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 async def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(language: str, tmp_path: Path) -> None:
-    async with play_new(tmp_path, language=language, size=ROOM) as stage:
+    async with on_form(tmp_path, language=language, size=ROOM) as stage:
         await stage.begin()
         assert stage.ui.text("setup.new_title") in stage.text
         assert "2500" not in stage.text and stage.text.count("–") >= len(TYPED)
@@ -358,7 +358,7 @@ async def test_a_blank_form_is_filled_in_with_tab_and_saved_under_a_name(languag
 
 
 async def test_the_lobe_steps_through_none_and_the_model_and_back_to_the_file(tmp_path: Path) -> None:
-    async with play_new(tmp_path, work=experiment(), size=ROOM) as stage:
+    async with on_form(tmp_path, work=experiment(), size=ROOM) as stage:
         await stage.act(*["setup.next"] * LOBE)
         assert "55.0 um, measured" in stage.text and "as in the file → none yet → by the model" in stage.text
         await stage.act("setup.edit")
@@ -372,7 +372,7 @@ async def test_the_lobe_steps_through_none_and_the_model_and_back_to_the_file(tm
 
 async def test_what_the_lobe_depends_on_unsets_a_measured_one_and_says_so(tmp_path: Path) -> None:
     for key, typed in (("material", "steel"), ("overhang_mm", "40"), ("spindle_speed_rpm", "600"), ("jaws", "4")):
-        async with play_new(tmp_path, work=edited(experiment(), key, typed), size=ROOM) as stage:
+        async with on_form(tmp_path, work=edited(experiment(), key, typed), size=ROOM) as stage:
             assert stage.next_step == stage.ui.text("setup.next.lobe")
             await stage.act(*["setup.next"] * LOBE)
             assert "of another cut" in stage.text and "measured with" in stage.text
@@ -406,7 +406,7 @@ async def test_an_own_job_is_saved_over_its_file_unless_that_has_changed(tmp_pat
     folder.mkdir()
     save_job(experiment().job, path)
     work = edited(opened(load_job(str(path)), lathe()), "feed_mm_per_rev", "0.04")
-    async with play_new(tmp_path, work=work, size=ROOM) as stage:
+    async with on_form(tmp_path, work=work, size=ROOM) as stage:
         await stage.act("setup.save_as")
         assert "[ring " in stage.text and stage.next_step == stage.ui.text("setup.next.naming_over")
         await stage.act("setup.edit")
@@ -434,7 +434,7 @@ async def test_the_list_begins_a_new_job_and_copies_one_and_loses_nothing_silent
 
 
 async def test_a_copy_asks_for_its_name_at_once(tmp_path: Path) -> None:
-    async with play_new(tmp_path, work=experiment(), size=ROOM) as stage:
+    async with on_form(tmp_path, work=experiment(), size=ROOM) as stage:
         stage.ui.copying = True
         stage.page.show(stage.view)
         await stage.pilot.pause()

@@ -203,7 +203,7 @@ STORM = 12
 """Sizes that each page goes through: others on each of them."""
 
 
-def play_small(
+def in_scene(
     page: PageName, data: Path, *, size: Size = USUAL, language: str = "en"
 ) -> AbstractAsyncContextManager[tuple[ConsoleApp, Pilot[None], FixedControl]]:
     """Go to a page in its scene."""
@@ -220,7 +220,7 @@ async def test_a_terminal_that_is_too_small_says_what_it_needs(language: str, tm
     """In a few rows the size comes first."""
     text = load(language)
     target = [*text("small.title").split(), *text("small.say", columns=SMALLEST[0], rows=SMALLEST[1]).split()]
-    async with play_small(PageName.RUN, tmp_path, language=language) as (app, pilot, _):
+    async with in_scene(PageName.RUN, tmp_path, language=language) as (app, pilot, _):
         for size in ((59, 24), (80, 17), (40, 5)):
             await resize(app, pilot, size)
             assert " ".join(rows_of(app)).split() == target, size
@@ -231,7 +231,7 @@ async def test_a_terminal_that_is_too_small_says_what_it_needs(language: str, tm
 
 
 async def test_space_stops_there(tmp_path: Path) -> None:
-    async with play_small(PageName.RUN, tmp_path) as (app, pilot, control):
+    async with in_scene(PageName.RUN, tmp_path) as (app, pilot, control):
         for size in TOO_SMALL:
             await resize(app, pilot, size)
             control.stops, control.kills = [], []
@@ -251,7 +251,7 @@ async def test_no_other_key_does_anything_and_growing_again_brings_the_page_back
     page: PageName, tmp_path: Path
 ) -> None:
     keys = [action.keys[0] for action in actions_of(page)]
-    async with play_small(page, tmp_path) as (app, pilot, control):
+    async with in_scene(page, tmp_path) as (app, pilot, control):
         # The page of a cut is there with a machine at rest: a key that means nothing would stop it else.
         control.state = scene_of(PageName.JOBS).state
         await resize(app, pilot, USUAL)
@@ -266,7 +266,7 @@ async def test_no_other_key_does_anything_and_growing_again_brings_the_page_back
 
 
 async def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None:
-    async with play_small(PageName.RUN, tmp_path) as (app, pilot, control):
+    async with in_scene(PageName.RUN, tmp_path) as (app, pilot, control):
         assert control.state.activity is Activity.CUTTING
         await resize(app, pilot, (40, 10))
         await pilot.press("f6", "1")
@@ -276,7 +276,7 @@ async def test_a_key_that_means_nothing_stops_what_moves(tmp_path: Path) -> None
 
 @pytest.mark.parametrize("size", [TOO_SMALL[0], TOO_SMALL[-1]])
 async def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None:
-    async with play_small(PageName.INSPECT, tmp_path) as (app, pilot, _):
+    async with in_scene(PageName.INSPECT, tmp_path) as (app, pilot, _):
         await resize(app, pilot, size)
         await pilot.press("ctrl+q")
         await pilot.pause()
@@ -286,7 +286,7 @@ async def test_the_console_can_be_left_there(size: Size, tmp_path: Path) -> None
 @pytest.mark.first(3)
 @pytest.mark.parametrize("page", sorted({*PageName} - {*WITH_KEYS}))
 async def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path) -> None:
-    async with play_small(page, tmp_path) as (app, pilot, _):
+    async with in_scene(page, tmp_path) as (app, pilot, _):
         before = rows_of(app)
         for size in (TOO_SMALL[0], TOO_SMALL[-1]):  # those above have all
             await resize(app, pilot, size)
@@ -297,7 +297,7 @@ async def test_growing_again_brings_the_page_back(page: PageName, tmp_path: Path
 
 @pytest.mark.parametrize("size", TOO_SMALL)
 async def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Path) -> None:
-    async with play_small(PageName.JOBS, tmp_path, size=size) as (app, pilot, _):
+    async with in_scene(PageName.JOBS, tmp_path, size=size) as (app, pilot, _):
         await resize(app, pilot, USUAL)
         assert rows_of(app)[0].startswith(" SIM   lee-2001-lathe")
         assert "lee-2001-experiment-1" in "\n".join(rows_of(app))
@@ -314,7 +314,7 @@ async def test_a_console_that_begins_too_small_can_grow(size: Size, tmp_path: Pa
 async def test_a_storm_of_sizes_breaks_nothing(page: PageName, tmp_path: Path) -> None:
     chance = random.Random(page)
     sizes = [(1, 1), *((chance.randint(1, 200), chance.randint(1, 60)) for _ in range(STORM - 2)), (1, 1)]
-    async with play_small(page, tmp_path) as (app, pilot, _):
+    async with in_scene(page, tmp_path) as (app, pilot, _):
         before = rows_of(app)
         for size in sizes:
             await pilot.resize_terminal(*size)
