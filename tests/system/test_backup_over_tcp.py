@@ -35,8 +35,7 @@ from profiles.store import list_machines
 from tests.preloaded import completed
 from tests.signed_profile import signed_copy
 from tests.system.lathe_sites import Site, build, compact
-from tests.system.paced_server import PacedLink, PacedServer, served
-from tests.system.patient_card import PatientCard, patient_card
+from tests.system.patient_card import PacedLink, PacedServer, PatientCard, patient_card, served
 from tests.system.run_over_link import order
 
 if TYPE_CHECKING:
