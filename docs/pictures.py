@@ -26,7 +26,7 @@ from console.tui.keymap import PageName
 from tests.terminal import Terminal
 from tests.terminal_screen import Cell
 from tests.trainee import Trainee, console
-from tests.tui.calibrate_stage import WRENCH
+from tests.tui.records_stage import WRENCH
 from tests.tui.scenes import keys_to
 
 FOLDER = Path(__file__).with_name("pictures")

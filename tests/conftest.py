@@ -5,7 +5,9 @@ HYPOTHESIS_PROFILE=explore draws new examples each time; what it finds belongs i
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import inspect
 import os
 import re
 import signal
@@ -117,6 +119,16 @@ def pytest_collection() -> Generator[None, object, object]:
     gc.enable()
     gc.set_threshold(50_000, 20, 20)
     return collected
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pyfunc_call(pyfuncitem: pytest.Function) -> bool | None:
+    """Run a test that is a coroutine in a loop of its own."""
+    if not inspect.iscoroutinefunction(pyfuncitem.obj):
+        return None
+    given = pyfuncitem.funcargs
+    asyncio.run(pyfuncitem.obj(**{name: given[name] for name in pyfuncitem._fixtureinfo.argnames}))
+    return True
 
 
 LONG_S = 100.0

@@ -1,14 +1,20 @@
 """What the documents say is so: links lead somewhere, quoted programs are the generated ones."""
 
+from __future__ import annotations
+
+import ast
 import functools
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
 
 from console.__main__ import main
 from console.cli.commands import COMMANDS as CONSOLE_COMMANDS
+from console.tui.glossary import TERMS
+from docs.word_pages import FOLDER, PAGES, filled, sentences, shown
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.program_text import read_program
 from drivers.pmac.programs.paper import paper_program, spindle_start_counts
@@ -16,6 +22,7 @@ from drivers.pmac.programs.setup import cut_setup
 from profiles.store import load_job, load_machine
 from profiles.trace_files.closed import TraceFormat
 from profiles.traces import OF_BYTES, OF_TEXT
+from profiles.words.sentences import LANGUAGES
 
 ROOT = Path(__file__).parents[2]
 DOCUMENTS = (
@@ -168,3 +175,91 @@ def test_no_text_names_a_machine_or_a_package_server() -> None:
         if any(pattern.search(text) for pattern in (here, INDEX_HOSTS, HOME_FOLDERS)):
             found.append(str(path.relative_to(ROOT)))
     assert found == []
+
+
+# Pages that quote the program have its words of today, and no sign in them is taken for Markdown.
+
+
+WRITE_THEM = "written anew by: .venv/bin/python -m docs.word_pages"
+
+
+def page(name: str) -> str:
+    return (FOLDER / name).read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(("name", "language"), PAGES.items())
+def test_a_page_has_the_words_of_today(name: str, language: str) -> None:
+    is_today = filled(page(name), language) == page(name)
+    assert is_today, WRITE_THEM
+
+
+@pytest.mark.parametrize(("name", "language"), [("troubleshooting.md", "en"), ("troubleshooting.ko.md", "ko")])
+def test_every_message_is_found_by_its_code(name: str, language: str) -> None:
+    codes = [key.removeprefix("problem.") for key in sentences(language) if key.startswith("problem.")]
+    found = re.findall(r"\| `([^`]+)` \|$", page(name), flags=re.MULTILINE)
+    assert len(codes) > 500
+    assert sorted(found) == sorted(codes)
+
+
+def test_every_term_of_the_screens_is_in_the_glossary_in_both_languages() -> None:
+    text = page("glossary.md")
+    for language in LANGUAGES:
+        words = sentences(language)
+        terms = {term for terms in TERMS.values() for term in terms}
+        assert {term for term in terms if f"| {shown(words[f'glossary.{term}'])} |" not in text} == set()
+
+
+def test_what_a_message_leaves_open_is_an_ellipsis_and_its_signs_stay_signs() -> None:
+    assert shown("{key} = {value} * 2 in P0..99 | <a> [b] {unit_mm}") == r"… = … \* 2 in P0..99 \| \<a\> \[b\] mm"
+
+
+def test_a_group_that_no_block_names_is_in_the_block_without_names() -> None:
+    text = "<!-- messages: link -->\n<!-- end -->\n\n<!-- messages: -->\nOF BEFORE\n<!-- end -->\n"
+    first, _, rest = filled(text, "en").partition("<!-- end -->")
+    assert "`link.refused`" in first and "`link.refused`" not in rest
+    assert "`file.exists`" in rest and "OF BEFORE" not in rest
+
+
+# Every rule of the operator has a row in its page, and every test that a row names exists.
+
+
+PAGE = (ROOT / "docs" / "operator-rules.md").read_text(encoding="utf-8")
+COUNTS = {"J": 14, "S": 7, "A": 10, "C": 8, "M": 9, "U": 5, "R": 6, "X": 4, "L": 4}
+ROWS = re.findall(r"(?m)^\| ([A-Z]\d+) \| (.+?) \| (.+) \|$", PAGE)
+NAMED = re.compile(r"`([\w/]+\.py)(?:::(\w+))?`")
+WITHOUT = ("*not met*", "*not here*", "*in part*")
+
+
+@cache
+def defined_in(name: str) -> frozenset[str]:
+    tree = ast.parse((ROOT / "tests" / name).read_text(encoding="utf-8"))
+    return frozenset(
+        each.name for each in ast.walk(tree) if isinstance(each, ast.FunctionDef | ast.AsyncFunctionDef)
+    )
+
+
+def test_every_rule_has_one_row() -> None:
+    rules = [f"{letter}{number}" for letter, count in COUNTS.items() for number in range(1, count + 1)]
+    assert [rule for rule, _, _ in ROWS] == rules
+
+
+def test_every_named_test_exists() -> None:
+    missing = []
+    for rule, _, named in ROWS:
+        for name, test in NAMED.findall(named):
+            if name.startswith("console/"):
+                path = ROOT / "tests" / name
+                if not test and not path.exists() and (ROOT / name).exists():
+                    continue  # a module of the console
+            if not (ROOT / "tests" / name).exists() or (test and test not in defined_in(name)):
+                missing.append(f"{rule}: {name}::{test}")
+    assert missing == []
+
+
+def test_a_rule_without_a_test_says_why() -> None:
+    silent = [
+        rule
+        for rule, _, named in ROWS
+        if not any(test for _, test in NAMED.findall(named)) and not named.startswith(WITHOUT)
+    ]
+    assert silent == []

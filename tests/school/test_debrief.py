@@ -312,10 +312,7 @@ def test_the_debrief_of_a_try_is_read_again(tmp_path: Path, console: Console) ->
     keep_try(tmp_path, try_of(pupil.tried, debrief, pupil.floor.sim.now_s()))
     (one,) = tries(tmp_path)
     assert told_again(one) == (debrief, pupil.tried.happened)
-    for language, words in (
-        ("en", ("jaw 1 off by", "step made: touch off", "-8")),
-        ("ko", ("조 1 오차",)),
-    ):
+    for language, words in (("en", ("jaw 1 off by", "step made: touch off", "-8")), ("ko", ("조 1 오차",))):
         shown = console("tries", "part", "--show", "--data", str(tmp_path), "--lang", language)
         assert shown.code == 0 and all(word in shown.out for word in words), shown.out
 

@@ -21,7 +21,7 @@ from console.text.catalogue import load
 from profiles.problem import ProfileError
 from tests.console.floor import open_floor
 from tests.school.test_debrief import Pupil
-from tests.school.test_fault_lessons import a_cut_that_fails, homes
+from tests.school.test_lessons import a_cut_that_fails, homes
 
 OWN = Path("/nonexistent")
 

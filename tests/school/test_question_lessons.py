@@ -20,7 +20,7 @@ from profiles.store import load_job
 from tests.compact import compact_machine
 from tests.console.floor import open_floor
 from tests.school.test_debrief import Pupil, marks_of
-from tests.school.test_fault_lessons import homes, waits
+from tests.school.test_lessons import homes, waits
 
 WORDS: dict[str, Any] = {"title": "t", "goal": "g", "hints": ["a"], "question": "q", "answers": ["x", "y", "z"]}
 ASKING: dict[str, Any] = {"minutes": 5, "steps": ["answered"], "answer": 2, "en": WORDS, "ko": WORDS}

@@ -22,7 +22,7 @@ from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile, machine_from_table
 from profiles.store import load_machine
 from tests.compact import CLOSE_TOGETHER
-from tests.system.paced_server import PacedLink, served
+from tests.system.patient_card import PacedLink, served
 
 LINKS = ("memory", "serial", "tcp", "ethernet")
 MACHINES = {"pmac": "lee-2001-lathe", "turbo": "turbo-ethernet-lathe"}

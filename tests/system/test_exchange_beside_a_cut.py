@@ -16,8 +16,7 @@ import pytest
 from profiles.store import load_job, save_job
 from tests.compact import save_compact
 from tests.preloaded import Preloaded
-from tests.system.mosquitto import Subscriber, broker, free_port, needs_mosquitto
-from tests.system.site.test_mqtt import TOPIC, publishing, told
+from tests.system.site.test_mqtt import TOPIC, Subscriber, broker, free_port, needs_mosquitto, publishing, told
 from tests.system.site.test_mtconnect import Agent, serving
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120), needs_mosquitto]

@@ -134,9 +134,7 @@ def test_metrics_of_other_consoles_go_on(fed: tuple[Path, Callable[[FeedState], 
         assert r'job="next\\nlathe"' in found and "trilobe_consoles 1.0" in found
 
 
-def test_a_slow_or_endless_client_of_metrics_holds_up_nobody(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_a_slow_or_endless_client_of_metrics_holds_up_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(metrics, "CLIENT_S", 1.0)
     here = TcpAddress(host="127.0.0.1", port=0)
     server = metrics._server(here, lambda head: metrics.response(head, (), [], load("en")))

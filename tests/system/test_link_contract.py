@@ -45,7 +45,7 @@ class Site:
     clock: Clock
 
 
-@pytest.fixture(scope="module", params=["pmac", "turbo"])
+@pytest.fixture(scope="module", params=["pmac", pytest.param("turbo", marks=pytest.mark.long)])
 def served(request: pytest.FixtureRequest, serve: Serve) -> Iterator[Served]:
     with serve(*OPTIONS, "--dialect", request.param) as running:
         yield running

@@ -232,9 +232,7 @@ def test_an_address_without_a_way_to_it_is_told(
     assert (problem.code, problem.value) == ("link.unreachable", os.strerror(number))
 
 
-def test_a_port_that_is_silent_is_a_link_on_which_nothing_comes(
-    network: Network,
-) -> None:
+def test_a_port_that_is_silent_is_a_link_on_which_nothing_comes(network: Network) -> None:
     with socket.create_server(("127.0.0.1", 0)) as listener:
         link = open_link(network(host="127.0.0.1", port=int(listener.getsockname()[1])))
         link.send(b"P1\r")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from contextlib import closing
@@ -21,6 +20,7 @@ from drivers.pmac.client import PmacClient
 from drivers.pmac.programs.cam import correction_register
 from drivers.pmac.reserved import LOST, OWNER
 from profiles.problem import Problem
+from tests.preloaded import completed
 from tests.system.run_over_link import Order, order
 
 if TYPE_CHECKING:
@@ -58,13 +58,26 @@ def lathe(serve: Serve, tmp_path: Path) -> Iterator[tuple[Order, str, PmacClient
 
 def retract(made: Order, address: str, *more: str) -> subprocess.CompletedProcess[str]:
     words = ("retract", "--machine", str(made.machine_file), "--data", str(made.data), "--link", address, *more)
-    command = [sys.executable, "-m", "console", *words]
-    return subprocess.run(command, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=60.0)
+    return completed(words, 60.0)
 
 
-def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, str, PmacClient]) -> None:
+def test_with_consent_the_tool_is_retracted_the_table_switched_off_and_a_tool_that_is_out_stays(
+    lathe: tuple[Order, str, PmacClient],
+) -> None:
+    """Beyond its home there is only the end of its travel; a lathe that another console controls is left alone."""
     made, address, client = lathe
-    (before,) = client.numbers("#1P")
+    before = client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}")
+    done = retract(made, address)
+    assert done.returncode == 1 and "--yes" in done.stderr
+    assert client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}") == pytest.approx(before, abs=SETTLES_COUNTS)
+
+    client.request(f"P{OWNER}=77")
+    done = retract(made, address, "--yes")
+    assert done.returncode == 1 and "77" in done.stderr
+    assert client.numbers("I51", f"P{LOST}", f"P{OWNER}") == (1.0, float(A_CUT), 77.0)
+    client.request(f"P{OWNER}=0")
+
+    (at,) = client.numbers("#1P")
     done = retract(made, address, "--yes", "--json")
     assert done.returncode == 0, done.stderr
     assert "host fell silent: check tool and part" in done.stderr
@@ -72,9 +85,17 @@ def test_the_tool_is_retracted_and_the_table_switched_off(lathe: tuple[Order, st
     assert found["ended_by_controller"] and found["tables_switched_off"]
     tool, *others = client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}")
     machine = made.machine.tool
-    out = max(before - machine.retract_mm * machine.counts_per_mm, 0.0)
+    out = max(at - machine.retract_mm * machine.counts_per_mm, 0.0)
     assert tool == pytest.approx(out, abs=SETTLES_COUNTS)
     assert others == [0.0, 0.0, 0.0], "tables, loss and owner"
+
+    for line in ("#1J/", "#1J=0"):
+        client.request(line)
+    while abs(client.numbers("#1P", again=True)[0]) > 10.0:
+        time.sleep(0.05)
+    done = retract(made, address, "--yes", "--json")
+    assert done.returncode == 0, done.stderr
+    assert client.numbers("#1P", "I51") == pytest.approx((0.0, 0.0), abs=SETTLES_COUNTS)
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
@@ -82,25 +103,6 @@ def test_the_alarm_of_a_silent_host_names_this_command(language: str) -> None:
     """What it acknowledges, the test above reads in the controller."""
     told = load(language).problem(Problem(code="heartbeat.lost", key=f"P{LOST}", value="program", limit="0"))
     assert "console retract" in told and "F2" in told
-
-
-def test_without_consent_nothing_is_written(lathe: tuple[Order, str, PmacClient]) -> None:
-    made, address, client = lathe
-    before = client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}")
-    done = retract(made, address)
-    assert done.returncode == 1 and "--yes" in done.stderr
-    assert client.numbers("#1P", "I51", f"P{LOST}", f"P{OWNER}") == pytest.approx(before, abs=SETTLES_COUNTS)
-
-
-def test_a_tool_that_is_out_stays_where_it_is(lathe: tuple[Order, str, PmacClient]) -> None:
-    """Beyond its home there is only the end of its travel."""
-    made, address, client = lathe
-    client.request("#1J=0")
-    while abs(client.numbers("#1P", again=True)[0]) > 10.0:
-        time.sleep(0.05)
-    done = retract(made, address, "--yes", "--json")
-    assert done.returncode == 0, done.stderr
-    assert client.numbers("#1P", "I51") == pytest.approx((0.0, 0.0), abs=SETTLES_COUNTS)
 
 
 def test_axes_without_zeros_are_not_moved(lathe: tuple[Order, str, PmacClient]) -> None:
@@ -147,11 +149,3 @@ def test_without_a_home_a_table_that_adds_nothing_is_switched_off_as_by_f8(
     assert json.loads(done.stdout)["tables_cleared"]
     tool, *others = client.numbers("#1P", "I51", f"P{OWNER}")
     assert others == [0.0, 0.0] and tool == pytest.approx(before, abs=SETTLES_COUNTS)
-
-
-def test_a_lathe_that_another_console_controls_is_left_alone(lathe: tuple[Order, str, PmacClient]) -> None:
-    made, address, client = lathe
-    client.request(f"P{OWNER}=77")
-    done = retract(made, address, "--yes")
-    assert done.returncode == 1 and "77" in done.stderr
-    assert client.numbers("I51", f"P{LOST}", f"P{OWNER}") == (1.0, float(A_CUT), 77.0)

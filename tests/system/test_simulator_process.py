@@ -150,10 +150,30 @@ def test_it_says_which_lathe_it_is_and_whether_its_parts_differ(tmp_path: Path) 
     assert differ == (False, True, True)
 
 
-def test_a_spindle_that_the_card_drives_is_not_set_by_hand(simulator: SimulatorProcess) -> None:
-    assert code_of(lambda: simulator.set_spindle(800.0)) == "simulator.refused"
-    assert code_of(lambda: simulator.set_spindle(None)) == "simulator.refused"
+def test_it_refuses_what_cannot_be_done_serves_the_next_host_and_ends_when_it_is_closed(
+    simulator: SimulatorProcess,
+) -> None:
+    """It has a session of its own and says nothing: Ctrl-C on the terminal of the console is not meant for it."""
+    for refused in (lambda: simulator.set_spindle(800.0), lambda: simulator.set_spindle(None), simulator.measure):
+        assert code_of(refused) == "simulator.refused"
     assert simulator.look().collisions == ()
+    assert code_of(lambda: simulator.mount(replace(JOB, jaws=999))) == "simulator.refused"
+    simulator.mount(JOB)
+    assert len(simulator.measure().angle_deg) == 3600
+    with client_of(simulator) as client:
+        client.request("P7=42")
+    with client_of(simulator) as client:
+        assert client.numbers("P7") == (42,)
+    pid = pid_of(simulator)
+    assert os.getsid(pid) == pid
+    terminal = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[4]
+    assert terminal == "0"
+    assert [os.readlink(f"/proc/{pid}/fd/{number}") for number in (0, 1)] == ["/dev/null"] * 2
+    assert not os.readlink(f"/proc/{pid}/fd/2").startswith("/dev/")
+    simulator.close()
+    assert not alive(pid)
+    simulator.close()
+    assert code_of(simulator.look) == "simulator.gone"
 
 
 def test_a_spindle_on_an_inverter_is_set_and_runs_out(tmp_path: Path) -> None:
@@ -170,13 +190,6 @@ def test_a_spindle_on_an_inverter_is_set_and_runs_out(tmp_path: Path) -> None:
     simulator.close()
 
 
-def test_what_cannot_be_done_is_refused_and_the_next_request_is_answered(simulator: SimulatorProcess) -> None:
-    assert code_of(simulator.measure) == "simulator.refused"
-    assert code_of(lambda: simulator.mount(replace(JOB, jaws=999))) == "simulator.refused"
-    simulator.mount(JOB)
-    assert len(simulator.measure().angle_deg) == 3600
-
-
 def test_the_clock_runs_in_real_time_also_while_parts_are_measured(simulator: SimulatorProcess) -> None:
     """100 rpm for about a second: 10 000 counts a turn, 16.667 counts a ms."""
     simulator.mount(JOB)
@@ -191,13 +204,6 @@ def test_the_clock_runs_in_real_time_also_while_parts_are_measured(simulator: Si
         (second,), ended = client.numbers("#2P"), time.monotonic()
         client.request("#2J/")
     assert (second - first) / (ended - began) == pytest.approx(16_667, rel=0.05)
-
-
-def test_a_host_that_goes_leaves_the_line_to_the_next(simulator: SimulatorProcess) -> None:
-    with client_of(simulator) as client:
-        client.request("P7=42")
-    with client_of(simulator) as client:
-        assert client.numbers("P7") == (42,)
 
 
 def test_a_host_that_does_not_read_costs_no_memory_and_is_answered_when_it_flushes(
@@ -299,14 +305,6 @@ def test_a_simulator_that_does_not_answer_is_given_up_and_ended(
     assert not alive(pid)
 
 
-def test_closing_ends_it_and_may_be_done_twice(simulator: SimulatorProcess) -> None:
-    pid = pid_of(simulator)
-    simulator.close()
-    assert not alive(pid)
-    simulator.close()
-    assert code_of(simulator.look) == "simulator.gone"
-
-
 def test_a_machine_that_cannot_be_loaded_is_told_with_its_reason(tmp_path: Path) -> None:
     with pytest.raises(LinkError) as refused:
         SimulatorProcess.start(tmp_path / "missing.toml")
@@ -337,16 +335,6 @@ def test_it_starts_in_a_folder_with_packages_of_the_same_name_and_from_a_thread(
     thread.join(20)
     assert started[0].look().tool_gap_mm is None
     started[0].close()
-
-
-def test_it_has_a_session_of_its_own_and_says_nothing(simulator: SimulatorProcess) -> None:
-    """Ctrl-C on the terminal of the console is not meant for it."""
-    pid = pid_of(simulator)
-    assert os.getsid(pid) == pid
-    terminal = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[4]
-    assert terminal == "0"
-    assert [os.readlink(f"/proc/{pid}/fd/{number}") for number in (0, 1)] == ["/dev/null"] * 2
-    assert not os.readlink(f"/proc/{pid}/fd/2").startswith("/dev/")
 
 
 @pytest.mark.parametrize("descriptor", ["0", "999", "x"])

@@ -56,40 +56,38 @@ def small_app(columns: int = 60, rows: int = 12) -> Terminal:
     return Terminal([sys.executable, "-c", APP], columns=columns, rows=rows)
 
 
-def test_keys_arrive_under_their_names() -> None:
+def test_keys_arrive_under_their_names_and_the_screen_is_read_back_cell_by_cell() -> None:
     with small_app() as terminal:
         terminal.wait_for(r"child \d+\.")
         for key in ("up", "pagedown", "f1", "f12", "enter", "tab", "ctrl+t", "a"):
             terminal.press(key)
             terminal.wait_for(rf"^ *key {key.replace('+', '.')}\.")
-        terminal.press("f5")
-        terminal.wait_for("action five")
-        terminal.press("space")
-        terminal.wait_for("action blank")
-        terminal.press("escape")
-        terminal.wait_for("action back")
+        for key, told in (("space", "action blank"), ("escape", "action back"), ("f5", "action five")):
+            terminal.press(key)
+            terminal.wait_for(told)
+        drawn = pictures.svg(terminal.cells())
+        assert ">action five.</text>" in drawn and ">차축</text>" in drawn
         terminal.press("1", "2", "3")
         terminal.wait_for("key 3")
         terminal.type("가")
         terminal.wait_for("key 가")
         with pytest.raises(ValueError, match="pagedwn"):
             terminal.press("pagedwn")
-
-
-def test_a_korean_label_stands_in_two_cells_a_syllable_and_colours_are_read_back() -> None:
-    with small_app() as terminal:
-        terminal.wait_for("END")
         first, second, *_ = terminal.cells()
         assert terminal.row(0) == "차축 정지 END|"
         assert [cell.text for cell in first[:14]] == [*"차", "", "축", "", " ", "정", "", "지", "", *" END|"]
         assert [cell.bold for cell in first[9:14]] == [False, True, True, True, False]
         assert (second[0].text, second[0].foreground, second[0].background) == ("R", "#ff0000", "#0000ff")
         assert second[0].bold
-        assert second[9].background == "#0000ff"
-        assert second[10].background != "#0000ff"
+        assert second[9].background == "#0000ff" != second[10].background
+        terminal.press("q")
+        assert terminal.wait_exit() == 3
+        assert terminal.text.strip() == "left by the key", "the screen before it is back"
+        with pytest.raises(AssertionError, match="the program ended, not on the screen: END"):
+            terminal.wait_for("END")
 
 
-def test_the_program_sees_the_size_and_each_new_one() -> None:
+def test_the_program_sees_each_size_a_stalled_line_brings_nothing_and_a_failed_wait_shows_the_screen() -> None:
     with small_app(columns=60, rows=12) as terminal:
         terminal.wait_for("60 by 12")
         terminal.resize(91, 30)
@@ -98,6 +96,18 @@ def test_the_program_sees_the_size_and_each_new_one() -> None:
         terminal.resize(40, 9)
         terminal.wait_for(lambda text: "40 by 9" in text and text.startswith("차축 정지 END|"))
         assert len(terminal.text.split("\n")) == 9
+        terminal.press("a")
+        terminal.wait_for("key a")
+        terminal.stall()
+        seen = terminal.bytes_seen
+        terminal.press("b")
+        with pytest.raises(AssertionError, match="not on the screen") as failed:
+            terminal.wait_for("key b", timeout_s=0.3)
+        assert "0.3 s are over" in str(failed.value) and "차축 정지 END|" in str(failed.value)
+        assert terminal.bytes_seen == seen
+        terminal.resume()
+        terminal.wait_for("key b")
+        assert terminal.bytes_seen > seen
 
 
 def test_a_closed_window_ends_a_program_that_does_not_care() -> None:
@@ -109,33 +119,7 @@ def test_a_closed_window_ends_a_program_that_does_not_care() -> None:
             terminal.press("a")
 
 
-def test_a_stalled_line_brings_nothing_until_it_runs_again() -> None:
-    with small_app() as terminal:
-        terminal.wait_for(r"child \d+\.")
-        terminal.press("a")
-        terminal.wait_for("key a")
-        terminal.stall()
-        seen = terminal.bytes_seen
-        terminal.press("b")
-        with pytest.raises(AssertionError, match="not on the screen"):
-            terminal.wait_for("key b", timeout_s=0.3)
-        assert terminal.bytes_seen == seen
-        terminal.resume()
-        terminal.wait_for("key b")
-        assert terminal.bytes_seen > seen
-
-
-def test_after_the_program_the_screen_before_it_is_back_with_its_last_words() -> None:
-    with small_app() as terminal:
-        terminal.wait_for("END")
-        terminal.press("q")
-        assert terminal.wait_exit() == 3
-        assert terminal.text.strip() == "left by the key"
-        with pytest.raises(AssertionError, match="the program ended, not on the screen: END"):
-            terminal.wait_for("END")
-
-
-def test_a_signal_reaches_the_program_and_what_it_started_stays_known_until_it_is_gone() -> None:
+def test_a_signal_reaches_the_program_and_what_it_started_stays_known_and_does_not_outlive_the_terminal() -> None:
     with small_app() as terminal:
         terminal.wait_for(r"child \d+\.")
         (child,) = terminal.children()
@@ -146,9 +130,6 @@ def test_a_signal_reaches_the_program_and_what_it_started_stays_known_until_it_i
         os.kill(child, signal.SIGTERM)
         terminal.wait_alone()
         assert terminal.children() == []
-
-
-def test_nothing_outlives_the_terminal() -> None:
     with small_app() as terminal:
         terminal.wait_for(r"child \d+\.")
         (child,) = terminal.children()
@@ -167,15 +148,6 @@ def is_alive(pid: int) -> bool:
         return False
 
 
-def test_a_failed_wait_shows_the_screen() -> None:
-    with small_app() as terminal:
-        terminal.wait_for("END")
-        with pytest.raises(AssertionError) as failed:
-            terminal.wait_for("never", timeout_s=0.1)
-    assert "0.1 s are over" in str(failed.value)
-    assert "차축 정지 END|" in str(failed.value)
-
-
 def test_the_environment_is_that_of_a_plain_terminal(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("NO_COLOR", "1")
     monkeypatch.setenv("TEXTUAL_ANIMATIONS", "none")
@@ -190,16 +162,6 @@ def test_the_environment_is_that_of_a_plain_terminal(monkeypatch: pytest.MonkeyP
         assert plain.row(0).startswith("xterm-256color False False /dev/pts/")
         assert grey.row(0).startswith("xterm-256color True False /dev/pts/")
         assert plain.row(1) == "True True True"
-
-
-def test_a_picture_is_what_stands_on_the_terminal() -> None:
-    with small_app() as terminal:
-        terminal.wait_for(r"child \d+\.")
-        terminal.press("f5")
-        terminal.wait_for("action five")
-        drawn = pictures.svg(terminal.cells())
-    assert ">action five.</text>" in drawn
-    assert ">차축</text>" in drawn
 
 
 @pytest.mark.parametrize(

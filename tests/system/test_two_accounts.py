@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import sqlite3
+import stat
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -12,8 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from console.__main__ import main
 from console.cli.library import data_of
 from console.cli.machine.data_folder_checks import data_folder_checks
+from console.flight.frozen import frozen_in
+from console.flight.recording import read_recording
 from console.session.data import calibrations, learned_store, stop_records
 from console.session.data.controller_backups import backups_of
 from console.session.data.history import last_results
@@ -30,9 +35,11 @@ from drivers.cutting.strategy import Strategy
 from profiles.files import made_locked, remove_all_left
 from profiles.findings import Severity
 from profiles.problem import ProfileError
-from profiles.store import list_jobs, load_job, load_machine
+from profiles.store import list_jobs, load_job, load_machine, save_job
+from tests.branching import in_a_copy
+from tests.console.flight.bench import FlightBench, reasons
 from tests.console.test_own_files import CALIBRATION, HOLDS, LEARNED, MACHINE, STOPS
-from tests.system.accounts import STRANGER, A, B, as_account, become, lathe_folder, needs_root
+from tests.system.accounts import GROUP, STRANGER, A, B, as_account, become, lathe_folder, needs_root
 
 pytestmark = [pytest.mark.system, needs_root]
 
@@ -256,3 +263,152 @@ def test_doctor_says_what_is_wrong_with_the_rights(data: Path) -> None:
     (data / "jobs" / "mine-1.toml").chmod(0o600)  # as a copy by hand is
     (check,) = data_folder_checks(data)
     assert (check.code, check.found, check.facts["number"]) == ("data_folder_closed", "jobs/mine-1.toml", "1")
+
+
+# Data that this account may not read or write: every command says so in a line, and none ends as a fault.
+
+
+JOB, RUN_ID = "mine", "0"
+READS = (
+    *(("jobs",), ("lessons",), ("tries",), ("program", JOB), ("predict", JOB), ("report",), ("watch",)),
+    *(("records", "list"), ("records", "show", RUN_ID), ("records", "debrief", RUN_ID)),
+    *(("learn", "--list", "--job", JOB), ("replay", "--list"), ("config",)),
+)
+WRITES = (("records", "export", "OUT"), ("backup", "OUT.tar.gz"))
+
+
+def closed(folder: Path) -> None:
+    folder.chmod(0)
+
+
+def unreadable_files(folder: Path) -> None:
+    _rights(folder, 0o755, 0)
+
+
+def read_only(folder: Path) -> None:
+    _rights(folder, 0o555, 0o444)
+
+
+def a_file(folder: Path) -> None:
+    shutil.rmtree(folder)
+    folder.write_text("no folder")
+
+
+def _rights(folder: Path, of_folders: int, of_files: int) -> None:
+    for each in (folder, *folder.rglob("*")):
+        each.chmod(of_folders if each.is_dir() else of_files)
+
+
+@pytest.fixture
+def place() -> Iterator[Path]:
+    """A folder that another account can enter, with the data of this one in `data`."""
+    with lathe_folder() as shared:
+        (data := shared.parent / "data").mkdir()
+        jobs_folder(data).mkdir()
+        save_job(replace(load_job("lee-2001-experiment-1").job, name=JOB), jobs_folder(data) / f"{JOB}.toml")
+        record = RunRecord(data, {**RUN, "job": JOB, "machine": MACHINE.name})
+        record.add("measured", {"job": JOB, "ront_um": 2.5})
+        record.close()
+        yield shared.parent
+
+
+def written_to(out: Path, command: tuple[str, ...]) -> list[str]:
+    return [word.replace("OUT", str(out)) for word in command]
+
+
+def said(place: Path, command: tuple[str, ...], capfd: pytest.CaptureFixture[str]) -> tuple[int, str]:
+    """Return exit code and output of a command, by a stranger to the data."""
+    told = place / "told"
+    told.touch(mode=0o666)
+    told.chmod(0o666)
+    words = written_to(place / "out", command)
+
+    def acts() -> None:
+        become(STRANGER, 0o022)
+        try:
+            code = main([*words, "--data", str(place / "data")])
+        except SystemExit as end:
+            code = int(end.code or 0)
+        told.write_text(str(code))
+
+    in_a_copy(acts)
+    out, err = capfd.readouterr()
+    return int(told.read_text()), out + err
+
+
+@pytest.mark.long
+def test_every_command_says_what_is_closed(
+    place: Path, capfd: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("HOME", str(place))
+    monkeypatch.chdir(place)
+    # Once by this account: what the interpreter loads may be closed to the other.
+    for command in (*READS, *WRITES):
+        main([*written_to(place / "warm", command), "--data", str(place / "data")])
+    (place / "out").mkdir(mode=0o700)
+    (place / "data").rename(place / "kept")
+    capfd.readouterr()
+    for made in (closed, unreadable_files, read_only, a_file):
+        shutil.copytree(place / "kept", place / "data")
+        made(place / "data")
+        for command in (*READS, *WRITES):
+            code, output = said(place, command, capfd)
+            facts = (made.__name__, command, output)
+            assert code in (0, 1), facts
+            assert "internal error" not in output and "Traceback" not in output, facts
+            assert code == 0 or len(output.strip().splitlines()) <= 3, facts
+        (place / "data").rename(place / made.__name__)
+
+
+def test_a_file_in_place_of_the_folder_is_called_so(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "data").write_text("no folder")
+    assert main(["jobs", "--data", str(tmp_path / "data")]) == 1
+    assert "is a file" in capsys.readouterr().err
+
+
+def test_records_that_may_only_be_read_are_read(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    main(["records", "list", "--data", str(place / "data")])
+    capfd.readouterr()
+    read_only(place / "data")
+    code, output = said(place, ("records", "list"), capfd)
+    assert code == 0 and JOB in output
+
+
+def test_records_that_are_closed_are_called_so(place: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    main(["records", "list", "--data", str(place / "data")])
+    capfd.readouterr()
+    unreadable_files(place / "data")
+    code, output = said(place, ("records", "list"), capfd)
+    assert code == 1 and "closed to the account" in output and "records.sqlite3" in output
+
+
+# The flight recorder in a data folder that two accounts share: each finds what the other's console has left.
+
+
+def is_killed(data: Path) -> None:
+    """A console records, and ends without an end."""
+    bench = FlightBench(data)
+    bench.runs(20.0)
+    bench.alarms()
+    bench.runs(6.0)
+
+
+def starts(data: Path) -> None:
+    bench = FlightBench(data)
+    bench.recorder._freeze_left()
+    bench.runs(1.0)
+    bench.recorder._finish()
+
+
+def test_the_ring_of_a_killed_console_of_another_account_is_frozen(tmp_path: Path) -> None:
+    is_killed(tmp_path)  # all that is imported on use is there: the accounts may not read the interpreter
+    assert len([read_recording(path) for path in frozen_in(tmp_path)]) == 1
+    with lathe_folder() as data:
+        as_account(A, lambda: is_killed(data), 0o077)
+        as_account(B, lambda: starts(data), 0o077)
+        files = list((data / "flight").rglob("*"))
+        assert list((data / "flight" / "running").iterdir()) == []
+        found = [read_recording(path) for path in frozen_in(data)]
+        assert sorted(reasons(each)[0] for each in found) == ["cut.spindle_stands", "killed"]
+        assert {path.stat().st_gid for path in files} == {GROUP}
+        assert {stat.S_IMODE(path.stat().st_mode) for path in files} == {0o660, 0o2770}

@@ -25,8 +25,8 @@ from console.session.data.stop_records import simulated_record, store
 from drivers.pmac.dialect import DIALECTS
 from profiles.lobe.lobe_origin import without_lobe
 from profiles.store import load_job, save_job
-from tests.system.cuttable_line import CuttableLine
-from tests.system.shop import Operator, Shop
+from tests.system.test_own_part import Operator, Shop
+from tests.system.test_reconnecting_screens import CuttableLine
 from tests.terminal import Terminal
 
 PARTS = int(os.environ.get("SHIFT_PARTS", "0"))

@@ -41,11 +41,7 @@ def look(
 
 
 def state(alignment: Alignment = NO_JAW, **changes: Any) -> StationState:
-    known: dict[str, Any] = {
-        "activity": Activity.READY,
-        "snapshot": look(),
-        "seen": FAR,
-    }
+    known: dict[str, Any] = {"activity": Activity.READY, "snapshot": look(), "seen": FAR}
     return StationState(alignment=alignment, **{**known, **changes})
 
 

@@ -19,6 +19,8 @@ from textual.css.stylesheet import Stylesheet
 from textual.css.types import CSSLocation
 from textual.screen import Screen
 
+from console.tui.application import listening
+
 _read: dict[Hashable, list[RuleSet]] = {}
 _parse_rules = Stylesheet._parse_rules
 _render_update = Compositor.render_update
@@ -58,3 +60,6 @@ def paint_nothing(
 
 
 Compositor.render_update = paint_nothing  # type: ignore[method-assign, assignment]
+
+# However busy this computer is, no key of these tests is late; late ones are in tests/system/test_late_keys.py.
+listening.OLD_S = 60.0  # type: ignore[attr-defined]

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from rich.cells import cell_len
 from textual.pilot import Pilot
@@ -19,6 +21,7 @@ from console.tui.page import Page
 from console.tui.ui_context import UiContext, View
 from tests.tui.stage import FRAME_ROWS, FixedControl, PageStage, experiment, grid, ui_for
 
+Result = TypeVar("Result")
 READY = StationState(activity=Activity.READY)
 
 NEXT_STEP_CELLS = 77
@@ -40,6 +43,12 @@ class Shown:
         """The text of the left panels, then that of the right ones, without line breaks and frames."""
         rows = [row.strip("│").partition("││") for row in self.text.splitlines()]
         return " ".join(" ".join([row[0] for row in rows] + [row[2] for row in rows]).split())
+
+
+def run_apart(act: Callable[[], Coroutine[Any, Any, Result]]) -> Result:
+    """Run something in a loop of its own, also within a test that is a coroutine itself."""
+    with ThreadPoolExecutor(1) as thread:
+        return thread.submit(lambda: asyncio.run(act())).result()
 
 
 def shown_on(
@@ -70,11 +79,11 @@ def shown_on(
             if leave:
                 page.leave()
             for _ in range(2):
-                page.show(replace(view, state=then or now, now_s=100.0 + then_s))
+                page.show(replace(view, state=then or now, work=ui.work, now_s=100.0 + then_s))
                 await pilot.pause()
             return grid(app)
 
-    text = asyncio.run(run())
+    text = run_apart(run)
     return Shown(
         text=text,
         next_step="".join(words for words, _ in page.next_step(view)),
@@ -116,7 +125,7 @@ def shown_in_turn(
                 said = _codes(ui)
                 seen[name] = Shown(grid(app), next_step, control.orders, control.stops, said)
 
-    asyncio.run(run())
+    run_apart(run)
     return seen
 
 
@@ -183,21 +192,19 @@ class PageScene:
 Played = TypeVar("Played", bound=PageScene)
 
 
-def play_on(
+@asynccontextmanager
+async def on_page(
     stage_class: type[Played],
-    scene: Callable[[Played], Awaitable[None]],
     data: Path,
     *,
     work: Work | None = None,
     language: str = "en",
     size: tuple[int, int] = (80, 18),
     state: StationState = READY,
-) -> None:
-    async def run() -> None:
-        stage = stage_class(data, work, language, state)
-        async with stage.app.run_test(size=size) as pilot:
-            stage.pilot = pilot
-            await pilot.pause()
-            await scene(stage)
-
-    asyncio.run(run())
+) -> AsyncIterator[Played]:
+    """Show the page of a scene; it is there until the block ends."""
+    stage = stage_class(data, work, language, state)
+    async with stage.app.run_test(size=size) as pilot:
+        stage.pilot = pilot
+        await pilot.pause()
+        yield stage

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -13,15 +14,23 @@ import pytest
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data import run_log
+from console.session.data.calibrations import FOLDER as CALIBRATIONS
+from console.session.data.calibrations import Calibration, store
 from console.session.data.records import RunRecord
+from console.session.learning.chuck_calibrating import chuck_calibration, fitted, keep_chuck
 from console.session.stages import Stage
+from console.tui.further.scope import FOLDER as SCOPE_RECORDS
+from console.tui.further.scope import record_text
 from console.tui.pages.records import RecordsPage
+from drivers.requests.scope_gather import Record
+from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, Trigger
+from profiles.calibration.table import parse_table
 from profiles.job import Job
 from profiles.store import job_text
 from profiles.traces import Trace
 from tests.record_clock import set_dates
 from tests.tui.page_stage import PageScene
-from tests.tui.stage import MACHINE, experiment, lathe
+from tests.tui.stage import EXPERIMENT, MACHINE, experiment, lathe
 
 BEGUN = datetime(2026, 1, 2, 6, 0, tzinfo=UTC)
 PROGRAM = "CLOSE\nOPEN PROG 10 CLEAR\nX1 Y2 Z3\nCLOSE"
@@ -117,3 +126,89 @@ def clocked(patch: pytest.MonkeyPatch, step: timedelta = timedelta(minutes=7)) -
         return now[0].isoformat(timespec="milliseconds").replace("+00:00", "Z")
 
     set_dates(patch, utc_now)
+
+
+# Calibrations of the lathe as the command keeps them, with the file that the newest rests on.
+
+TABLE = "wrench.csv"
+WRENCH = """torque_n_m;force_n
+10;3741
+10;3902
+20;7488
+20;7610
+30;11252
+30;11420
+40;15177
+40;14903
+50;18801
+50;19020
+"""
+DEFLECTION = """# youngs_modulus_gpa: 206
+chucking_force_n;load_n;angle_deg;diameter_mm;overhang_mm;deflection_um
+"""
+
+
+def keep_wrench(data: Path, table: str = WRENCH, *, date: str, file: str = TABLE, chuck: str = "") -> Path:
+    """Keep a calibration of the wrench with a date."""
+    measured = parse_table(table.encode())
+    made = chuck_calibration(lathe(), measured, fitted(measured, lathe().machine), file)
+    return keep_chuck(data, replace(made, date=date, chuck=chuck or made.chuck), lathe())
+
+
+def fill_calibrations(data: Path) -> None:
+    """Two calibrations of the wrench, the points of the newest beside it, and the lobe of a job."""
+    keep_wrench(data, WRENCH.replace("19020", "20400"), date="2025-11-03T08:00:00.000Z", file="first.csv")
+    keep_wrench(data, date="2025-12-20T14:30:00.000Z").with_name(TABLE).write_text(WRENCH, encoding="utf-8")
+    found = {
+        "error_um_pp": 54.21,
+        "error_ci_um_pp": 0.62,
+        "crest_deg": 12.9,
+        "crest_ci_deg": 0.31,
+        "simulated": True,
+    }
+    store(
+        data,
+        Calibration(
+            kind="lobe",
+            subject=EXPERIMENT,
+            subject_sha256="0" * 64,
+            date="2025-12-21T09:00:00.000Z",
+            file="part.csv",
+            file_sha256="0" * 64,
+            found=found,
+        ),
+    )
+    assert (data / CALIBRATIONS / MACHINE / TABLE).exists()
+
+
+# A record of the scope whose numbers are known: the tool follows a lobe of three at 600 rpm.
+
+SCOPE_NAME = "lee-2001-lathe-20260102T085000.000Z.csv"
+COMMANDED, ACTUAL, ERROR = (
+    Channel(Axis.TOOL, quantity) for quantity in (Quantity.COMMANDED, Quantity.ACTUAL, Quantity.FOLLOWING_ERROR)
+)
+AMPLITUDE_M, ERROR_M, OMEGA = 27.5e-6, 3e-6, 2.0 * np.pi * 10.0
+
+
+def scope_record(seconds: float = 0.5, step_s: float = 0.001) -> Record:
+    """Ten turns a second; the error is a third of its size in every other turn."""
+    times = np.arange(0.0, seconds, step_s)
+    angle = OMEGA * times
+    turn = np.floor(angle / (2.0 * np.pi))
+    error = ERROR_M * np.sin(3.0 * angle) * np.where(turn % 2 == 0, 1.0, 1.0 / 3.0)
+    commanded = 0.02 + AMPLITUDE_M * np.cos(3.0 * angle)
+    values = {COMMANDED: commanded, ACTUAL: commanded - error, ERROR: error, ANGLE: angle}
+    return Record(
+        machine="lee-2001-lathe",
+        taken="2026-01-02T08:50:00+00:00",
+        trigger=Trigger.NOW,
+        times_s=times,
+        values=values,
+    )
+
+
+def keep_scope_record(data: Path) -> None:
+    """Keep it in a data folder."""
+    folder = data / SCOPE_RECORDS
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / SCOPE_NAME).write_text(record_text(scope_record()), encoding="utf-8")

@@ -6,11 +6,12 @@ import shutil
 import tempfile
 import time
 from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager
+from contextlib import AbstractAsyncContextManager, asynccontextmanager, contextmanager
 from dataclasses import dataclass, field, replace
 from datetime import datetime, timedelta
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,7 @@ from console.session.learning.learning_steps import learn_from_part
 from console.session.learning.part_learning import PartLearning
 from console.session.station.alarms import FAULT, Alarms, Priority, cleared, raised
 from console.session.station.alarms import seen as seen_alarms
+from console.session.station.commands import Command
 from console.session.station.history.alarm_history import Instant
 from console.session.station.history.session_log import SessionLog, command_entry, with_state
 from console.session.station.progress import AxisToGo, CutPhase, CutProgress, CutStage, PhaseLeft, Synchronisation
@@ -54,7 +56,8 @@ from profiles.roundness import evaluate
 from profiles.store import LoadedJob, load_job, save_job
 from profiles.traces import Trace
 from tests.record_clock import set_dates
-from tests.tui import calibrate_stage, records_stage, scope_stage, tune_stage
+from tests.tui import records_stage, tune_stage
+from tests.tui.page_stage import run_apart
 from tests.tui.side_stage import DirectSide
 from tests.tui.stage import EXPERIMENT, MACHINE, FixedControl, experiment, lathe
 
@@ -288,9 +291,9 @@ def _filled() -> tempfile.TemporaryDirectory[str]:
         save_job(replace(load_job(EXPERIMENT).job, name=name, **changes), folder / f"{name}.toml")  # type: ignore[arg-type]
     (folder / "unfinished.toml").write_text("name = 3\n", encoding="utf-8")
     (data / FILE_NAME).write_bytes(recorded())
-    scope_stage.keep(data)
+    records_stage.keep_scope_record(data)
     tune_stage.fill(data)
-    calibrate_stage.fill(data)
+    records_stage.fill_calibrations(data)
     return kept
 
 
@@ -393,6 +396,64 @@ async def played(app: ConsoleApp, scene: Scene, size: tuple[int, int]) -> AsyncI
         await pilot.press(*keys_to(scene.page), *scene.keys)
         await settle(app, pilot)
         yield pilot
+
+
+@asynccontextmanager
+async def console_on(
+    scene: Scene, data: Path, size: tuple[int, int] = (80, 24), *, filled: bool = True, **given: Any
+) -> AsyncIterator[tuple[ConsoleApp, Pilot[None], FixedControl]]:
+    """Run the console on the page of a scene, with jobs and results in its folder; no fault may come of it."""
+    if filled:
+        fill(data)
+    app, control = application(scene, data, **given)
+    async with played(app, scene, size) as pilot:
+        yield app, pilot, control
+    assert app.fault is None
+
+
+def console_at(
+    data: Path, page: PageName, state: StationState, *keys: str, **given: Any
+) -> AbstractAsyncContextManager[tuple[ConsoleApp, Pilot[None], FixedControl]]:
+    """Run the console on a page with the machine in a state and experiment 1 open, some keys pressed already."""
+    return console_on(Scene(page=page, state=state, work=experiment(), keys=keys), data, **given)
+
+
+@dataclass(frozen=True)
+class Pressed:
+    """The console after some presses; `answers` has the codes after each."""
+
+    app: ConsoleApp
+    control: FixedControl
+    answers: list[str]
+
+    @property
+    def orders(self) -> list[Command]:
+        return self.control.orders
+
+    @property
+    def said(self) -> list[str]:
+        return [problem.code for problem in self.app.ui.said]
+
+
+def pressed(
+    data: Path, now: StationState, page: PageName, *presses: tuple[float, str], settles_s: float = 0.0
+) -> Pressed:
+    """Press keys at these times, s after the first look; then let some time pass."""
+    answers = list[str]()
+
+    async def run() -> Pressed:
+        async with console_at(data, page, now) as (app, pilot, control):
+            for after_s, key in presses:
+                control.at(100.0 + after_s)
+                await pilot.press(key)
+                await pilot.pause()
+                answers.append(" ".join(problem.code for problem in app.ui.said))
+            if settles_s:
+                control.at(control.now_s() + settles_s)
+                app.tick()
+        return Pressed(app, control, answers)
+
+    return run_apart(run)
 
 
 async def settle(app: ConsoleApp, pilot: Pilot[None]) -> None:

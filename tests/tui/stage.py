@@ -90,12 +90,7 @@ def experiment() -> Work:
 
 def ui_for(control: FixedControl, data: Path, language: str = "en", work: Work | None = None) -> UiContext:
     ui = UiContext(
-        text=load(language),
-        palette=COLOUR,
-        control=control,
-        machine=lathe(),
-        data=data,
-        go=lambda _: None,
+        text=load(language), palette=COLOUR, control=control, machine=lathe(), data=data, go=lambda _: None
     )
     ui.work = work
     return ui

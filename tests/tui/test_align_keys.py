@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -44,62 +43,74 @@ from tests.tui.align_stage import (
     words_of,
 )
 from tests.tui.machine_states import CLAMPED, JAW, ON
-from tests.tui.page_stage import Shown
+from tests.tui.page_stage import Shown, shown_in_turn
 from tests.tui.stage import FixedControl, PageStage, experiment, grid, ui_for
 
 STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
 
 
-@pytest.mark.parametrize(
-    ("alignment", "flags", "order"),
-    [
-        (Alignment(), OFF, Verify()),
-        (Alignment(settings=(), drives_on=True), ON, DisableDrives()),
-        (Alignment(settings=(), clamping=CLAMPED), OFF, EnableDrives()),
-        (Alignment(settings=(), clamping=CLAMPED, drives_on=True), ON, Home()),
-        (replace(NO_JAW, jaw=JAW), ON, Approach(job=experiment().job)),
-    ],
-    ids=["verify", "hands need the drives off", "drives", "home", "touch off"],
-)
-def test_f4_does_the_step_that_the_machine_does(
-    alignment: Alignment, flags: frozenset[str], order: Command
-) -> None:
-    page = shown(state(alignment, snapshot=look(flags)), "align.step")
-    assert (page.orders, page.said) == ([order], [])
+MOVING = look(ON - {"desired_velocity_zero"})
+JOB = experiment().job
+TOUCHES = replace(NO_JAW, jaw=JAW)
+KEYS: dict[str, dict[str, tuple[StationState, list[Command], list[str]]]] = {
+    "align.step": {
+        "verify": (state(Alignment(), snapshot=look(OFF)), [Verify()], []),
+        "hands need the drives off": (state(Alignment(settings=(), drives_on=True)), [DisableDrives()], []),
+        "drives": (state(Alignment(settings=(), clamping=CLAMPED), snapshot=look(OFF)), [EnableDrives()], []),
+        "home": (state(Alignment(settings=(), clamping=CLAMPED, drives_on=True)), [Home()], []),
+        "touch off": (state(TOUCHES), [Approach(job=JOB)], []),
+        "clamp": (state(Alignment(settings=()), snapshot=look(OFF)), [], ["screen.enter_does_it"]),
+        "jaw 1": (state(), [], ["screen.jog_does_it"]),
+        "all valid": (state(VALID), [], ["screen.aligned"]),
+        "lost": (state(VALID, activity=Activity.LOST, snapshot=MOVING), [], ["session.lost"]),
+    },
+    "align.take": {
+        "clamp": (state(Alignment(settings=()), snapshot=look(OFF)), [ConfirmClamping(job=JOB)], []),
+        "another blank": (
+            state(Alignment(settings=(), clamping=CLAMPED), snapshot=look(OFF), seen=NEAR),
+            [ConfirmClamping(job=JOB)],
+            [],
+        ),
+        "jaw": (state(seen=NEAR), [TakeJaw()], []),
+        "touch off": (state(TOUCHES, snapshot=IN_PART, seen=NEAR), [TakeTouchOff(radius_mm=26.0)], []),
+        "touch off, real": (
+            state(TOUCHES, snapshot=IN_PART, simulated=False, seen=None),
+            [TakeTouchOff(radius_mm=26.0)],
+            [],
+        ),
+        # Enter moves nothing.
+        "verify": (state(Alignment()), [], ["screen.f4_does_it"]),
+        "home": (state(replace(VALID, homed=False)), [], ["screen.f4_does_it"]),
+        "drives": (state(replace(VALID, drives_on=False)), [], ["screen.f4_does_it"]),
+        # The part begins at 170 mm, the tool is at 41.2 mm; what an eye sees at the simulator changes nothing.
+        "seen beside": (state(TOUCHES, seen=replace(NEAR, tool_gap_mm=None)), [], ["alignment.beside_part"]),
+        "seen over it": (state(TOUCHES, seen=NEAR), [], ["alignment.beside_part"]),
+        "real": (state(TOUCHES, simulated=False, seen=None), [], ["alignment.beside_part"]),
+        **{
+            f"busy {busy}": (state(activity=busy), [], ["screen.busy"])
+            for busy in (Activity.VERIFYING, Activity.SWITCHING, Activity.ARMING)
+        },
+    },
+    "align.back": {
+        "verify": (state(Alignment()), [], ["screen.nothing_to_take_back"]),
+        "jaw 1": (state(), [], ["screen.nothing_to_take_back"]),
+        "drives": (state(replace(VALID, drives_on=False)), [], ["screen.nothing_to_take_back"]),
+        "touch off": (state(replace(VALID, touch_off=None)), [Forget()], []),
+        "all valid": (state(VALID, seen=NEAR), [Forget()], []),
+    },
+    "align.off": {
+        "on": (state(), [DisableDrives()], []),
+        "off": (state(snapshot=look(OFF)), [], ["screen.drives_are_off"]),
+    },
+}
 
 
-@pytest.mark.parametrize(
-    ("alignment", "flags", "code"),
-    [
-        (Alignment(settings=()), OFF, "screen.enter_does_it"),
-        (NO_JAW, ON, "screen.jog_does_it"),
-        (VALID, ON, "screen.aligned"),
-    ],
-)
-def test_f4_says_where_it_does_nothing(alignment: Alignment, flags: frozenset[str], code: str) -> None:
-    page = shown(state(alignment, snapshot=look(flags)), "align.step")
-    assert (page.orders, page.said) == ([], [code])
-
-
-@pytest.mark.parametrize(
-    ("alignment", "flags", "order"),
-    [
-        (Alignment(settings=()), OFF, ConfirmClamping(job=experiment().job)),
-        (Alignment(settings=(), clamping=CLAMPED), OFF, ConfirmClamping(job=experiment().job)),
-        (NO_JAW, ON, TakeJaw()),
-        (replace(NO_JAW, jaw=JAW), ON, TakeTouchOff(radius_mm=26.0)),
-    ],
-    ids=["clamp", "another blank", "jaw", "touch off"],
-)
-def test_enter_takes_what_hands_have_done(alignment: Alignment, flags: frozenset[str], order: Command) -> None:
-    page = shown(state(alignment, snapshot=look(flags, carriage_mm=172.0), seen=NEAR), "align.take")
-    assert (page.orders, page.said) == ([order], [])
-
-
-@pytest.mark.parametrize("alignment", [Alignment(), replace(VALID, homed=False), replace(VALID, drives_on=False)])
-def test_enter_moves_nothing(alignment: Alignment) -> None:
-    page = shown(state(alignment), "align.take")
-    assert (page.orders, page.said) == ([], ["screen.f4_does_it"])
+@pytest.mark.parametrize("key", KEYS)
+def test_a_key_does_the_step_that_is_its_own_and_says_where_it_does_nothing(key: str) -> None:
+    """F4 does what the machine does, Enter takes what hands have done, b goes back, F3 disables the drives."""
+    pages = shown_in_turn(AlignPage, {name: now for name, (now, *_) in KEYS[key].items()}, key)
+    found = {name: (page.orders, page.said) for name, page in pages.items()}
+    assert found == {name: (orders, said) for name, (_, orders, said) in KEYS[key].items()}
 
 
 def test_another_force_than_the_measured_one_is_not_clamped() -> None:
@@ -120,66 +131,23 @@ def test_without_a_job_only_what_needs_none() -> None:
     assert shown(state(), "align.take", no_job=True).said == ["screen.nothing_to_align"]
 
 
-def test_when_all_is_valid_enter_takes_nothing_and_b_goes_back() -> None:
+def test_when_all_is_valid_enter_takes_nothing_and_b_goes_back_without_a_job_too() -> None:
     turned = shown(state(VALID), "align.enable", "align.forward", "align.take")
     assert turned.orders == [Jog(axis=AxisName.SPINDLE, distance=0.1)]
     assert turned.said == ["screen.aligned"]
-    back = shown(state(VALID, seen=NEAR), "align.back")
-    assert (back.orders, back.said) == ([Forget()], [])
-    assert "b redoes" in back.next_step
-    assert shown(state(replace(VALID, touch_off=None)), "align.back").orders == [Forget()]
-
-
-@pytest.mark.parametrize("alignment", [Alignment(), NO_JAW, replace(VALID, drives_on=False)])
-def test_b_has_nothing_to_go_back_to_before_jaw_1(alignment: Alignment) -> None:
-    page = shown(state(alignment), "align.back")
-    assert (page.orders, page.said) == ([], ["screen.nothing_to_take_back"])
-
-
-def test_b_goes_back_without_a_job_too() -> None:
+    assert "b redoes" in shown(state(VALID, seen=NEAR), "align.back").next_step
     assert shown(state(VALID), "align.back", no_job=True).orders == [Forget()]
     assert shown(state(NO_JAW), "align.back", no_job=True).said == ["screen.nothing_to_take_back"]
 
 
-@pytest.mark.parametrize(
-    "beside",
-    [
-        # The part begins at 170 mm, the tool is at 41.2 mm; what an eye sees at the simulator changes nothing.
-        state(replace(NO_JAW, jaw=JAW), seen=WorkshopView(jaw_1_past_mark_deg=0.0, tool_gap_mm=None)),
-        state(replace(NO_JAW, jaw=JAW), seen=NEAR),
-        state(replace(NO_JAW, jaw=JAW), simulated=False, seen=None),
-    ],
-    ids=["seen beside", "seen over it", "real"],
-)
-def test_beside_the_part_nothing_is_touched_off(beside: StationState) -> None:
-    page = shown(beside, "align.take")
-    assert (page.orders, page.said) == ([], ["alignment.beside_part"])
-
-
-def test_over_the_part_of_a_real_lathe_the_touch_off_is_taken() -> None:
-    over = state(replace(NO_JAW, jaw=JAW), simulated=False, seen=None, snapshot=look(carriage_mm=172.0))
-    assert shown(over, "align.take").orders == [TakeTouchOff(radius_mm=26.0)]
-
-
 def test_jaw_1_far_from_the_mark_is_taken_only_when_asked_again() -> None:
-    far = state(seen=FAR)
+    far, near = state(seen=FAR), state(seen=WorkshopView(jaw_1_past_mark_deg=-0.9, tool_gap_mm=None))
     once = later(far, (0.0, "align.take"))
     assert (once.orders, once.said) == ([], ["screen.jaw_far"])
     assert later(far, (0.0, "align.take"), (2.0, "align.take")).orders == [TakeJaw()]
     assert later(far, (0.0, "align.take"), (3.1, "align.take")).orders == []
     assert later(far, (0.0, "align.take"), (1.0, "align.enable"), (2.0, "align.take")).orders == []
-
-
-def test_jaw_1_near_the_mark_is_taken_at_once() -> None:
-    assert later(
-        state(seen=WorkshopView(jaw_1_past_mark_deg=-0.9, tool_gap_mm=None)), (0.0, "align.take")
-    ).orders == [TakeJaw()]
-
-
-def test_a_key_says_of_a_lost_machine_that_it_is_lost() -> None:
-    moving = look(ON - {"desired_velocity_zero"})
-    page = shown(state(VALID, activity=Activity.LOST, snapshot=moving), "align.step")
-    assert (page.orders, page.said) == ([], ["session.lost"])
+    assert later(near, (0.0, "align.take")).orders == [TakeJaw()], "near the mark at once"
 
 
 def test_the_tool_in_the_clamped_part_is_in_it_whatever_job_is_open() -> None:
@@ -200,49 +168,38 @@ def test_beside_the_part_the_tool_does_not_keep_another_blank_out() -> None:
     assert shown(state(OTHER, snapshot=off), "align.take").orders == [ConfirmClamping(job=experiment().job)]
 
 
-@pytest.mark.parametrize(
-    ("key", "axis", "distance"),
-    [
-        ("align.in", AxisName.TOOL, 0.01),
-        ("align.out", AxisName.TOOL, -0.01),
-        ("align.chuck", AxisName.CARRIAGE, 0.01),
-        ("align.tail", AxisName.CARRIAGE, -0.01),
-        ("align.forward", AxisName.SPINDLE, 0.1),
-        ("align.backward", AxisName.SPINDLE, -0.1),
-    ],
-)
-def test_a_jog_key_is_one_step_of_its_axis(key: str, axis: AxisName, distance: float) -> None:
-    assert shown(state(), "align.enable", key).orders == [Jog(axis=axis, distance=distance)]
+def test_a_jog_key_is_one_step_of_its_axis() -> None:
+    jogs = {"in": "X", "out": "-X", "chuck": "Z", "tail": "-Z", "forward": "C", "backward": "-C"}
+    axes = {"X": (AxisName.TOOL, 0.01), "Z": (AxisName.CARRIAGE, 0.01), "C": (AxisName.SPINDLE, 0.1)}
+    for key, way in jogs.items():
+        axis, distance = axes[way[-1]]
+        signed = -distance if way[0] == "-" else distance
+        assert shown(state(), "align.enable", f"align.{key}").orders == [Jog(axis=axis, distance=signed)]
 
 
 def distances(page: Shown) -> list[float]:
     return [order.distance for order in page.orders if isinstance(order, Jog)]
 
 
-def test_each_ladder_has_ends() -> None:
-    turning = shown(state(), "align.enable", *["align.larger"] * 9, "align.forward")
-    assert distances(turning) == [30.0]
-    assert "[30.00]" in turning.text
-    linear = shown(state(VALID), "align.enable", *["align.larger"] * 9, "align.tail")
-    assert distances(linear) == [-10.0]
-    assert "[10.000]" in linear.text
-    least = shown(state(VALID), "align.enable", *["align.smaller"] * 9, "align.tail").orders[0]
-    assert least == Jog(axis=AxisName.CARRIAGE, distance=-0.001)
-
-
-def test_a_choice_of_degrees_is_none_of_millimetres() -> None:
+def test_each_ladder_has_ends_and_a_choice_of_degrees_is_none_of_millimetres() -> None:
     """Find jaw 1 in steps of 10 deg: the first step of the tool after it is not one of 1 mm."""
-    page = shown(state(), "align.enable", *["align.larger"] * 2, "align.forward", "align.out")
-    assert distances(page) == [10.0, -0.01]
-    assert "[10.00]" in page.text
-    assert "[0.010]" in page.text
+    for now, steps, key, ends, mark in (
+        (state(), ["larger"] * 9, "forward", 30.0, "[30.00]"),
+        (state(VALID), ["larger"] * 9, "tail", -10.0, "[10.000]"),
+        (state(VALID), ["smaller"] * 9, "tail", -0.001, "[0.001]"),
+    ):
+        page = shown(now, "align.enable", *(f"align.{step}" for step in steps), f"align.{key}")
+        assert distances(page) == [ends] and mark in page.text
+    both = shown(state(), "align.enable", *["align.larger"] * 2, "align.forward", "align.out")
+    assert distances(both) == [10.0, -0.01]
+    assert "[10.00]" in both.text and "[0.010]" in both.text
 
 
 @pytest.mark.parametrize(
     ("alignment", "keys", "axes", "chosen"),
     [
         (NO_JAW, (), "C °", "[1.00]"),
-        (replace(NO_JAW, jaw=JAW), (), "X Z mm", "[0.100]"),
+        (TOUCHES, (), "X Z mm", "[0.100]"),
         # What was jogged last, until the step is done.
         (NO_JAW, ("align.enable", "align.tail"), "X Z mm", "[0.100]"),
         (VALID, ("align.enable", "align.forward"), "C °", "[1.00]"),
@@ -254,15 +211,10 @@ def test_plus_changes_the_step_that_the_panel_names(
 ) -> None:
     page = shown(state(alignment), *keys, "align.larger")
     assert f"(+ -: {axes})" in page.text
-    assert chosen in page.text
-    marked = [row for row in page.text.splitlines() if "▸" in row]
-    assert len(marked) == 1 and chosen in marked[0]
-
-
-def test_the_step_after_jaw_1_is_about_the_tool_again() -> None:
-    found = state(replace(NO_JAW, jaw=JAW))
-    page = shown(state(), "align.enable", "align.forward", then=found)
-    assert "(+ -: X Z mm)" in page.text
+    (marked,) = [row for row in page.text.splitlines() if "▸" in row]
+    assert chosen in marked
+    done = shown(state(), "align.enable", "align.forward", then=state(TOUCHES))
+    assert "(+ -: X Z mm)" in done.text, "after jaw 1 it is about the tool again"
 
 
 def test_nothing_jogs_before_it_is_enabled() -> None:
@@ -306,24 +258,18 @@ def test_after_a_stop_the_jog_keys_want_to_be_enabled_again() -> None:
     assert (control.orders, [problem.code for problem in ui.said]) == ([], ["screen.jog_not_enabled"])
 
 
-def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
+async def test_while_it_moves_the_time_of_the_jog_is_whole() -> None:
     """A tick shows what was read some ms before: 30 s of 30, by the time of the view, not 31."""
     control = FixedControl(state(), now_s=100.02)
     ui = ui_for(control, Path("/nowhere"), work=experiment())
     page = AlignPage(ui)
     page.act("align.enable")
-    jogging = state(activity=Activity.JOGGING)
-
-    async def run() -> str:
-        view = View(state=jogging, work=ui.work, now_s=100.0)
-        app = PageStage(page, view)
-        async with app.run_test(size=(80, 18)) as pilot:
-            await pilot.pause()
-            page.show(view)
-            await pilot.pause()
-            return grid(app)
-
-    assert "jog enabled, 30 s left" in asyncio.run(run())
+    view = View(state=state(activity=Activity.JOGGING), work=ui.work, now_s=100.0)
+    async with (app := PageStage(page, view)).run_test(size=(80, 18)) as pilot:
+        await pilot.pause()
+        page.show(view)
+        await pilot.pause()
+        assert "jog enabled, 30 s left" in grid(app)
 
 
 def test_before_the_touch_off_steps_toward_the_work_are_short() -> None:
@@ -393,22 +339,11 @@ def test_leaving_in_mid_step_stops() -> None:
     assert shown(state(activity=Activity.HOMING), leave=True).stops == []
 
 
-def test_the_drives_go_off_at_rest() -> None:
-    assert shown(state(), "align.off").orders == [DisableDrives()]
-    assert shown(state(snapshot=look(OFF)), "align.off").said == ["screen.drives_are_off"]
-
-
 @pytest.mark.parametrize("key", ["align.step", "align.take", "align.enable"])
 def test_after_a_stop_the_way_on_is_named(key: str) -> None:
     page = shown(state(stop=STOPPED, activity=Activity.STOPPED), key)
     assert (page.orders, page.said) == ([], ["screen.stopped_first"])
     assert "F2" in page.next_step
-
-
-@pytest.mark.parametrize("activity", [Activity.VERIFYING, Activity.SWITCHING, Activity.ARMING])
-def test_a_busy_controller_takes_no_order(activity: Activity) -> None:
-    page = shown(state(activity=activity), "align.take")
-    assert (page.orders, page.said) == ([], ["screen.busy"])
 
 
 def test_after_a_last_cut_that_ended_early_f4_enables_the_drives_to_take_the_tool_out() -> None:

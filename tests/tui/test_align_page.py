@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import asyncio
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from console.session.cut.alignment import Alignment
+from console.session.station.commands import GoTo
 from console.session.station.jogging import Steps
-from console.session.station.state import Activity, StopState
+from console.session.station.state import Activity, StationState, StopState
 from console.session.work import edited
 from console.text.catalogue import load
+from console.tui.keymap import PageName
 from console.tui.lines import plain
 from console.tui.pages.align import AlignPage
 from console.tui.pages.jog_lines import JogView, jaw_words, jog_lines, jog_panel
@@ -22,21 +23,12 @@ from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.workshop_view import WorkshopView
 from profiles.lobe.lobe_origin import without_lobe
 from profiles.store import load_machine
-from tests.tui.align_stage import (
-    IN_PART,
-    NEAR,
-    NO_JAW,
-    OFF,
-    OTHER,
-    VALID,
-    look,
-    shown,
-    state,
-    words_of,
-)
+from tests.tui import align_stage
+from tests.tui.align_stage import IN_PART, NEAR, NO_JAW, OFF, OTHER, VALID, look, shown, state, words_of
 from tests.tui.machine_states import CLAMPED, ON
-from tests.tui.page_stage import shown_in_turn, too_wide
-from tests.tui.stage import LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, ui_for
+from tests.tui.page_stage import run_apart, shown_in_turn, too_wide
+from tests.tui.scenes import console_at
+from tests.tui.stage import LANGUAGES, MACHINE, SIZES, FixedControl, PageStage, experiment, grid, ui_for
 
 STOPPING = StopState(reason="space", killed=False, sent_s=99.9)
 
@@ -106,13 +98,31 @@ def test_a_value_of_the_job_has_the_name_that_set_up_gives_it(language: str, nam
     assert "chucking_force_n" not in page.text
 
 
-def test_the_touch_off_moves_the_radius() -> None:
-    assert "R 26.5000 mm" in shown(state(VALID)).text
+NARROW, WIDE = (80, 24), (100, 30)
+PAST_STOP = state(
+    Alignment(settings=(), clamping=CLAMPED), activity=Activity.STOPPED, stop=replace(STOPPING, rest_s=99.95)
+)
 
 
-def test_old_values_say_their_age() -> None:
-    assert "STALE: last poll 3 s ago" in shown(state(snapshot=replace(look(), asked_s=97.0))).text
-    assert "STALE" not in shown(state()).text
+@pytest.mark.parametrize(
+    ("now", "size", "words", "without"),
+    [
+        (state(VALID), NARROW, ("R 26.5000 mm", "12.60 °  08:45", "3 jaws", "R 76.500 mm  08:46", "D 52 "), ""),
+        (state(VALID), WIDE, ("Alignment: valid", "1314 N  08:40", "12.60 °, 3 jaws  08:45"), ""),
+        (state(VALID), WIDE, ("R 76.500 mm, D 52  08:46",), ""),
+        (state(snapshot=replace(look(), asked_s=97.0)), NARROW, ("STALE: last poll 3 s ago",), ""),
+        (state(), NARROW, ("✓ 4 homed", "● 5 jaw 1", "○ 6 touch-off", "until jaw 1 reaches the mark"), "STALE"),
+        (state(), WIDE, ("◂",), ""),
+        (state(VALID, simulated=False, seen=None), NARROW, ("in phase",), ""),
+        (PAST_STOP, NARROW, ("F2 resets",), "Hands"),
+    ],
+)
+def test_the_page_says_what_is_the_case(
+    now: StationState, size: tuple[int, int], words: tuple[str, ...], without: str
+) -> None:
+    text = shown(now, size=size).text
+    assert [each for each in words if each not in text] == []
+    assert not without or without not in text
 
 
 def test_nothing_known_is_shown_as_nothing() -> None:
@@ -122,27 +132,8 @@ def test_nothing_known_is_shown_as_nothing() -> None:
     assert (page.orders, page.said) == ([], ["screen.nothing_known"])
 
 
-def test_steps_have_marks_and_the_present_one_says_how() -> None:
-    text = shown(state()).text
-    assert "✓ 4 homed" in text
-    assert "● 5 jaw 1" in text
-    assert "○ 6 touch-off" in text
-    assert "until jaw 1 reaches the mark" in text
-
-
-def test_a_valid_alignment_names_what_it_rests_on() -> None:
-    text = shown(state(VALID), size=(100, 30)).text
-    assert "Alignment: valid" in text
-    for stamp in ("1314 N  08:40", "12.60 °, 3 jaws  08:45", "R 76.500 mm, D 52  08:46"):
-        assert stamp in text
-    narrow = shown(state(VALID)).text
-    for stamp in ("12.60 °  08:45", "3 jaws", "R 76.500 mm  08:46", "D 52 "):
-        assert stamp in narrow
-
-
 @pytest.mark.parametrize(
-    ("changes", "step"),
-    [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 touch-off")],
+    ("changes", "step"), [({"jaws": "2"}, "○ 5 jaw 1"), ({"diameter_mm": "60"}, "○ 6 touch-off")]
 )
 def test_another_chuck_or_diameter_is_not_ticked(changes: dict[str, str], step: str) -> None:
     """Experiment 1 was aligned; a job with other jaws or another diameter is opened."""
@@ -184,10 +175,6 @@ def test_a_real_machine_has_no_simulated_view() -> None:
     assert "seen" not in page.text
 
 
-def test_a_larger_terminal_has_a_picture_of_the_chuck() -> None:
-    assert "◂" in shown(state(), size=(100, 30)).text
-
-
 def test_the_clamping_names_blank_and_force_and_why() -> None:
     text = " ".join(shown(state(Alignment(settings=()), snapshot=look(OFF)), size=(160, 48)).text.split())
     assert "D 52.000 mm" in text
@@ -208,10 +195,6 @@ def test_in_phase_is_claimed_only_where_jaw_1_was_taken_at_the_mark(
         assert phrase in page.text
         assert ("in phase" in page.text) is (past_deg <= 1.0)
         assert page.next_step.startswith("Aligned.") is (past_deg <= 1.0)
-
-
-def test_a_real_machine_rests_on_its_stamps_alone() -> None:
-    assert "in phase" in shown(state(VALID, simulated=False, seen=None)).text
 
 
 def test_without_a_known_lobe_nothing_is_in_phase() -> None:
@@ -273,13 +256,6 @@ def test_no_advice_for_hands_while_something_may_move(changes: dict[str, Any], p
         assert phrase in page.next_step
 
 
-def test_after_a_proven_stop_the_advice_is_to_go_on() -> None:
-    stop = replace(STOPPING, rest_s=99.95)
-    page = shown(state(Alignment(settings=(), clamping=CLAMPED), activity=Activity.STOPPED, stop=stop))
-    assert "F2 resets" in page.text
-    assert "Hands" not in page.text
-
-
 def test_of_a_lost_machine_nothing_is_shown_as_known() -> None:
     moving = look(ON - {"desired_velocity_zero"})
     page = shown(state(VALID, activity=Activity.LOST, snapshot=moving), size=(100, 30))
@@ -292,30 +268,17 @@ def test_of_a_lost_machine_nothing_is_shown_as_known() -> None:
     assert "SIM jaw" not in page.text
 
 
-def test_showing_the_same_again_paints_nothing() -> None:
+async def test_showing_the_same_again_paints_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
     ui = ui_for(FixedControl(state()), Path("/nowhere"), work=experiment())
-    page = AlignPage(ui)
+    page, painted = AlignPage(ui), []
     view = View(state=state(), work=ui.work, now_s=100.0)
-
-    async def run() -> int:
-        app = PageStage(page, view)
-        async with app.run_test(size=(80, 18)) as pilot:
-            await pilot.pause()
-            page.show(view)
-            painted = 0
-            for sheet in page.query("Sheet"):
-                original = sheet.refresh
-
-                def count(*regions: Any, original: Any = original, **more: Any) -> Any:
-                    nonlocal painted
-                    painted += 1
-                    return original(*regions, **more)
-
-                sheet.refresh = count  # type: ignore[method-assign]
-            page.show(view)
-            return painted
-
-    assert asyncio.run(run()) == 0
+    async with PageStage(page, view).run_test(size=(80, 18)) as pilot:
+        await pilot.pause()
+        page.show(view)
+        for sheet in page.query("Sheet"):
+            monkeypatch.setattr(sheet, "refresh", lambda *_, **__: painted.append(1))
+        page.show(view)
+    assert painted == []
 
 
 @pytest.mark.parametrize(
@@ -339,3 +302,124 @@ def test_jaw_1_is_at_the_mark_where_no_whole_count_is_nearer(
     spindle = replace(machine.spindle, encoder_lines_per_rev=counts_per_rev // 4, counts_per_line=4)
     seen = WorkshopView(jaw_1_past_mark_deg=past_deg, tool_gap_mm=None)
     assert said in jaw_words(load("en"), seen, replace(machine, spindle=spindle))
+
+
+# A typed target on the page Align: nothing moves while it is typed, and F6 alone goes there.
+
+
+READY = align_stage.state(VALID, snapshot=look(carriage_mm=150.0))
+STOPPED = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.5)
+
+
+@dataclass(frozen=True)
+class Typed:
+    orders: list[object]
+    stops: list[str]
+    said: list[str]
+    text: str
+
+
+def typed(data: Path, *keys: str, now: StationState = READY, then: StationState | None = None) -> Typed:
+    """Press keys on the whole console, 0.9 s apart; look at the end, with `then` as the machine."""
+
+    async def run() -> Typed:
+        async with console_at(data / str(len(list(data.iterdir()))), PageName.ALIGN, now) as (app, pilot, control):
+            for n, key in enumerate(keys):
+                control.at(100.0 + 0.9 * n)
+                await pilot.press(key)
+                await pilot.pause()
+            control.state = then or control.state
+            for _ in range(2):
+                app.tick()
+                await pilot.pause()
+            return Typed(list(control.orders), control.stops, [each.code for each in app.ui.said], grid(app))
+
+    return run_apart(run)
+
+
+@pytest.mark.parametrize("number", ["166.0", "166,0"])
+@pytest.mark.first(1)
+def test_a_target_is_shown_as_it_is_understood_and_f6_goes_there(number: str, tmp_path: Path) -> None:
+    before = typed(tmp_path, "j", "g", *number)
+    assert before.orders == []
+    assert "→ 166.000 mm" in before.text
+    # 16 mm at 10 mm/s, and 0.1 s of acceleration.
+    assert "16.000 mm toward the chuck, 1.7 s" in before.text
+    assert "-5.000 to 198.000" in before.text
+    after = typed(tmp_path, "j", "g", *number, "f6")
+    assert after.orders == [GoTo(axis=AxisName.CARRIAGE, target=166.0)]
+
+
+@pytest.mark.long
+def test_g_again_asks_for_c_which_goes_the_shorter_way(tmp_path: Path) -> None:
+    # A turn and 12.6 degrees.
+    page = typed(tmp_path, "j", "g", "g", "3", "5", "0")
+    assert "22.60 ° against the cut" in page.text
+    assert typed(tmp_path, "j", "g", "g", "3", "5", "0", "f6").orders == [
+        GoTo(axis=AxisName.SPINDLE, target=350.0)
+    ]
+    assert "Go to" not in typed(tmp_path, "g", "g", "g").text
+
+
+@pytest.mark.parametrize(
+    ("keys", "code"),
+    [
+        (("g", "9", "0", "f6"), "screen.jog_not_enabled"),
+        (("j", "f6"), "screen.nothing_typed"),
+        (("j", "g", "f6"), "screen.nothing_typed"),
+        (("j", "g", "9", "9", "9", "f6"), "machine.target_out_of_range"),
+        (("j", "g", "1", ",", "0", "0", "0", "f6"), "value.ambiguous"),
+        (("j", "g", "-", "f6"), "value.not_number"),
+        (("j", "g", "1", "0", "enter"), "screen.f6_goes"),
+        (("j", "g", "1", "0", "up"), "screen.entry_open"),
+        (("j", "g", "1", "0", "f4"), "screen.entry_open"),
+    ],
+)
+@pytest.mark.first(3)
+def test_what_is_not_a_target_moves_nothing(keys: tuple[str, ...], code: str, tmp_path: Path) -> None:
+    page = typed(tmp_path, *keys)
+    assert (page.orders, page.stops, page.said) == ([], [], [code])
+
+
+def test_a_target_in_the_part_is_refused_while_it_is_typed(tmp_path: Path) -> None:
+    # The tip at R 26.0: at the surface of the part, whose face is at 170 mm.
+    at_part = replace(VALID, touch_off=replace(VALID.touch_off, zero_radius_mm=76.0))  # type: ignore[type-var]
+    page = typed(tmp_path, "j", "g", "1", "7", "5", "f6", now=replace(READY, alignment=at_part))
+    assert (page.orders, page.said) == ([], ["machine.tool_in_the_way"])
+    assert "✗" in page.text
+    assert "the tool is, or would come, too near the part" in " ".join(page.text.split())
+
+
+@pytest.mark.parametrize(
+    "then",
+    [
+        replace(READY, stop=STOPPED, activity=Activity.STOPPED),
+        replace(READY, activity=Activity.LOST),
+        replace(READY, activity=Activity.HOMING),
+    ],
+)
+@pytest.mark.first(1)
+def test_an_entry_ends_with_a_stop_a_lost_machine_and_a_motion(then: StationState, tmp_path: Path) -> None:
+    assert "Go to Z" in typed(tmp_path, "j", "g", "9").text
+    assert "Go to Z" not in typed(tmp_path, "j", "g", "9", then=then).text
+
+
+def test_space_stops_in_an_entry_too(tmp_path: Path) -> None:
+    assert typed(tmp_path, "j", "g", "9", "space").stops == ["space"]
+
+
+def test_without_drives_or_zeros_no_target_means_anything() -> None:
+    off = align_stage.state(replace(VALID, drives_on=False), snapshot=look(OFF))
+    assert shown(off, "align.goto").said == ["alignment.drives_off"]
+    unhomed = align_stage.state(replace(VALID, homed=False), snapshot=look(ON - {"home_complete"}))
+    assert shown(unhomed, "align.goto").said == ["alignment.not_homed"]
+
+
+def test_what_moves_shows_how_long_it_still_takes() -> None:
+    going = align_stage.state(VALID, activity=Activity.JOGGING, ends_s=104.2)
+    assert "MOVING, 4 s left" in shown(going).text
+    homing = align_stage.state(VALID, activity=Activity.HOMING, snapshot=look(ON | {"home_search"}))
+    assert "HOMING X" in shown(homing).text
+    searching = replace(homing, ends_s=180.4, ends_at_most=True)
+    assert "HOMING X, at most 80 s" in shown(searching).text
+    assert "left" not in shown(align_stage.state(VALID, ends_s=104.2)).text.split("Jog, step")[0]

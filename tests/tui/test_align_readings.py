@@ -20,7 +20,6 @@ from console.session.station.commands import (
     TakeTouchOff,
 )
 from console.session.station.state import StationState
-from console.session.work import edited
 from console.text.catalogue import load
 from console.tui.align.answers import clamp_answer, clamp_lines
 from console.tui.align.asked import Asked, Question
@@ -29,7 +28,7 @@ from console.units import Units
 from drivers.simulator.plant.workshop_view import WorkshopView
 from tests.tui.align_stage import NO_JAW, OFF, VALID, look, shown, state, words_of
 from tests.tui.machine_states import JAW
-from tests.tui.page_stage import PageScene, play_on
+from tests.tui.page_stage import PageScene, on_page, run_apart
 from tests.tui.stage import LANGUAGES, experiment
 
 SIX = (352.0, 8.0, 352.1, 8.1, 351.9, 7.9)
@@ -50,18 +49,17 @@ def typed(
     now: StationState, *keys: str, language: str = "en", units: str = "mm"
 ) -> tuple[str, Sequence[Command], list[str]]:
     """Press keys of the page, type what is no key of it, and look."""
-    found: list[tuple[str, Sequence[Command], list[str]]] = []
 
-    async def scene(stage: AlignScene) -> None:
-        stage.ui.text._measure_in(Units(units))
-        await stage.show()
-        for key in keys:
-            await (stage.act(key) if key.startswith("align.") else stage.type(key))
-        await stage.show()
-        found.append((stage.text, stage.control.orders, stage.codes))
+    async def run() -> tuple[str, Sequence[Command], list[str]]:
+        async with on_page(AlignScene, Path("/nowhere"), work=experiment(), state=now, language=language) as stage:
+            stage.ui.text._measure_in(Units(units))
+            await stage.show()
+            for key in keys:
+                await (stage.act(key) if key.startswith("align.") else stage.type(key))
+            await stage.show()
+            return stage.text, stage.control.orders, stage.codes
 
-    play_on(AlignScene, scene, Path("/nowhere"), work=experiment(), state=now, language=language)
-    return found[0]
+    return run_apart(run)
 
 
 def test_i_takes_a_flank_and_enter_their_mean_with_the_limit_of_the_part() -> None:
@@ -76,21 +74,15 @@ def test_i_takes_a_flank_and_enter_their_mean_with_the_limit_of_the_part() -> No
     assert page.next_step == "Enter takes jaw 1 by its flanks; b drops a reading."
 
 
-@pytest.mark.parametrize(
-    ("flanks", "key", "code"),
-    [
-        (SIX[:3], "align.take", "alignment.flanks_incomplete"),
-        ((*SIX[:4], 354.0, 10.0), "align.take", "alignment.spread_too_large"),
-        (SIX, "align.flank", "alignment.flanks_complete"),
-    ],
-)
-def test_readings_that_do_not_suffice_are_not_taken(flanks: tuple[float, ...], key: str, code: str) -> None:
-    page = shown(state(replace(NO_JAW, flanks=flanks)), key)
-    assert (page.orders, page.said) == ([], [code])
-
-
-def test_a_flank_is_taken_in_its_step_alone() -> None:
-    assert shown(state(VALID), "align.flank").said == ["screen.no_flank_now"]
+def test_readings_that_do_not_suffice_are_not_taken_and_a_flank_in_its_step_alone() -> None:
+    for alignment, key, code in (
+        (replace(NO_JAW, flanks=SIX[:3]), "align.take", "alignment.flanks_incomplete"),
+        (replace(NO_JAW, flanks=(*SIX[:4], 354.0, 10.0)), "align.take", "alignment.spread_too_large"),
+        (replace(NO_JAW, flanks=SIX), "align.flank", "alignment.flanks_complete"),
+        (VALID, "align.flank", "screen.no_flank_now"),
+    ):
+        page = shown(state(alignment), key)
+        assert (page.orders, page.said) == ([], [code])
 
 
 def test_the_stamp_tells_the_spread_and_the_micrometer() -> None:
@@ -120,16 +112,13 @@ def test_a_measured_tip_is_compared_with_the_touch_off_there_was() -> None:
     assert "+10.0 um from the touch-off R 76.5000 mm" in " ".join(text.replace("│", " ").split())
 
 
-@pytest.mark.parametrize(
-    ("given", "code"),
-    [("", "screen.no_diameter"), ("12", "screen.number_out_of_range"), ("5.1.9", "value.ambiguous")],
-)
-def test_what_is_no_diameter_of_the_part_is_not_taken(given: str, code: str) -> None:
-    _, orders, said = typed(SKIMMED, "align.skim", given, "align.take")
-    assert (orders, said) == ([], [code])
-
-
-def test_beside_the_part_no_skim_cut_is_noted() -> None:
+def test_what_is_no_diameter_of_the_part_is_not_taken_and_beside_it_no_skim_cut_noted() -> None:
+    for given, code in (
+        ("", "screen.no_diameter"),
+        ("12", "screen.number_out_of_range"),
+        ("5.1.9", "value.ambiguous"),
+    ):
+        assert typed(SKIMMED, "align.skim", given, "align.take")[1:] == ([], [code])
     assert shown(state(replace(NO_JAW, jaw=JAW)), "align.skim").said == ["alignment.beside_part"]
     assert shown(state(), "align.skim").said == ["screen.no_skim_now"]
 
@@ -164,35 +153,16 @@ def test_every_entry_fits_its_panel_at_80_columns(language: str) -> None:
         assert "align_page" not in text
 
 
-def test_the_chuck_is_drawn_in_24_rows_with_the_angle_of_the_spindle() -> None:
+def test_the_chuck_is_drawn_with_the_angle_of_the_spindle_on_a_real_lathe_once_jaw_1_is_found() -> None:
+    """The spindle is at 12.6 degrees, jaw 1 was found at 2.6."""
     text = shown(state()).text
     assert "◂ mark" in text and "C 12.60°" in text and "jaw 1 +12.34°" in text
     other_way = shown(state(seen=WorkshopView(jaw_1_past_mark_deg=-170.0, tool_gap_mm=None))).text
     assert text != other_way and "jaw 1 -170.00°" in other_way
-
-
-def test_on_a_real_lathe_the_chuck_is_drawn_once_jaw_1_is_found() -> None:
     assert "◂" not in shown(state(simulated=False, seen=None), size=(100, 30)).text
-    found = shown(
-        state(replace(NO_JAW, jaw=replace(JAW, angle_deg=2.6)), simulated=False, seen=None), size=(100, 30)
-    )
-    # The spindle is at 12.6 degrees, jaw 1 was found at 2.6.
-    assert "◂" in found.text and "by jaw 1 as found" in found.text
-
-
-@pytest.mark.parametrize(
-    ("changes", "asked"),
-    [
-        ({"jaws": "2"}, "○ 5 jaw 1"),
-        ({"diameter_mm": "60"}, "○ 6 touch-off"),
-    ],
-)
-def test_another_job_asks_for_what_it_changes(changes: dict[str, str], asked: str) -> None:
-    other = experiment()
-    for key, value in changes.items():
-        other = edited(other, key, value)
-    page = shown(state(VALID), work=other)
-    assert "● 2 clamped" in page.text and asked in page.text
+    found = state(replace(NO_JAW, jaw=replace(JAW, angle_deg=2.6)), simulated=False, seen=None)
+    drawn = shown(found, size=(100, 30)).text
+    assert "◂" in drawn and "by jaw 1 as found" in drawn
 
 
 CLAMPED = state(replace(NO_JAW, readings=None))

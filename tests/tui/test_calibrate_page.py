@@ -21,9 +21,9 @@ from console.tui.records import background_reader
 from console.units import METRIC, Units
 from profiles.calibration.table import CalibrationKind
 from profiles.store import load_machine
-from tests.tui import calibrate_stage
-from tests.tui.calibrate_stage import TABLE, WRENCH, keep_wrench
-from tests.tui.page_stage import PageScene, play_on
+from tests.tui import records_stage
+from tests.tui.page_stage import PageScene, on_page
+from tests.tui.records_stage import TABLE, WRENCH, keep_wrench
 from tests.tui.stage import MACHINE, lathe
 
 MOVING = StationState(activity=Activity.CUTTING)
@@ -64,10 +64,10 @@ def kept_files(data: Path) -> list[str]:
     return sorted(path.name for path in (data / "calibrations" / MACHINE).glob("*"))
 
 
-def test_points_entered_one_by_one_are_fitted_and_stored_as_the_command_does(
+async def test_points_entered_one_by_one_are_fitted_and_stored_as_the_command_does(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async def scene(stage: CalibrateScene) -> None:
+    async with on_page(CalibrateScene, tmp_path, size=(100, 24)) as stage:
         await stage.show()
         await stage.act_on("calibrate.new")
         assert stage.field() == FieldKind.NUMBER
@@ -78,8 +78,6 @@ def test_points_entered_one_by_one_are_fitted_and_stored_as_the_command_does(
         assert "377.57 ± 3.39 N/(N m)" in stage.words and kept_files(tmp_path) == []
         await stage.act_on("calibrate.keep")
         assert stage.codes == ["screen.calibrate_kept"]
-
-    play_on(CalibrateScene, scene, tmp_path, size=(100, 24))
     calibration, points = sorted(kept_files(tmp_path), reverse=True)
     folder = tmp_path / "calibrations" / MACHINE
     record = json.loads((folder / calibration).read_text())
@@ -93,8 +91,10 @@ def test_points_entered_one_by_one_are_fitted_and_stored_as_the_command_does(
 
 
 @pytest.mark.parametrize("typed", ["0.00099", "0,3738", "0.374"])
-def test_kilonewtons_are_not_stored_until_their_ratio_or_value_is_typed_out(tmp_path: Path, typed: str) -> None:
-    async def scene(stage: CalibrateScene) -> None:
+async def test_kilonewtons_are_not_stored_until_their_ratio_or_value_is_typed_out(
+    tmp_path: Path, typed: str
+) -> None:
+    async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.new")
         for torque, force in POINTS:
@@ -114,14 +114,12 @@ def test_kilonewtons_are_not_stored_until_their_ratio_or_value_is_typed_out(tmp_
         await stage.act_on("calibrate.keep")
         await stage.enter(typed)
         assert stage.codes == ["screen.calibrate_kept"] and stage.field() == FieldKind.NONE
-
-    play_on(CalibrateScene, scene, tmp_path)
     assert len(kept_files(tmp_path)) == 2
     found = calibrated(load_machine(MACHINE), tmp_path)
     assert found.machine.chuck.force_per_torque_n_per_n_m == pytest.approx(0.3738, rel=1e-3)
 
 
-def test_what_an_older_console_has_kept_in_another_unit_is_listed_as_not_used(tmp_path: Path) -> None:
+async def test_what_an_older_console_has_kept_in_another_unit_is_listed_as_not_used(tmp_path: Path) -> None:
     keep_wrench(tmp_path, date="2025-01-01T08:00:00.000Z")
     newer = keep_wrench(tmp_path, date="2025-01-02T08:00:00.000Z")
     record = json.loads(newer.read_text())
@@ -129,16 +127,13 @@ def test_what_an_older_console_has_kept_in_another_unit_is_listed_as_not_used(tm
     newer.write_text(json.dumps(record))
     rows = kept_list(tmp_path, lathe(), "wrench")
     assert [each.standing for each in rows] == [Standing.IMPLAUSIBLE, Standing.NEXT_START]
-
-    async def scene(stage: CalibrateScene) -> None:
+    async with on_page(CalibrateScene, tmp_path, size=(100, 24)) as stage:
         await stage.show()
         assert "not plausible" in stage.words and "NOT used" in stage.words and "kN <> N" in stage.words
 
-    play_on(CalibrateScene, scene, tmp_path, size=(100, 24))
 
-
-def test_a_value_that_is_none_stays_in_the_entry_and_says_why(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
+async def test_what_is_no_point_is_refused_and_too_few_are_not_stored_but_come_back(tmp_path: Path) -> None:
+    async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.new")
         for words, code in (
@@ -152,65 +147,11 @@ def test_a_value_that_is_none_stays_in_the_entry_and_says_why(tmp_path: Path) ->
             stage.ui.said = ()
         await stage.enter("10", "")
         assert stage.field() == FieldKind.NONE and "not stored" not in stage.words, "half a point is none"
-
-    play_on(CalibrateScene, scene, tmp_path)
-
-
-def test_before_the_first_point_nothing_is_wrong_and_an_entry_of_nothing_leaves_nothing(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
-        await stage.show()
-        await stage.act_on("calibrate.kind", "calibrate.new")
-        assert "Young's modulus" in stage.words and "!" not in stage.words
-        await stage.enter("")
-        assert "None is stored" in stage.words and stage.field() == FieldKind.NONE
-        await stage.act_on("calibrate.keep")
-        assert stage.codes == ["screen.calibrate_nothing"] and kept_files(tmp_path) == []
-
-    play_on(CalibrateScene, scene, tmp_path)
-
-
-def test_a_long_list_is_walked_by_the_page_and_from_end_to_end(tmp_path: Path) -> None:
-    for day in range(10, 30):
-        keep_wrench(tmp_path, date=f"2025-11-{day}T08:00:00.000Z")
-
-    async def scene(stage: CalibrateScene) -> None:
-        await stage.show()
-        assert "▶ 2025-11-29" in stage.words
-        for action, day in (("last", 10), ("page_up", 15), ("page_up", 20), ("page_down", 15), ("first", 29)):
-            await stage.act_on(f"calibrate.{action}")
-            assert f"▶ 2025-11-{day}" in stage.words, action
-
-    play_on(CalibrateScene, scene, tmp_path, size=(80, 18))
-
-
-def test_empty_plots_name_their_units(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
-        await stage.show()
-        await stage.act_on("calibrate.view")
-        for units in ("N over N m", "um: measured over fitted", "No plot"):
-            assert units in stage.text
-            await stage.act_on("calibrate.kind")
-
-    play_on(CalibrateScene, scene, tmp_path)
-
-
-def test_too_few_points_are_not_stored_and_the_reason_is_shown(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
-        await stage.show()
         await stage.act_on("calibrate.new")
         await stage.enter("10", "3741", "20", "7488", "")
         assert "number of measurements: 2" in stage.words
         await stage.act_on("calibrate.keep")
         assert stage.codes == ["calibration.few_points"] and kept_files(tmp_path) == []
-
-    play_on(CalibrateScene, scene, tmp_path)
-
-
-def test_what_was_taken_back_or_dropped_comes_back(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
-        await stage.show()
-        await stage.act_on("calibrate.new")
-        await stage.enter("10", "3741", "20", "7488", "")
         for action, words in (
             ("calibrate.undo", "not stored: 1 point "),
             ("calibrate.drop", "None is stored"),
@@ -219,15 +160,40 @@ def test_what_was_taken_back_or_dropped_comes_back(tmp_path: Path) -> None:
             await stage.act_on(action)
             assert words in stage.words, action
 
-    play_on(CalibrateScene, scene, tmp_path)
+
+async def test_before_the_first_point_nothing_is_wrong_nothing_is_left_and_empty_plots_name_their_units(
+    tmp_path: Path,
+) -> None:
+    async with on_page(CalibrateScene, tmp_path) as stage:
+        await stage.show()
+        await stage.act_on("calibrate.kind", "calibrate.new")
+        assert "Young's modulus" in stage.words and "!" not in stage.words
+        await stage.enter("")
+        assert "None is stored" in stage.words and stage.field() == FieldKind.NONE
+        await stage.act_on("calibrate.keep")
+        assert stage.codes == ["screen.calibrate_nothing"] and kept_files(tmp_path) == []
+        await stage.act_on("calibrate.kind", "calibrate.kind", "calibrate.view")
+        for units in ("N over N m", "um: measured over fitted", "No plot"):
+            assert units in stage.text
+            await stage.act("calibrate.kind")
 
 
-def test_a_table_is_imported_byte_for_byte_and_a_broken_one_refused_with_its_line(tmp_path: Path) -> None:
+async def test_a_long_list_is_walked_by_the_page_and_from_end_to_end(tmp_path: Path) -> None:
+    for day in range(10, 30):
+        keep_wrench(tmp_path, date=f"2025-11-{day}T08:00:00.000Z")
+    async with on_page(CalibrateScene, tmp_path, size=(80, 18)) as stage:
+        await stage.show()
+        assert "▶ 2025-11-29" in stage.words
+        for action, day in (("last", 10), ("page_up", 15), ("page_up", 20), ("page_down", 15), ("first", 29)):
+            await stage.act_on(f"calibrate.{action}")
+            assert f"▶ 2025-11-{day}" in stage.words, action
+
+
+async def test_a_table_is_imported_byte_for_byte_and_a_broken_one_refused_with_its_line(tmp_path: Path) -> None:
     good, bad = tmp_path / "good.csv", tmp_path / "bad.csv"
     good.write_text(f"# remark: load cell 3\n{WRENCH}", encoding="utf-8")
     bad.write_text(WRENCH.replace("3741", "x"), encoding="utf-8")
-
-    async def scene(stage: CalibrateScene) -> None:
+    async with on_page(CalibrateScene, tmp_path, size=(100, 24)) as stage:
         await stage.show()
         await stage.act_on("calibrate.import")
         assert stage.field() == FieldKind.TEXT
@@ -239,14 +205,12 @@ def test_a_table_is_imported_byte_for_byte_and_a_broken_one_refused_with_its_lin
         assert "force at zero torque" in stage.words
         await stage.act_on("calibrate.keep")
         assert kept_files(tmp_path) == ["wrench-000001.json"]
-
-    play_on(CalibrateScene, scene, tmp_path, size=(100, 24))
     record = json.loads((tmp_path / "calibrations" / MACHINE / "wrench-000001.json").read_text())
     assert record["file"] == str(good) and record["found"]["intercept_ci"] > 0.0
 
 
-def test_deflections_ask_for_the_modulus_of_the_bar_and_offer_what_stays_the_same(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
+async def test_deflections_ask_for_the_modulus_of_the_bar_and_offer_what_stays_the_same(tmp_path: Path) -> None:
+    async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.kind", "calibrate.new")
         await stage.enter("206", "1314", "100", "0", "52", "60", "4,21")
@@ -265,11 +229,9 @@ def test_deflections_ask_for_the_modulus_of_the_bar_and_offer_what_stays_the_sam
         ]
         assert "not stored: 2 points" in stage.words
 
-    play_on(CalibrateScene, scene, tmp_path)
 
-
-def test_an_entry_ends_when_the_machine_moves_and_nothing_is_stored_then(tmp_path: Path) -> None:
-    async def scene(stage: CalibrateScene) -> None:
+async def test_an_entry_ends_when_the_machine_moves_and_nothing_is_stored_then(tmp_path: Path) -> None:
+    async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.import")
         stage.control.state = MOVING
@@ -279,8 +241,6 @@ def test_an_entry_ends_when_the_machine_moves_and_nothing_is_stored_then(tmp_pat
             stage.ui.said = ()
             await stage.act_on(action)
             assert stage.codes == ["screen.calibrate_moving"]
-
-    play_on(CalibrateScene, scene, tmp_path)
 
 
 def test_which_calibration_counts_is_what_the_next_start_does(tmp_path: Path) -> None:
@@ -306,7 +266,7 @@ def test_which_calibration_counts_is_what_the_next_start_does(tmp_path: Path) ->
 
 
 def test_the_points_are_shown_only_while_their_file_is_what_was_fitted(tmp_path: Path) -> None:
-    calibrate_stage.fill(tmp_path)
+    records_stage.fill_calibrations(tmp_path)
     (row, _) = kept_list(tmp_path, lathe(), "wrench")
 
     def facts() -> ChuckFacts:
@@ -318,17 +278,14 @@ def test_the_points_are_shown_only_while_their_file_is_what_was_fitted(tmp_path:
     assert facts().measured is None and facts().fit is not None
 
 
-def test_the_lobes_of_the_jobs_are_listed_and_say_how_one_is_taken(tmp_path: Path) -> None:
-    calibrate_stage.fill(tmp_path)
-
-    async def scene(stage: CalibrateScene) -> None:
+async def test_the_lobes_of_the_jobs_are_listed_and_say_how_one_is_taken(tmp_path: Path) -> None:
+    records_stage.fill_calibrations(tmp_path)
+    async with on_page(CalibrateScene, tmp_path) as stage:
         await stage.show()
         await stage.act_on("calibrate.kind", "calibrate.kind")
         assert "54.21 ± 0.62 um p-p" in stage.words and "for practice" in stage.words
         await stage.act_on("calibrate.new")
         assert stage.codes == ["screen.calibrate_lobe"]
-
-    play_on(CalibrateScene, scene, tmp_path)
 
 
 def test_every_standing_has_its_words() -> None:
@@ -340,13 +297,12 @@ def test_every_standing_has_its_words() -> None:
                 assert text(f"calibrate_page.{standing}") != f"calibrate_page.{standing}"
 
 
-def test_in_motion_nothing_is_fitted_before_scipy_is_there(
+async def test_in_motion_nothing_is_fitted_before_scipy_is_there(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    calibrate_stage.fill(tmp_path)
+    records_stage.fill_calibrations(tmp_path)
     monkeypatch.setattr("console.tui.further.calibrate.STATISTICS", "no.such.module")
-
-    async def scene(stage: CalibrateScene) -> None:
+    async with on_page(CalibrateScene, tmp_path, state=MOVING, size=(100, 24)) as stage:
         await stage.show()
         assert "read at standstill" in stage.words and "377" not in stage.words
         stage.control.state = replace(MOVING, activity=Activity.READY)
@@ -354,28 +310,23 @@ def test_in_motion_nothing_is_fitted_before_scipy_is_there(
         await stage.show()
         assert "377.57" in stage.words
 
-    play_on(CalibrateScene, scene, tmp_path, state=MOVING, size=(100, 24))
 
-
-def test_in_inches_a_point_keeps_what_was_not_typed_again(tmp_path: Path) -> None:
+async def test_in_inches_a_point_keeps_what_was_not_typed_again(tmp_path: Path) -> None:
     """52 mm are 2.0472… in: the digits of the entry round it, Enter on them does not."""
-
-    async def scene(stage: CalibrateScene) -> None:
-        stage.ui.text._measure_in(Units("inch"))
-        await stage.show()
-        await stage.act_on("calibrate.kind", "calibrate.new")
-        await stage.enter("206", "1314", "200", "0", "2.047244094488189", "1.2", "100")
-        began = []
-        for typed in ("", "", "30", "", "", "200"):
-            entry = stage.page._all.entry  # type: ignore[attr-defined]
-            began.append(entry.value)
-            await stage.enter(typed or entry.value)
-        draft = stage.page._draft  # type: ignore[attr-defined]
-        assert began == ["1314", "200", "", "2.0472", "1.2", ""]
-        assert draft.rows[1][3:] == (draft.rows[0][3], draft.rows[0][4], 5.08)
-
     try:
-        play_on(CalibrateScene, scene, tmp_path)
+        async with on_page(CalibrateScene, tmp_path) as stage:
+            stage.ui.text._measure_in(Units("inch"))
+            await stage.show()
+            await stage.act_on("calibrate.kind", "calibrate.new")
+            await stage.enter("206", "1314", "200", "0", "2.047244094488189", "1.2", "100")
+            began = []
+            for typed in ("", "", "30", "", "", "200"):
+                entry = stage.page._all.entry  # type: ignore[attr-defined]
+                began.append(entry.value)
+                await stage.enter(typed or entry.value)
+            draft = stage.page._draft  # type: ignore[attr-defined]
+            assert began == ["1314", "200", "", "2.0472", "1.2", ""]
+            assert draft.rows[1][3:] == (draft.rows[0][3], draft.rows[0][4], 5.08)
     finally:
         load("en")._measure_in(METRIC)  # one catalogue for all tests of a process
 

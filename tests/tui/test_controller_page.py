@@ -2,30 +2,51 @@
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Awaitable, Callable
+import re
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from textual.pilot import Pilot
 
 from console.session.data.controller_backups import backups_of
+from console.session.station.commands import EnableDrives
 from console.session.station.state import Activity, StationState
 from console.tui.app import ConsoleApp
+from console.tui.application.far_terminal import WITHIN_S, FarTerminal
 from console.tui.controller.watching import read_watch, watch_path
+from console.tui.further.scope import read_record, record_text, records_of
+from console.tui.further.scope_pictures import over_turns
+from console.tui.further.scope_setup import ROWS, changed
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from drivers.lathe.standing import Standing
+from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
 from drivers.requests.side_line import Moment
+from profiles.problem import ProfileError
 from tests.drivers.families import of_family
-from tests.tui.scenes import Scene, application, fixed_world, machine, played, rows_of, settle, signed
+from tests.tui import align_stage, records_stage
+from tests.tui.machine_states import CLAMPED
+from tests.tui.page_stage import run_apart
+from tests.tui.scenes import (
+    Scene,
+    console_at,
+    console_on,
+    fill,
+    fixed_world,
+    machine,
+    rows_of,
+    settle,
+    signed,
+)
 from tests.tui.side_stage import DirectSide
-from tests.tui.stage import FixedControl, lathe
-from tests.tui.test_observer import MOVING
+from tests.tui.stage import LANGUAGES, FixedControl, lathe
+from tests.tui.test_replay_pages import MOVING
 
-Play = Callable[["Stage"], Awaitable[None]]
 FAMILIES = pytest.mark.parametrize("family", ["pmac", "turbo"])
 
 
@@ -57,31 +78,21 @@ class Stage:
         return [each.text.rstrip("\r") for each in self.side.heard.spoken(polls=True) if each.mark == ">"]
 
 
-def play(data: Path, scene: Play, *, family: str = "pmac", state: StationState | None = None, **more: Any) -> None:
-    begun = Scene(
-        page=PageName.CONTROLLER,
-        state=state or machine(Activity.READY),
-        work=signed(),
-        side=DirectSide(of_family(lathe().machine, family)),
-    )
-
-    async def run() -> None:
-        app, control = application(begun, data)
-        async with played(app, begun, more.get("size", (80, 24))) as pilot:
-            assert isinstance(begun.side, DirectSide)
-            await scene(Stage(app, pilot, control, begun.side))
-        assert app.fault is None
-
+@asynccontextmanager
+async def play(data: Path, *, family: str = "pmac", state: StationState | None = None) -> AsyncIterator[Stage]:
+    side = DirectSide(of_family(lathe().machine, family))
+    begun = Scene(page=PageName.CONTROLLER, state=state or machine(Activity.READY), work=signed(), side=side)
     with fixed_world():
-        asyncio.run(run())
+        async with console_on(begun, data, filled=False) as (app, pilot, control):
+            yield Stage(app, pilot, control, side)
 
 
 WATCH, TERMINAL, CONFIGURATION = ("right",) * 2, ("right",) * 3, ("right",) * 4
 
 
 @FAMILIES
-def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         shown = await stage.press()
         assert {"pmac": "602191", "turbo": "603382"}[family] in shown
         assert "0.4427 ms" in shown  # I10 of the factory, 3713707 / 8388608
@@ -91,13 +102,11 @@ def test_it_says_who_answers_and_what_its_bits_mean(family: str, tmp_path: Path)
         shown = await stage.press("down")
         assert "amplifier enabled" in shown and "Spindle  #2?" in shown
 
-    play(tmp_path, scene, family=family)
-
 
 @pytest.mark.first(1)
 @FAMILIES
-def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         await stage.press(*WATCH, "enter", *"p40", "enter", "enter", *"i130", "enter")
         stage.side.client.request("P40=7")
         shown = await stage.press("up")
@@ -109,29 +118,24 @@ def test_watched_items_are_kept_and_followed(family: str, tmp_path: Path) -> Non
         await stage.press("x")
         await stage.press("enter", *"p40", "enter")
         assert stage.codes == ["watch.twice"]
-
-    play(tmp_path, scene, family=family)
     assert read_watch(watch_path(tmp_path, lathe().machine.name)) == ("P40", "I130")
 
 
-def test_a_damaged_table_is_reported_and_left_alone(tmp_path: Path) -> None:
+async def test_a_damaged_table_is_reported_and_left_alone(tmp_path: Path) -> None:
     path = watch_path(tmp_path, lathe().machine.name)
     path.parent.mkdir(parents=True)
     path.write_text('{"schema": "something else"}', encoding="utf-8")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "cannot be read" in await stage.press(*WATCH)
-
-    play(tmp_path, scene)
     assert "something else" in path.read_text(encoding="utf-8")
 
 
 @pytest.mark.first(1)
 @FAMILIES
-def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_it(
+async def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_it(
     family: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, family=family) as stage:
         shown = await stage.press(*TERMINAL, "enter", *"i130", "enter")
         assert "> I130" in shown and "< 528 ACK" in shown
         shown = await stage.press("r")
@@ -149,11 +153,9 @@ def test_the_terminal_shows_queries_and_refuses_motion_with_the_page_that_does_i
         assert "BEL ERR" in shown
         assert stage.codes[0].startswith("controller.err")
 
-    play(tmp_path, scene, family=family)
 
-
-def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await stage.press(*TERMINAL)
         stage.side.client.query(*(f"P{number}" for number in range(40, 48)))
         shown = await stage.press("p")
@@ -162,13 +164,11 @@ def test_the_terminal_is_paused_and_scrolled(tmp_path: Path) -> None:
         assert "P99" not in await stage.press("up")
         assert "P99" in await stage.press("end")
 
-    play(tmp_path, scene)
-
 
 @pytest.mark.first(1)
 @FAMILIES
-def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) -> None:
+    async with play(tmp_path, family=family) as stage:
         shown = await stage.press("b")
         (path,) = backups_of(tmp_path, lathe().machine.name)
         assert path.name in shown and "Backup written" in shown
@@ -181,8 +181,6 @@ def test_a_backup_is_written_compared_and_verified(family: str, tmp_path: Path) 
             for row in stage.app._pages[PageName.CONTROLLER].in_full(view(stage), 78)
         )
 
-    play(tmp_path, scene, family=family)
-
 
 def view(stage: Stage) -> Any:
     return stage.app.ui.view
@@ -193,10 +191,10 @@ MOVES = replace(machine(Activity.READY), snapshot=replace(MOVING, asked_s=100.0,
 
 
 @pytest.mark.parametrize(("state", "code"), [(OBSERVES, "screen.observes"), (MOVES, "screen.in_motion")])
-def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
+async def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
     state: StationState, code: str, tmp_path: Path
 ) -> None:
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, state=state) as stage:
         for key in ("v", "b", "f"):
             stage.app.ui.said = ()
             await stage.press(key)
@@ -212,11 +210,9 @@ def test_the_whole_controller_is_read_at_rest_by_who_controls_it(
             await stage.press("enter")
             assert stage.codes == ["screen.entry_moving"]
 
-    play(tmp_path, scene, state=state)
 
-
-def test_an_entry_ends_when_something_moves_and_space_stops(tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
+async def test_an_entry_ends_when_something_moves_and_space_stops(tmp_path: Path) -> None:
+    async with play(tmp_path) as stage:
         await stage.press(*TERMINAL, "enter", "i")
         kinds = [stage.app._pages[PageName.CONTROLLER].field]
         stage.control.state = replace(stage.control.state, activity=Activity.JOGGING)
@@ -227,4 +223,208 @@ def test_an_entry_ends_when_something_moves_and_space_stops(tmp_path: Path) -> N
         stage.app.tick()
         assert stage.codes == ["screen.entry_moving"]
 
-    play(tmp_path, scene)
+
+# Page Scope through the whole console: set-up, gathering on a simulated controller, cursors, angle, files.
+
+
+READY = machine(Activity.READY)
+
+
+class Moving(DirectSide):
+    """Simulated time passes with every look at the clock: nobody polls in these tests."""
+
+    def now_s(self) -> float:
+        self.sim.wait(0.05)
+        return self.sim.now_s()
+
+
+@asynccontextmanager
+async def on_scope(data: Path, *, family: str = "pmac", state: StationState = READY) -> AsyncIterator[Stage]:
+    side = Moving(of_family(lathe().machine, family))
+    begun = Scene(page=PageName.SCOPE, state=state, work=signed(), side=side)
+    with fixed_world():
+        async with console_on(begun, data, filled=False) as (app, pilot, control):
+            stage, clock = Stage(app, pilot, control, side), control.now_s
+            control.now_s = lambda: side.now_s() if gathers(stage) else clock()  # type: ignore[method-assign]
+            yield stage
+
+
+def gathers(stage: Stage) -> bool:
+    page = stage.app._pages[PageName.SCOPE]
+    return bool(page._errand.running)  # type: ignore[attr-defined]
+
+
+@pytest.mark.first(1)
+@pytest.mark.parametrize("family", ["pmac", "turbo"])
+async def test_g_gathers_and_x_keeps_what_is_opened_again_in_si_units(family: str, tmp_path: Path) -> None:
+    async with on_scope(tmp_path, family=family) as stage:
+        stage.side.client.request("#1J/ #2J/")
+        shown = await stage.press("g")
+        assert "Tool cmd mm" in shown and stage.codes == []
+        await stage.press("x")
+        assert stage.codes == ["screen.scope_kept"]
+        await stage.press("o", "enter")
+        assert stage.codes == []
+    (path,) = records_of(tmp_path)
+    head = path.read_text(encoding="utf-8").splitlines()[4]
+    assert head == "time [s],tool.commanded [m],tool.actual [m],tool.following_error [m],spindle.actual [rad]"
+    found = read_record(path)
+    assert found.times_s[-1] == pytest.approx(0.5, abs=0.002) and np.ptp(found.values[ANGLE]) < 1e-6
+
+
+async def test_cursors_read_what_the_file_says_and_the_angle_averages_the_turns(tmp_path: Path) -> None:
+    fill(tmp_path)
+    async with on_scope(tmp_path) as stage:
+        shown = await stage.press("o", "enter", "n", "n")
+        times = re.search(r"time s +([\d.-]+) +([\d.-]+) +([\d.-]+)", shown)
+        assert times is not None
+        first, second = float(times[1]), float(times[2])
+        assert float(times[3]) == pytest.approx(second - first, abs=1e-5)
+        error = re.search(r"Tool FE um +([\d.-]+)", shown)
+        assert error is not None
+        turn = int(first * 10.0)
+        expected = 3.0 * np.sin(3.0 * 2.0 * np.pi * 10.0 * first) * (1.0 if turn % 2 == 0 else 1.0 / 3.0)
+        assert float(error[1]) == pytest.approx(expected, abs=0.001)
+        shown = await stage.press("v", "n", "n")
+        assert "mean" in shown and "of 5.0 turns" in shown
+        await stage.press("tab", "right", "pagedown")
+        assert "▶B" in await stage.press()
+
+
+def test_the_mean_over_the_angle_and_its_spread_are_those_of_the_turns() -> None:
+    record = records_stage.scope_record(1.0, step_s=0.0001)
+    degrees = np.degrees(record.values[ANGLE])
+    found = over_turns(degrees, record.values[records_stage.ERROR] * 1e6)
+    assert found is not None and found.turns == pytest.approx(10.0, abs=0.02)
+    wave = np.sin(3.0 * np.radians(found.angle_deg))
+    seen = ~np.isnan(found.mean)
+    # Five turns of 3 um and five of 1 um: mean 2 um, standard deviation 1.054 um.
+    assert np.abs(found.mean - 2.0 * wave)[seen].max() < 0.35
+    crest = seen & (np.abs(wave) > 0.95)
+    assert found.spread[crest] == pytest.approx(np.full(crest.sum(), 1.054), rel=0.25)
+    assert over_turns(degrees[:1500], record.values[ANGLE][:1500]) is None
+
+
+@pytest.mark.parametrize(
+    ("state", "key", "code"),
+    [
+        (replace(READY, standing=Standing.OBSERVER, holder=7), "g", "screen.observes"),
+        (replace(READY, activity=Activity.ARMING), "g", "screen.scope_arming"),
+        (replace(READY, activity=Activity.LOST), "g", "screen.no_controller"),
+        (READY, "c", "screen.nothing_gathers"),
+        (READY, "x", "screen.no_record_yet"),
+        (READY, "v", "screen.no_record_yet"),
+    ],
+)
+async def test_what_cannot_be_done_says_why(state: StationState, key: str, code: str, tmp_path: Path) -> None:
+    async with on_scope(tmp_path, state=state) as stage:
+        await stage.pilot.press(key)
+        assert stage.codes == [code]
+
+
+async def test_a_damaged_record_is_refused_with_its_name(tmp_path: Path) -> None:
+    folder = tmp_path / "scope"
+    folder.mkdir()
+    text = record_text(records_stage.scope_record())
+    for number, damaged in enumerate(
+        (text.replace("scope 1", "scope 9"), text.replace("[m]", "[um]"), text[:200], "", text[: len(text) // 2])
+    ):
+        path = folder / f"lathe-2026010{number}.csv"
+        path.write_text(damaged, encoding="utf-8")
+        with pytest.raises(ProfileError) as refused:
+            read_record(path)
+        assert refused.value.problems[0].code == "scope.unreadable" and path.name in str(refused.value)
+    last = text[: len(text) // 2].count("\n") + 1
+    assert refused.value.problems[0].value == f"damaged or cut short at line: {last}"
+    async with on_scope(tmp_path) as stage:
+        await stage.press("o", "enter")
+        assert stage.codes == ["scope.unreadable"]
+
+
+async def test_the_list_of_kept_records_has_its_keys_and_is_walked_by_the_page(tmp_path: Path) -> None:
+    folder = tmp_path / "scope"
+    folder.mkdir()
+    for number in range(30):
+        (folder / f"lathe-202601{number:02d}.csv").write_text(
+            record_text(records_stage.scope_record()), encoding="utf-8"
+        )
+    async with on_scope(tmp_path) as stage:
+        assert "Nothing gathered" in await stage.press() and "mm, um, ° over s" in await stage.press()
+        assert "g gather" in await stage.press()
+        shown = await stage.press("o")
+        assert "o close" in shown and "g gather" not in shown
+        for key, number in (("end", 0), ("pageup", 15), ("home", 29), ("pagedown", 14)):
+            assert f"▶ lathe-202601{number:02d}.csv" in await stage.press(key), key
+        shown = await stage.press("o")
+        assert "g gather" in shown and "▶ lathe" not in shown
+
+
+def test_one_to_six_channels_are_gathered() -> None:
+    setup = ScopeSetup()
+    for row in range(len(CHANNELS)):
+        setup = changed(setup, row, 1) or setup
+        assert 1 <= len(setup.channels) <= 6
+    full = replace(setup, channels=CHANNELS[:6])
+    assert changed(full, 8, 1) is None and changed(replace(setup, channels=CHANNELS[:1]), 0, 1) is None
+    for row in range(len(ROWS)):
+        for by in (-1, 1):
+            again = changed(full, row, by)
+            assert again is None or again.level_of in again.channels
+
+
+# A console whose terminal is not at the machine says so, and asks once before it enables drives (rule R4).
+
+
+CLIENT = "192.168.1.7"
+OFF = align_stage.state(replace(align_stage.NO_JAW, drives_on=False, homed=False, clamping=CLAMPED))
+
+
+def test_it_is_asked_once_and_a_late_answer_is_none() -> None:
+    far = FarTerminal(CLIENT)
+    assert far.asks(0.0, simulated=False)
+    assert far.asks(WITHIN_S + 0.1, simulated=False), "too late: asked again"
+    assert not far.asks(WITHIN_S + 5.0, simulated=False)
+    assert not far.asks(1000.0, simulated=False), "once for a console"
+    assert not FarTerminal("").asks(0.0, simulated=False)
+    assert not FarTerminal(CLIENT).asks(0.0, simulated=True)
+
+
+def enabled(data: Path, client: str, *, simulated: bool, language: str = "en") -> tuple[list[int], list[str], str]:
+    """How often drives were enabled after each of two F4, what was said, and the first row."""
+    counts, said, now = list[int](), list[str](), replace(OFF, simulated=simulated)
+
+    async def run() -> str:
+        given = {"language": language, "client": client}
+        async with console_at(data, PageName.ALIGN, now, **given) as (app, pilot, control):
+            row = rows_of(app)[0]
+            for at_s in (101.0, 103.0):
+                control.at(at_s)
+                await pilot.press("f4")
+                counts.append(sum(isinstance(order, EnableDrives) for order in control.orders))
+                said.extend(problem.code for problem in app.ui.said)
+            return row
+
+    row = run_apart(run)
+    return counts, said, row
+
+
+def test_by_ssh_the_drives_are_enabled_by_who_says_that_he_sees_the_machine(tmp_path: Path) -> None:
+    counts, said, row = enabled(tmp_path, CLIENT, simulated=False)
+    assert (counts, said) == ([0, 1], ["screen.see_machine"])
+    assert f"by SSH from {CLIENT}" in row
+
+
+@pytest.mark.parametrize(("client", "simulated"), [("", False), (CLIENT, True)])
+def test_at_the_machine_and_at_a_simulated_one_nothing_is_asked(
+    tmp_path: Path, client: str, simulated: bool
+) -> None:
+    counts, said, row = enabled(tmp_path, client, simulated=simulated)
+    assert counts[0] == 1 and "screen.see_machine" not in said
+    assert "SSH" not in row
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_first_row_says_it_in_every_language_and_keeps_the_state(tmp_path: Path, language: str) -> None:
+    _, _, row = enabled(tmp_path, "192.168.100.107", simulated=False, language=language)
+    assert "192.168.100.107" in row
+    assert {"en": "ready", "ko": "대기 중"}[language] in row

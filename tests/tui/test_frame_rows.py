@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
 from itertools import product
+from pathlib import Path
 
 import pytest
 
+import console
 from console.session.station.alarms import Priority, acknowledged, cleared, collision_problems, raised, seen
 from console.session.station.progress import Synchronisation
 from console.session.station.state import Activity, StationState, StopState
@@ -27,10 +30,10 @@ from console.tui.frame import (
 )
 from console.tui.gate import FieldKind
 from console.tui.key_help import LISTS, help_lines
-from console.tui.keymap import PageName, actions_of
-from console.tui.lines import line, plain, width_of
+from console.tui.keymap import ACTIONS, PageName, actions_of
+from console.tui.lines import Line, line, plain, width_of
 from console.tui.list_panel import message_lines
-from console.tui.theme import Token
+from console.tui.theme import COLOUR, Token
 from drivers.lathe.snapshot import FAULT_FLAGS, AxisName, AxisState, Snapshot
 from drivers.lathe.standing import Standing
 from drivers.simulator.plant.workshop_view import CollisionKind
@@ -38,6 +41,7 @@ from profiles.machine import SAFETY_DEVICES
 from profiles.problem import Problem
 from profiles.store import load_machine
 from tests.tui.run_stage import cutting
+from tests.tui.stage import LANGUAGES
 
 MACHINE = load_machine("lee-2001-lathe").machine
 REST = frozenset({"amplifier_enabled", "desired_velocity_zero", "in_position", "home_complete"})
@@ -85,16 +89,36 @@ def test_the_key_row_of_scope_names_what_opens_a_kept_record(language: str) -> N
     assert f"o {words} " in plain(keys_row(frame(language=language, page=PageName.SCOPE), 80))
 
 
-def test_an_observer_sees_that_a_spindle_coasts_although_nothing_is_commanded() -> None:
-    """A disabled spindle is at rest for its controller: no velocity is commanded."""
-    assert "at standstill" in plain(stop_row(frame(replace(READY, spindle_rpm=0.4)), 80))
-    row = plain(stop_row(frame(replace(READY, spindle_rpm=-532.2)), 80))
-    assert "spindle turning -532 rpm" in row and "standstill" not in row
+COASTS = replace(READY, spindle_rpm=-532.2)
+"""A disabled spindle is at rest for its controller: no velocity is commanded."""
+SENT = replace(STOPPED, activity=Activity.STOPPING, stop=StopState(reason="f9", killed=True, sent_s=10.0))
+
+
+@pytest.mark.parametrize(
+    ("row", "now", "words", "without"),
+    [
+        (state_row, frame(), "link ≤ 5 ms", ""),
+        (state_row, frame(now_s=13.0), "STALE, 3 s", ""),
+        (state_row, frame(replace(READY, simulated=False)), "", "SIM"),
+        (next_row, frame(STOPPED), "F2", ""),
+        (stop_row, frame(STOPPED), "0.6 s", ""),
+        (stop_row, frame(SENT), "not yet at rest", ""),
+        (stop_row, frame(), "SPACE", ""),
+        (stop_row, frame(field=FieldKind.TEXT), "F12", ""),
+        (stop_row, frame(replace(READY, spindle_rpm=0.4)), "at standstill", ""),
+        (stop_row, frame(COASTS), "spindle turning -532 rpm", "standstill"),
+        # A page without a digit has the place of the page that lists it.
+        (pages_row, frame(page=PageName.SETTINGS), "8 Alarms 0 Settings", ""),
+        (pages_row, frame(page=PageName.ALARMS), "8 Alarms 0 More", ""),
+    ],
+)
+def test_a_row_says_what_is_the_case(row: Callable[..., list[Line]], now: Frame, words: str, without: str) -> None:
+    shown = plain(row(now, 80))
+    assert words in shown and (not without or without not in shown)
 
 
 def test_sim_is_the_first_word_on_the_screen() -> None:
     assert plain(state_row(frame(), 80)).startswith(" SIM ")
-    assert "SIM" not in plain(state_row(frame(replace(READY, simulated=False)), 80))
 
 
 @pytest.mark.parametrize("language", ["en", "ko"])
@@ -155,16 +179,6 @@ def test_the_age_of_a_good_link_gives_way_before_a_name_and_that_of_an_old_state
     assert "lathe-7 · " in old and "STALE, 3 s" in old
 
 
-def test_a_page_without_a_digit_has_the_place_of_the_page_that_lists_it() -> None:
-    assert plain(pages_row(frame(page=PageName.SETTINGS), 80)).rstrip().endswith("8 Alarms 0 Settings")
-    assert plain(pages_row(frame(page=PageName.ALARMS), 80)).rstrip().endswith("8 Alarms 0 More")
-
-
-def test_an_old_look_says_how_old_it_is() -> None:
-    assert "link ≤ 5 ms" in plain(state_row(frame(), 80))
-    assert "STALE, 3 s" in plain(state_row(frame(now_s=13.0), 80))
-
-
 @pytest.mark.parametrize("language", ["en", "ko"])
 @pytest.mark.parametrize("together", Synchronisation)
 def test_in_a_cut_the_first_row_tells_how_tool_and_spindle_are_together(
@@ -208,21 +222,6 @@ def test_an_answer_names_a_value_as_set_up_does(language: str, name: str) -> Non
         next_row(frame(ALARM, language, said=refused), 80),
     ):
         assert f"{name} = 1400 N" in plain(shown)
-
-
-def test_after_a_stop_the_next_step_is_the_way_back() -> None:
-    assert "F2" in plain(next_row(frame(STOPPED), 80))
-    assert "0.6 s" in plain(stop_row(frame(STOPPED), 80))
-
-
-def test_a_stop_that_is_not_proven_says_so() -> None:
-    sent = replace(STOPPED, activity=Activity.STOPPING, stop=StopState(reason="f9", killed=True, sent_s=10.0))
-    assert "not yet at rest" in plain(stop_row(frame(sent), 80))
-
-
-def test_in_free_text_the_stop_key_is_another() -> None:
-    assert "SPACE" in plain(stop_row(frame(), 80))
-    assert "F12" in plain(stop_row(frame(field=FieldKind.TEXT), 80))
 
 
 def test_the_spindle_needs_its_speed_over_the_abort_rate() -> None:
@@ -374,3 +373,48 @@ def test_an_alarm_of_a_cut_that_is_over_asks_for_no_key_that_would_have_ended_it
     assert "F7" not in row and "± 1.4 deg" in row
     standing = replace(STOPPED, alarms=raised((), out, Priority.MEDIUM, 1.0))
     assert "F7" in plain(alarm_row(frame(standing, language), 300))
+
+
+# Rules of the frame that no page may break: the name of the stop, nothing flashes, the word SIM, one key.
+
+
+TUI = Path(console.__file__).parent / "tui"
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_stop_key_is_no_emergency_stop(language: str) -> None:
+    """Rules S1 and S2: it is called STOP MOTION, and is neither red nor yellow."""
+    text = load(language)
+    for field, key in ((FieldKind.NONE, "frame.stop"), (FieldKind.TEXT, "frame.stop_in_text")):
+        shown = text(key)
+        assert ("STOP MOTION" if language == "en" else "정지") in shown
+        assert not {"emergency", "비상", "e-stop"} & set(shown.casefold().split())
+        row = ROWS["stop"](replace(frame(language=language), field=field), 80)[-1]
+        assert row[0][0].strip() == shown and row[0][1] is Token.STOP
+    background = COLOUR[Token.STOP].bgcolor
+    assert background is not None and background.triplet is not None
+    assert max(background.triplet) - min(background.triplet) < 32, "a grey"
+
+
+def test_nothing_flashes() -> None:
+    """Rule C4."""
+    lines = [line for path in TUI.rglob("*.py") for line in path.read_text(encoding="utf-8").splitlines()]
+    assert {line.strip().rpartition(".")[2] for line in lines if "blink" in line} == {"cursor_blink = False"}
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("page", PageName)
+def test_a_simulation_is_called_one_in_the_first_row(page: PageName, language: str) -> None:
+    """Rule X1."""
+    shown = frame(language=language)
+    for simulated in (True, False):
+        now = replace(shown, page=page, state=replace(shown.state, simulated=simulated))
+        assert (load(language)("sim") in plain(ROWS["state"](now, 80)).split()) is simulated
+
+
+def test_every_action_has_a_single_key() -> None:
+    """Rule L1: a chord exists only beside a single key, and to leave."""
+    chords = [
+        action.id for action in ACTIONS if action.keys and all("+" in key and len(key) > 1 for key in action.keys)
+    ]
+    assert chords == ["quit"]

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,18 +17,23 @@ from console.session.guide.rows import INSPECT, row_of
 from console.session.guide.situation import Situation
 from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
-from console.text.catalogue import load
-from console.tui.inspecting.comparison import compare_parts
+from console.text.catalogue import LiveCatalogue, load
+from console.text.certificate import certificate_lines
+from console.tui.inspecting.comparison import compared
 from console.tui.keymap import PageName
-from console.tui.lines import plain
+from console.tui.lines import plain, width_of
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.inspect_lines import harmonic_lines, phase_from_jaw_deg, result_lines
+from console.tui.pages.learn_lines import certified_lines
 from console.tui.plot.polar_view import PolarView
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from drivers.cutting.planning import Strategy
+from profiles.compensations.certificate import Certified, Standing
 from profiles.roundness import evaluate
 from profiles.traces import Trace
+from tests.golden_text import compare, writing
+from tests.tui.page_stage import shown_on
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, lathe, ui_for
 
 ROOMS = [(columns, rows - FRAME_ROWS) for columns, rows in SIZES]
@@ -73,24 +79,17 @@ def staged(state: StationState, language: str = "en") -> tuple[PageStage, Inspec
 
 
 def shown(state: StationState, room: tuple[int, int] = ROOMS[0], language: str = "en") -> str:
-    app, _, _ = staged(state, language)
-
-    async def play() -> str:
-        async with app.run_test(size=room) as pilot:
-            await pilot.pause()
-            return grid(app)
-
-    return asyncio.run(play())
+    return shown_on(InspectPage, state, size=(room[0], room[1] + FRAME_ROWS), language=language).text
 
 
 def results(state: StationState, height: int = 20) -> list[str]:
-    seen = compare_parts(state)
+    seen = compared(state)
     assert seen is not None
     return plain(result_lines(seen, True, load("en"), 40, height)).split("\n")
 
 
 def harmonics(state: StationState, height: int = 20) -> list[str]:
-    seen = compare_parts(state)
+    seen = compared(state)
     assert seen is not None
     return plain(harmonic_lines(seen, load("en"), 40, height)).split("\n")
 
@@ -175,7 +174,7 @@ def test_a_six_jaw_chuck_has_its_own_harmonics_in_front() -> None:
 
 @pytest.mark.parametrize(("crest_deg", "phase_deg"), [(91.0, 1.0), (89.0, -1.0), (210.0, 0.0), (150.0, 60.0)])
 def test_the_phase_is_the_nearest_crest_from_jaw_1(crest_deg: float, phase_deg: float) -> None:
-    seen = compare_parts(StationState(measured=part(Strategy.NONE, [(3, 10.0, crest_deg)])))
+    seen = compared(StationState(measured=part(Strategy.NONE, [(3, 10.0, crest_deg)])))
     assert seen is not None
     found = phase_from_jaw_deg(seen.before, 3)
     assert found is not None
@@ -214,7 +213,7 @@ def test_without_a_measured_part_before_it_is_the_job_that_speaks() -> None:
 
 def test_a_part_of_another_job_is_no_before() -> None:
     other = part(Strategy.NONE, [(3, 20.0, 90.0)], spindle_speed_rpm=500.0)
-    seen = compare_parts(StationState(measured=AFTER, uncompensated=other))
+    seen = compared(StationState(measured=AFTER, uncompensated=other))
     assert seen is not None
     assert seen.before.result is None
 
@@ -222,7 +221,7 @@ def test_a_part_of_another_job_is_no_before() -> None:
 def test_a_part_that_was_clamped_anew_is_turned_to_the_same_jaw() -> None:
     """The same lobe, high at jaw 1, with the jaw at another place: both traces are high at the mark."""
     before = part(Strategy.NONE, [(3, 27.5, 33.0)], jaw_1_deg=33.0)
-    seen = compare_parts(StationState(measured=AFTER, uncompensated=before))
+    seen = compared(StationState(measured=AFTER, uncompensated=before))
     assert seen is not None
     assert seen.before.result is not None
     high_deg = float(seen.before.angle_deg[seen.before.profile_um.argmax()])
@@ -239,7 +238,7 @@ def test_an_uncompensated_part_has_no_after() -> None:
 
 def test_what_is_drawn_is_centred_filtered_and_said_to_be() -> None:
     filtered = part(Strategy.PVT, [(3, 1.0, 90.0), (400, 5.0, 0.0)])
-    seen = compare_parts(StationState(measured=filtered))
+    seen = compared(StationState(measured=filtered))
     assert seen is not None
     assert seen.after is not None
     assert float(np.ptp(seen.after.profile_um)) == pytest.approx(2.0, abs=0.02)
@@ -247,50 +246,47 @@ def test_what_is_drawn_is_centred_filtered_and_said_to_be() -> None:
     assert "free · LSC · unfiltered" in shown(BOTH)
 
 
-def test_both_traces_are_on_one_scale_that_is_named() -> None:
-    app, page, _ = staged(BOTH)
-
-    async def play() -> tuple[str, float]:
-        async with app.run_test(size=ROOMS[1]) as pilot:
+async def test_both_traces_are_on_one_scale_that_is_named_at_every_size_until_the_next_blank() -> None:
+    app, page, _ = staged(StationState(cut_done=True))
+    page.show(app.view)
+    async with app.run_test(size=ROOMS[0]) as pilot:
+        await pilot.pause()
+        page.show(replace(app.view, state=BOTH))
+        for size in ((1, 1), (60, 3), (60, 12), (200, 60), (80, 18)):
+            await pilot.resize_terminal(*size)
             await pilot.pause()
-            return grid(app), page.query_one(PolarView).scale_um_per_division
-
-    text, scale = asyncio.run(play())
-    assert scale == 20.0
-    for words in ("- - before, measured", "── after, measured, pvt", "20 um/div", "jaw 1 at 90.0°"):
-        assert words in text
-
-
-def test_m_releases_and_measures_the_part_that_was_cut() -> None:
-    _, page, control = staged(StationState(cut_done=True, activity=Activity.READY))
-    page.act("inspect.measure")
-    assert control.orders == [Measure()]
-    assert page.ui.said == ()
+        assert "✓ PASS" in grid(app)
+        await pilot.resize_terminal(*ROOMS[1])
+        await pilot.pause()
+        assert page.query_one(PolarView).scale_um_per_division == 20.0
+        for words in ("- - before, measured", "── after, measured, pvt", "20 um/div", "jaw 1 at 90.0°"):
+            assert words in grid(app)
+        page.show(replace(app.view, state=replace(BOTH, measured=None)))
+        await pilot.pause()
+        assert "PASS" not in grid(app)
 
 
 @pytest.mark.parametrize(
-    ("state", "code"),
+    ("state", "action", "orders", "codes"),
     [
-        (StationState(), "session.nothing_cut"),
-        (BOTH, "session.nothing_cut"),
-        (StationState(cut_done=True, activity=Activity.RETRACTING), "machine.moving"),
-        (StationState(cut_done=True, simulated=False), "session.no_gauge"),
+        (StationState(cut_done=True, activity=Activity.READY), "measure", [Measure()], []),
+        (StationState(), "measure", [], ["session.nothing_cut"]),
+        (BOTH, "measure", [], ["session.nothing_cut"]),
+        (StationState(cut_done=True, activity=Activity.RETRACTING), "measure", [], ["machine.moving"]),
+        (StationState(cut_done=True, simulated=False), "measure", [], ["session.no_gauge"]),
+        (StationState(measured=AFTER, activity=Activity.READY), "offset", [], ["offset.no_size"]),
+        (BOTH, "next", [], []),
     ],
 )
-def test_m_is_refused_with_the_reason(state: StationState, code: str) -> None:
+def test_m_measures_the_part_that_was_cut_o_needs_a_size_and_enter_moves_nothing(
+    state: StationState, action: str, orders: list[object], codes: list[str]
+) -> None:
     _, page, control = staged(state)
-    page.act("inspect.measure")
-    assert control.orders == []
-    assert [problem.code for problem in page.ui.said] == [code]
-
-
-def test_enter_goes_to_the_next_part_and_moves_nothing() -> None:
-    _, page, control = staged(BOTH)
     gone: list[PageName] = []
     page.ui.go = gone.append
-    page.act("inspect.next")
-    assert gone == [PageName.ALIGN]
-    assert control.orders == []
+    page.act(f"inspect.{action}")
+    assert (control.orders, [problem.code for problem in page.ui.said]) == (orders, codes)
+    assert gone == ([PageName.ALIGN] if action == "next" else [])
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -300,39 +296,6 @@ def test_before_anything_is_measured_the_page_says_what_to_do(language: str) -> 
         page = " ".join(shown(state, (160, 42), language).split())
         assert text("inspect_page.nothing") in page
         assert " ".join(text(f"inspect_page.{key}").split()) in page
-
-
-def test_the_result_appears_when_the_part_is_measured_and_goes_with_the_next_blank() -> None:
-    empty = StationState(cut_done=True)
-    app, page, _ = staged(empty)
-
-    async def play() -> list[str]:
-        seen = []
-        async with app.run_test(size=ROOMS[0]) as pilot:
-            await pilot.pause()
-            for state in (BOTH, replace(BOTH, measured=None)):
-                page.show(replace(app.view, state=state))
-                await pilot.pause()
-                seen.append(grid(app))
-        return seen
-
-    measured, next_blank = asyncio.run(play())
-    assert "✓ PASS" in measured
-    assert "PASS" not in next_blank
-
-
-def test_the_page_survives_every_size() -> None:
-    app, page, _ = staged(BOTH)
-    page.show(app.view)
-
-    async def play() -> str:
-        async with app.run_test(size=(80, 18)) as pilot:
-            for size in ((1, 1), (60, 3), (60, 12), (200, 60), (80, 18)):
-                await pilot.resize_terminal(*size)
-                await pilot.pause()
-            return grid(app)
-
-    assert "✓ PASS" in asyncio.run(play())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -355,7 +318,7 @@ def test_the_next_step_is_one_row_and_names_its_key(state: StationState, key: st
 
 
 def test_a_failed_part_is_not_only_coloured() -> None:
-    seen = compare_parts(StationState(measured=PRINTED))
+    seen = compared(StationState(measured=PRINTED))
     assert seen is not None
     lines = result_lines(seen, True, load("en"), 40, 20)
     (fail,) = [line for line in lines if line and line[0][1] is Token.WARNING]
@@ -372,14 +335,6 @@ def test_the_diameter_and_the_tool_offset_are_beside_the_roundness(room: tuple[i
     assert "51.871" not in shown(BOTH, room, language)
 
 
-def test_o_corrects_the_touch_off_where_there_is_a_size() -> None:
-    state = StationState(measured=AFTER, activity=Activity.READY)
-    _, page, control = staged(state)
-    page.act("inspect.offset")
-    assert control.orders == []
-    assert [problem.code for problem in page.ui.said] == ["offset.no_size"]
-
-
 @pytest.mark.parametrize("activity", [Activity.POSITIONING, Activity.CUTTING])
 @pytest.mark.parametrize("measured", [None, AFTER], ids=["first", "next"])
 def test_while_a_cut_runs_no_other_is_asked_for(activity: Activity, measured: MeasuredPart | None) -> None:
@@ -387,3 +342,70 @@ def test_while_a_cut_runs_no_other_is_asked_for(activity: Activity, measured: Me
         state = StationState(activity=activity, measured=measured, simulated=simulated)
         now = Situation(state=state, work=experiment(), machine=lathe().machine)
         assert row_of(INSPECT, now).word == "inspect.cutting"
+
+
+# The certificate of a part as key w shows it on Inspect, kept as a text in both languages.
+
+
+FOLDER = Path(__file__).parent / "certificates"
+WIDTH = 78
+
+PART = tuple(
+    Certified(
+        order=order,
+        gain=gain,
+        factor=abs(1.0 - gain),
+        bound=bound,
+        bound_gain_1=bound,
+        on_part_um=left_um,
+        left_um=0.5 * left_um,
+        standing=standing,
+    )
+    for order, gain, bound, left_um, standing in (
+        (2, 1.0, 0.30, 1.86, Standing.ONE_PART),
+        (3, 0.93, 0.37, 7.185, Standing.LEARNED),
+        (4, 1.0, 0.45, 0.012, Standing.NOISE),
+        (5, 0.5, 0.71, 0.4, Standing.VARIES),
+        (6, 1.0, 0.6, 0.77, Standing.GREW),
+        (13, 1.0, 1.42, 0.05, Standing.NO_PROMISE),
+    )
+)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_every_standing_is_shown_with_its_promise(language: str) -> None:
+    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
+    rows = certified_lines(learning, load(language), WIDTH)
+    assert all(width_of(row) <= WIDTH for row in rows)
+    shown = ["".join(text for text, _ in row) for row in rows]
+    assert "7.185" not in "".join(shown) and any("14.37" in row for row in shown), "peak to peak"
+    compare(shown, FOLDER / f"{language}.txt", write=writing())
+
+
+def test_on_a_screen_in_inches_it_is_in_millionths_of_an_inch() -> None:
+    """14.37 um p-p are 565.7 uin."""
+    text = LiveCatalogue("en")
+    text.measure("inch")
+    learning = cast(Any, SimpleNamespace(taught=SimpleNamespace(step=SimpleNamespace(certificate=PART))))
+    rows = ["".join(words for words, _ in row) for row in certified_lines(learning, text, WIDTH)]
+    assert any("565.7" in row for row in rows) and "uin p-p" in "".join(rows)
+    assert "um p-p" not in "".join(rows)
+
+
+def rows_of(*certificate: Certified) -> list[list[str]]:
+    return [row.split() for row in certificate_lines(certificate, load("en"))[2:]]
+
+
+def test_what_is_on_the_part_is_shown_beside_the_error_of_its_tool() -> None:
+    """An oval blank has bent the tool by 11.66 um p-p; 10.96 are on the part, though learning has left 0.74."""
+    oval = replace(PART[1], order=2, on_part_um=5.48, left_um=0.37, tool_off_um=5.83)
+    beyond = replace(PART[-1], on_part_um=None, left_um=None)
+    shown, unseen = rows_of(oval, beyond)
+    assert shown[:3] == ["2", "10.96", "11.66"]
+    assert unseen[:3] == ["13", "1.42", "too"], "no height, and the bound that was judged"
+    assert "tool error" not in certificate_lines(PART, load("en"))[1], "a part alone does not show it"
+
+
+def test_an_order_that_the_tool_hardly_follows_is_not_called_too_uncertain() -> None:
+    (row,) = rows_of(replace(PART[-1], bound=0.5, bound_gain_1=0.5))
+    assert "uncertain" not in row and row[-2:] == ["hardly", "follows"]

@@ -20,12 +20,12 @@ from console.tui.keymap import PageName
 from console.tui.pages import job_shelf as shelf
 from profiles.files import read_toml
 from profiles.store import BUNDLED_JOBS, LoadedJob, list_jobs, load_job
-from tests.tui.page_stage import NEXT_STEP_CELLS, READY, PageScene, play_on
+from tests.tui.page_stage import NEXT_STEP_CELLS, READY, PageScene, on_page
 from tests.tui.stage import EXPERIMENT, LANGUAGES, lathe
 from tests.tui.test_jobs_page import Stage, measured
 
 SOURCE = BUNDLED_JOBS / f"{EXPERIMENT}.toml"
-play = partial(play_on, Stage)
+play = partial(on_page, Stage)
 
 
 @pytest.fixture
@@ -58,11 +58,10 @@ def names(stage: Stage) -> Sequence[str]:
     return [entry.name for entry in stage.page._shelf.entries]  # type: ignore[attr-defined]
 
 
-def test_a_search_goes_over_name_material_and_tags_as_it_is_typed(own: Path, tmp_path: Path) -> None:
+async def test_a_search_goes_over_name_material_and_tags_as_it_is_typed(own: Path, tmp_path: Path) -> None:
     put(own, "flange", "S45C", 'tags = ["urgent", "Kim"]\n')
     put(own, "sleeve", "C3604")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         for words, found in (
             ("kim", ["flange"]),
             ("c36", ["sleeve"]),
@@ -81,14 +80,11 @@ def test_a_search_goes_over_name_material_and_tags_as_it_is_typed(own: Path, tmp
             await stage.act("jobs.back")
         assert len(names(stage)) == len(list_jobs()) + 2
 
-    play(scene, tmp_path)
 
-
-def test_enter_ends_a_search_and_opens_a_single_match(own: Path, tmp_path: Path) -> None:
+async def test_enter_ends_a_search_and_opens_a_single_match(own: Path, tmp_path: Path) -> None:
     put(own, "flange-1")
     put(own, "flange-2")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.search")
         await typed(stage, "flange")
         assert (stage.gone, stage.page.field, names(stage)) == ([], FieldKind.NONE, ["flange-1", "flange-2"])
@@ -103,10 +99,8 @@ def test_enter_ends_a_search_and_opens_a_single_match(own: Path, tmp_path: Path)
         assert stage.gone == [PageName.SETUP]
         assert stage.ui.work is not None and stage.ui.work.job.name == "flange-2"
 
-    play(scene, tmp_path)
 
-
-def test_of_two_thousand_jobs_a_key_reads_what_is_seen_and_each_file_is_indexed_once(
+async def test_of_two_thousand_jobs_a_key_reads_what_is_seen_and_each_file_is_indexed_once(
     own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Counted in a list of 400: the counts do not depend on how many there are, the time of the test does."""
@@ -125,8 +119,7 @@ def test_of_two_thousand_jobs_a_key_reads_what_is_seen_and_each_file_is_indexed_
 
     monkeypatch.setattr(shelf, "load_job", counted_load)
     monkeypatch.setattr(shelf, "read_toml", counted_read)
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert len(loads) <= 18 and reads == []  # the first frame: a screenful, and no index
         await stage.act("jobs.search")
         await typed(stage, "part-0399", enter=False)
@@ -145,30 +138,24 @@ def test_of_two_thousand_jobs_a_key_reads_what_is_seen_and_each_file_is_indexed_
         await stage.act("jobs.back", "jobs.last")
         assert names(stage)[-1] == "two-jaw-tube" and len(loads) - before <= 36
 
-    play(scene, tmp_path)
 
-
-def test_the_index_is_not_read_while_something_moves(
+async def test_the_index_is_not_read_while_something_moves(
     own: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     put(own, "flange", "S45C")
     monkeypatch.setattr(shelf, "read_toml", lambda path: pytest.fail("read in motion"))
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, state=replace(READY, activity=Activity.CUTTING)) as stage:
         await stage.act("jobs.search")
         await typed(stage, "flan")
         await stage.show()
         assert names(stage) == ["flange"] and "reading" in stage.text
 
-    play(scene, tmp_path, state=replace(READY, activity=Activity.CUTTING))
 
-
-def test_the_list_is_sorted_and_says_by_what(own: Path, tmp_path: Path) -> None:
+async def test_the_list_is_sorted_and_says_by_what(own: Path, tmp_path: Path) -> None:
     put(own, "zinc", "AA")
     measured(tmp_path, 2.6, simulated=1)
     os.utime(put(own, "zebra", "ZZ"), ns=(2**62, 2**62))
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         assert "by name" in stage.text
         for words, first in (("by last change", "zebra"), ("by last result", EXPERIMENT), ("by material", "zinc")):
             await stage.act("jobs.sort")
@@ -176,75 +163,73 @@ def test_the_list_is_sorted_and_says_by_what(own: Path, tmp_path: Path) -> None:
             await stage.act("jobs.first")
             assert words in stage.text and names(stage)[0] == stage.selected == first
 
-    play(scene, tmp_path)
 
-
-def test_pages_and_ends_of_a_long_list(own: Path, tmp_path: Path) -> None:
+async def test_a_long_list_goes_along_with_the_selection_by_rows_pages_and_ends(own: Path, tmp_path: Path) -> None:
     for number in range(60):
         put(own, f"a-{number:02d}")
-
-    async def scene(stage: Stage) -> None:
-        await stage.act("jobs.page_down")
-        assert stage.selected == "a-14"
-        await stage.act("jobs.page_up")
-        assert stage.selected == "a-00"
-        await stage.act("jobs.last")
+    async with play(tmp_path) as stage:
+        assert "more below" in stage.text
+        for _ in range(20):
+            await stage.act("jobs.down")
+            assert stage.selected
+        assert "more above" in stage.text
+        await stage.act("jobs.first")
+        for action, selected in (("page_down", "a-14"), ("page_up", "a-00"), ("last", "two-jaw-tube")):
+            await stage.act(f"jobs.{action}")
+            assert stage.selected == selected
+        assert "more below" not in stage.text
+        await stage.act("jobs.down")
         assert stage.selected == "two-jaw-tube"
         await stage.act("jobs.first")
         assert stage.selected == "a-00"
 
-    play(scene, tmp_path)
 
-
-def test_the_open_job_is_marked(tmp_path: Path) -> None:
+async def test_the_open_job_is_marked(tmp_path: Path) -> None:
     work = opened(load_job("two-jaw-tube"), lathe())
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         assert "▸●two-jaw-tube" in stage.text and "open job" in stage.text
         await stage.act("jobs.up")
         assert " ●two-jaw-tube" in stage.text and "open job" not in stage.text
 
-    play(scene, tmp_path, work=work)
 
-
-def test_a_job_is_renamed_and_stays_open(own: Path, tmp_path: Path) -> None:
+async def test_a_job_is_renamed_and_stays_open(own: Path, tmp_path: Path) -> None:
     path = put(own, "a-ring")
     work = opened(load_job(str(path)), lathe())
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         await stage.act("jobs.rename")
         await typed(stage, "-2")
         assert stage.codes == ["screen.job_renamed"]
         assert not path.exists() and stage.selected == "a-ring-2"
         assert stage.ui.work is not None and stage.ui.work.job.name == "a-ring-2" and not stage.ui.work.edited
 
-    play(scene, tmp_path, work=work)
 
-
-@pytest.mark.parametrize(
-    ("name", "code"),
-    [("two-jaw-tube", "screen.name_taken"), ("../x", "file.name_unfit"), ("x" * 61, "file.name_long")],
-)
-def test_a_name_that_cannot_be_is_refused_and_stays_in_the_entry(
-    name: str, code: str, own: Path, tmp_path: Path
+async def test_a_name_that_cannot_be_is_refused_stays_in_the_entry_and_is_discarded_with_a_word(
+    own: Path, tmp_path: Path
 ) -> None:
     put(own, "a-ring")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.rename")
-        stage.page._entry.value = name  # type: ignore[attr-defined]
-        await stage.act("jobs.open")
-        assert stage.codes == [code] and stage.page.field is FieldKind.TEXT
-        assert (own / "a-ring.toml").exists()
+        for name, code in (
+            ("two-jaw-tube", "screen.name_taken"),
+            ("../x", "file.name_unfit"),
+            ("x" * 61, "file.name_long"),
+        ):
+            stage.ui.said = ()
+            stage.page._entry.value = name  # type: ignore[attr-defined]
+            await stage.act("jobs.open")
+            assert stage.codes == [code] and stage.page.field is FieldKind.TEXT
+            assert (own / "a-ring.toml").exists()
+        stage.ui.said = ()
+        stage.page.leave()
+        assert stage.codes == ["screen.job_entry_dropped"] and (own / "a-ring.toml").exists()
 
-    play(scene, tmp_path)
 
-
-def test_note_and_tags_are_shown_and_the_open_job_keeps_its_edits_and_its_hash(own: Path, tmp_path: Path) -> None:
+async def test_note_and_tags_are_shown_and_the_open_job_keeps_its_edits_and_its_hash(
+    own: Path, tmp_path: Path
+) -> None:
     path = put(own, "a-ring")
     work = edited(opened(load_job(str(path)), lathe()), "jaws", "4")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         await stage.act("jobs.note")
         await typed(stage, "soft jaws only")
         await stage.act("jobs.tags")
@@ -256,14 +241,11 @@ def test_note_and_tags_are_shown_and_the_open_job_keeps_its_edits_and_its_hash(o
         assert now.loaded.sha256 == work.loaded.sha256 and now.undo[0][0].note == "soft jaws only"
         assert read_toml(path)[1]["tags"] == ["urgent", "kim"]
 
-    play(scene, tmp_path, work=work)
 
-
-def test_a_job_is_deleted_by_the_second_press_and_comes_back(own: Path, tmp_path: Path) -> None:
+async def test_a_job_is_deleted_by_the_second_press_and_comes_back(own: Path, tmp_path: Path) -> None:
     path = put(own, "a-ring")
     before = load_job(str(path)).job
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.delete")
         assert stage.codes == ["screen.job_delete_again"] and path.exists()
         await stage.act("jobs.down", "jobs.up", "jobs.delete")
@@ -278,14 +260,13 @@ def test_a_job_is_deleted_by_the_second_press_and_comes_back(own: Path, tmp_path
         await stage.act("jobs.undo")
         assert stage.codes == ["screen.nothing_deleted"]
 
-    play(scene, tmp_path)
 
-
-def test_the_open_job_is_closed_when_it_is_deleted_and_kept_with_unsaved_edits(own: Path, tmp_path: Path) -> None:
+async def test_the_open_job_is_closed_when_it_is_deleted_and_kept_with_unsaved_edits(
+    own: Path, tmp_path: Path
+) -> None:
     path = put(own, "a-ring")
     work = opened(load_job(str(path)), lathe())
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, work=work) as stage:
         stage.ui.work = edited(work, "jaws", "4")
         await stage.act("jobs.delete", "jobs.delete")
         assert stage.codes == ["screen.job_edited"] and path.exists()
@@ -294,43 +275,36 @@ def test_the_open_job_is_closed_when_it_is_deleted_and_kept_with_unsaved_edits(o
         assert not path.exists()
         assert stage.ui.work is None
 
-    play(scene, tmp_path, work=work)
 
-
-@pytest.mark.parametrize("action", ["rename", "note", "tags", "delete"])
-def test_a_supplied_job_stays_as_it_is(action: str, tmp_path: Path) -> None:
-    async def scene(stage: Stage) -> None:
-        await stage.act(f"jobs.{action}", f"jobs.{action}")
-        assert stage.codes == ["screen.job_bundled"] and stage.page.field is FieldKind.NONE
-
-    play(scene, tmp_path)
-
-
-def test_nothing_is_changed_while_the_machine_moves_or_a_cut_is_armed(own: Path, tmp_path: Path) -> None:
-    put(own, "a-ring")
-
-    async def scene(stage: Stage) -> None:
+async def test_a_supplied_job_stays_as_it_is_and_nothing_is_changed_in_motion_or_armed(
+    own: Path, tmp_path: Path
+) -> None:
+    async with play(tmp_path) as stage:
+        for action in ("rename", "note", "tags", "delete"):
+            await stage.act(f"jobs.{action}", f"jobs.{action}")
+            assert stage.codes == ["screen.job_bundled"] and stage.page.field is FieldKind.NONE
+        put(own, "a-ring")
+        stage.page.leave()
+        await stage.show()
+        await stage.act("jobs.first")
         for action in ("rename", "note", "tags", "delete", "undo", "import"):
-            for state, code in (
-                (replace(READY, activity=Activity.CUTTING), "screen.jobs_moving"),
-                (replace(READY, activity=Activity.ARMING), "screen.jobs_armed"),
+            for activity, code in (
+                (Activity.CUTTING, "screen.jobs_moving"),
+                (Activity.ARMING, "screen.jobs_armed"),
             ):
-                stage.control.state = state
+                stage.control.state = replace(READY, activity=activity)
                 await stage.act(f"jobs.{action}")
                 assert stage.codes == [code], action
 
-    play(scene, tmp_path)
 
-
-def test_a_sound_file_is_imported_byte_for_byte_and_another_one_is_refused(tmp_path: Path) -> None:
+async def test_a_sound_file_is_imported_byte_for_byte_and_another_one_is_refused(tmp_path: Path) -> None:
     folder = tmp_path / "import"
     folder.mkdir()
     good = put(folder, "from-usb", first="# theirs\n")
     bad = put(folder, "flipped")
     bad.write_bytes(good.read_bytes().replace(b"jaws = 3", b"jaws = 33", 1))
     shutil.copy(good, folder / f"{EXPERIMENT}.toml")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.import")
         assert "Files to import (3)" in stage.text
         codes: set[str] = set()
@@ -347,13 +321,10 @@ def test_a_sound_file_is_imported_byte_for_byte_and_another_one_is_refused(tmp_p
         await stage.act("jobs.open")
         assert stage.gone == [PageName.SETUP]
 
-    play(scene, tmp_path)
 
-
-def test_a_path_is_typed_for_a_file_elsewhere(tmp_path: Path) -> None:
+async def test_a_path_is_typed_for_a_file_elsewhere(tmp_path: Path) -> None:
     elsewhere = put(tmp_path, "stick")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.path")
         assert stage.codes == ["screen.jobs_import_only"]
         for path, code in ((tmp_path / "no.toml", "file.unreadable"), (elsewhere, "screen.job_imported")):
@@ -363,13 +334,10 @@ def test_a_path_is_typed_for_a_file_elsewhere(tmp_path: Path) -> None:
             assert stage.codes == [code]
         assert stage.selected == "stick"
 
-    play(scene, tmp_path)
 
-
-def test_an_export_overwrites_nothing(own: Path, tmp_path: Path) -> None:
+async def test_an_export_overwrites_nothing(own: Path, tmp_path: Path) -> None:
     content = put(own, "a-ring").read_bytes()
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path) as stage:
         await stage.act("jobs.export", "jobs.export")
         assert stage.codes == ["screen.job_exported"]
         folder = tmp_path / "exported-jobs"
@@ -378,14 +346,11 @@ def test_an_export_overwrites_nothing(own: Path, tmp_path: Path) -> None:
             "a-ring-2.toml": content,
         }
 
-    play(scene, tmp_path)
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_each_entry_says_what_enter_does_within_the_row(language: str, own: Path, tmp_path: Path) -> None:
+async def test_each_entry_says_what_enter_does_within_the_row(language: str, own: Path, tmp_path: Path) -> None:
     put(own, "a-ring")
-
-    async def scene(stage: Stage) -> None:
+    async with play(tmp_path, language=language) as stage:
         said = set()
         for actions in (("search",), ("rename",), ("note",), ("tags",), ("import",), ("path",)):
             await stage.act(*(f"jobs.{action}" for action in actions))
@@ -393,16 +358,3 @@ def test_each_entry_says_what_enter_does_within_the_row(language: str, own: Path
             if actions != ("import",):
                 stage.page._entry.close()  # type: ignore[attr-defined]
         assert len(said) == 6 and not [each for each in said if cell_len(each) > NEXT_STEP_CELLS]
-
-    play(scene, tmp_path, language=language)
-
-
-def test_a_name_that_was_not_ended_is_discarded_with_a_word(own: Path, tmp_path: Path) -> None:
-    put(own, "a-ring")
-
-    async def scene(stage: Stage) -> None:
-        await stage.act("jobs.rename")
-        stage.page.leave()
-        assert stage.codes == ["screen.job_entry_dropped"] and (own / "a-ring.toml").exists()
-
-    play(scene, tmp_path)

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import string
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from textual.events import Key
 
+from console.tui.application.scan_codes import LONGEST, found, job_named, keys_of, shown
+from console.tui.application.scan_collector import Collector, Scan
+from console.tui.driver import Reader
 from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stop_reason, stops_at_once
 from console.tui.keymap import ACTIONS, DIGITS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of
+from console.tui.pace import APART_S, QUIET_S, Pace
+from profiles.problem import Problem
+from profiles.store import LibraryEntry
 
 situations = st.builds(
     Situation,
@@ -237,3 +245,211 @@ def test_a_digit_leads_to_its_page() -> None:
     for page, digit in DIGITS.items():
         action = action_of(digit, digit, PageName.RUN)
         assert action is not None and action.id == f"page.{page}"
+
+
+# Keys at the pace of a scanner do nothing, those of a person are taken; with a clock that is given.
+
+
+SCANNED = ("W", "O", "-", "1", "0", "0", "2", "4", "enter")
+LATER_S = QUIET_S + 0.01
+
+
+def taken(*presses: tuple[float, str]) -> list[str]:
+    """The actions that are taken of keys at these times, s; each is asked for as soon as it may be due."""
+    pace, done = Pace[str](), list[str]()
+    for at_s, key in presses:
+        # The thread sleeps until something is due, or the next key comes.
+        done += pace.due(at_s - 1e-6)
+        pace.hold(key, key, at_s)
+    return [*done, *pace.due(presses[-1][0] + 1.0)]
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 0.001, 0.008, 0.016, 0.03])
+def test_of_a_scanned_number_nothing_is_taken_neither_its_first_key_nor_its_last(gap_s: float) -> None:
+    assert taken(*((gap_s * n, key) for n, key in enumerate(SCANNED))) == []
+
+
+@pytest.mark.parametrize("gap_s", [0.06, 0.1, 0.5])
+def test_of_a_person_every_key_is_taken(gap_s: float) -> None:
+    assert taken(*((gap_s * n, key) for n, key in enumerate(SCANNED))) == list(SCANNED)
+
+
+@pytest.mark.parametrize("gap_s", [0.0, 0.01, 0.03, 0.09])
+def test_a_key_that_is_held_down_is_no_scanner(gap_s: float) -> None:
+    assert taken(*((gap_s * n, "down") for n in range(10))) == ["down"] * 10
+
+
+def test_an_enter_that_a_slow_line_brings_behind_the_burst_is_not_taken() -> None:
+    burst = [(0.0, "1"), (0.0, "4"), (0.2, "enter")]
+    assert taken(*burst) == []
+    assert taken(*burst, (LATER_S, "enter")) == ["enter"]
+
+
+def test_two_keys_of_a_person_in_one_piece_are_pressed_again() -> None:
+    assert taken((0.0, "down"), (0.0, "enter"), (LATER_S, "down"), (LATER_S + 0.2, "enter")) == ["down", "enter"]
+
+
+def test_an_action_waits_until_it_is_known_to_have_come_alone() -> None:
+    pace = Pace[str]()
+    assert not pace.hold("4", "page 4", 10.0)
+    assert pace.due(10.0 + 0.9 * APART_S) == []
+    assert pace.wait_s(10.0, 0.1) == pytest.approx(APART_S)
+    assert pace.due(10.0 + APART_S) == ["page 4"]
+    assert pace.due(11.0) == []
+    assert pace.wait_s(11.0, 0.1) == 0.1
+
+
+def test_a_thread_that_was_held_up_takes_no_key_for_alone_before_it_has_read_the_rest() -> None:
+    pace = Pace[str]()
+    pace.hold("4", "4", 0.0)
+    # It comes late: what it reads now may have come close behind.
+    assert pace.hold("enter", "enter", 0.3)
+    assert pace.due(1.0) == []
+
+
+@pytest.mark.parametrize("apart_s", [0.0, 0.03])
+def test_an_action_close_to_a_stop_is_not_taken(apart_s: float) -> None:
+    before, behind = Pace[str](), Pace[str]()
+    before.hold("f6", "f6", 0.0)
+    assert before.hear("space", apart_s)
+    assert before.due(1.0) == []
+    behind.hear("space", 0.0)
+    assert behind.hold("f6", "f6", apart_s)
+    assert behind.due(1.0) == []
+
+
+def test_what_a_scanner_writes_into_a_field_is_not_ended_by_its_enter() -> None:
+    pace = Pace[str]()
+    told = [pace.write(key, 0.01 * n, character=True) for n, key in enumerate("10024")]
+    assert told == [False, False, True, True, True]
+    assert pace.hold("enter", "enter", 0.05)
+    assert pace.hold("enter", "enter", 0.05 + 0.9 * QUIET_S)
+    assert not pace.hold("enter", "enter", 0.05 + LATER_S)
+
+
+def test_what_a_person_writes_into_a_field_is_ended_by_enter() -> None:
+    pace = Pace[str]()
+    # Two characters in one piece: a slow line, or a fast hand.
+    told = [pace.write(key, at_s, character=True) for key, at_s in zip("1314", (0.0, 0.1, 0.11, 0.2), strict=True)]
+    assert told == [False] * 4
+    assert not pace.hold("enter", "enter", 0.3)
+    assert pace.due(0.4) == ["enter"]
+
+
+def test_a_backspace_that_is_held_down_in_a_field_is_no_scanner() -> None:
+    pace = Pace[str]()
+    assert not any(pace.write("backspace", 0.03 * n, character=False) for n in range(20))
+
+
+@given(st.lists(st.tuples(st.floats(0.0, 0.2), st.sampled_from("14jk"))))
+def test_what_is_taken_had_no_other_key_close_to_it(gaps: list[tuple[float, str]]) -> None:
+    pace, at_s, heard, done = Pace[tuple[str, float]](), 0.0, list[tuple[str, float]](), list[tuple[str, float]]()
+    for gap_s, key in gaps:
+        at_s += gap_s
+        done += pace.due(at_s - 1e-6)
+        pace.hold(key, (key, at_s), at_s)
+        heard.append((key, at_s))
+    done += pace.due(at_s + 1.0)
+    for key, taken_s in done:
+        assert all(other == key or abs(other_s - taken_s) > 0.9 * APART_S for other, other_s in heard)
+
+
+# A code of a scanner: put together from keys that did nothing; `job:NAME` names a job, the rest means nothing.
+
+
+FAST_S = 0.004
+
+
+def heard(*pieces: tuple[float, str], gap_s: float = FAST_S) -> list[Scan]:
+    """What is made of pieces of terminal input, each at its time, its characters a moment apart."""
+    pace, codes = Pace[str](), Collector()
+    said: list[Scan | None] = []
+    reader, at_s = Reader(), 0.0
+    for begin_s, piece in pieces:
+        at_s = max(at_s, begin_s)
+        said.append(codes.due(at_s))
+        pace.due(at_s - 1e-6)  # what was held back was done meanwhile
+        for character in piece:
+            at_s += gap_s
+            for event in reader.read(character, at_s):
+                assert isinstance(event, Key)
+                burst = pace.hold(event.key, event.key, at_s)
+                said.append(
+                    codes.hear(event.key, event.character, at_s, burst=burst, written=False, stopped=False)
+                )
+    said.append(codes.due(at_s + 10.0))
+    return [each for each in said if each is not None]
+
+
+@pytest.mark.parametrize("end", ["", "\r", "\n", "\r\n", "\t"])
+@pytest.mark.parametrize("gap_s", [0.0, 0.01, 0.03])
+def test_the_whole_code_is_there_however_it_ends(end: str, gap_s: float) -> None:
+    assert [each.text for each in heard((0.0, f"job:flange-1{end}"), gap_s=gap_s)] == ["job:flange-1"]
+
+
+def test_two_pieces_of_a_slow_line_are_one_code() -> None:
+    assert [each.text for each in heard((0.0, "job:fla"), (0.3, "nge-1\r"))] == ["job:flange-1"]
+
+
+def test_two_codes_in_a_row_are_two() -> None:
+    assert [each.text for each in heard((0.0, "job:one\r\njob:two\r\n"))] == ["job:one", "job:two"]
+
+
+def test_a_person_scans_nothing() -> None:
+    assert heard(*((0.2 * n, key) for n, key in enumerate("job:flange-1\r"))) == []
+    assert heard((0.0, "14")) == []  # two keys in one piece
+
+
+def test_arrows_and_function_keys_are_no_code() -> None:
+    assert heard((0.0, "\x1b[A\x1b[B1234\r")) == []
+
+
+@pytest.mark.parametrize(
+    ("code", "name"),
+    [
+        ("job:flange-1", "flange-1"),
+        ("JOB:FLANGE-1", "FLANGE-1"),
+        ("job: flange-1 ", "flange-1"),
+        ("ㅓㅐㅠ:리뭏ㄷ-1", "flange-1"),
+        ("ㅓㅐㅠ:flange-1", "flange-1"),
+        ("job:플랜지", "플랜지"),
+        ("b:flange-1", None),
+        ("flange-1", None),
+        ("job:", None),
+        ("WO-10024", None),
+    ],
+)
+def test_only_a_whole_prefix_names_a_job(code: str, name: str | None) -> None:
+    assert job_named(code) == name
+
+
+def test_the_keys_of_the_hangul_layout() -> None:
+    """The two-set layout of KS X 5002: the key q writes ㅂ, and a syllable is written by two to five keys."""
+    assert keys_of("ㅂㅈㄷㄱㅅ") == "qwert"
+    assert keys_of("한글") == "gksrmf"
+    assert keys_of("닭뷁괜찮다") == "ekfrqnpfrrhoscksgek"
+    assert keys_of("ㅃㅖ-1") == "QP-1"
+
+
+def entries(*names: str) -> list[LibraryEntry]:
+    return [LibraryEntry(name=name, path=Path(f"{name}.toml"), bundled=False) for name in names]
+
+
+def test_a_name_is_found_as_written_else_in_whatever_case() -> None:
+    jobs = entries("flange-1", "Flange-2", "FLANGE-2", "ring")
+    for name, expected in (("flange-1", "flange-1"), ("RING", "ring"), ("FLANGE-2", "FLANGE-2")):
+        entry = found(jobs, name)
+        assert isinstance(entry, LibraryEntry) and entry.name == expected
+    for name, code in (("flange-2", "screen.scanned_several"), ("flange", "screen.scanned_no_job")):
+        problem = found(jobs, name)
+        assert isinstance(problem, Problem) and problem.code == code
+
+
+def test_a_name_in_hangul_is_not_taken_for_its_keys() -> None:
+    entry = found(entries("플랜지", "vmffoswl"), "플랜지")
+    assert isinstance(entry, LibraryEntry) and entry.name == "플랜지"
+
+
+def test_what_is_shown_is_harmless_and_short() -> None:
+    assert "\x1b" not in shown("job:\x1b[2J")
+    assert len(shown("x" * 500)) == LONGEST

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 import re
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -12,14 +13,15 @@ from rich.cells import cell_len
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.data.learned_store import FOLDER, asked_for, versions
+from console.session.force_record import ForceCheck
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, opened, with_strategy
 from console.text.catalogue import load
+from console.text.force import force_words
 from console.tui.gate import FieldKind
-from console.tui.keymap import ACTIONS
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage
 from console.tui.pages.learn_lines import learn_lines
@@ -29,13 +31,15 @@ from console.tui.pages.run import RunPage
 from console.tui.previewing import ChosenPath
 from drivers.cutting.planning import CutPlan, Strategy
 from drivers.preview.preview import all_asked, program_of
+from profiles.compensations.force_null import ForceNull, Sign, Why, unknown
 from profiles.compensations.learned import LearnedCompensation
+from profiles.fingerprint.readings import ClampReadings
 from profiles.problem import Problem
 from profiles.store import load_job
 from tests.tui import run_stage
-from tests.tui.page_stage import PageScene, play_on, shown_on
+from tests.tui.page_stage import PageScene, Shown, on_page, shown_on
 from tests.tui.scenes import BEFORE, part, previewed, signed, taught_part
-from tests.tui.stage import LANGUAGES
+from tests.tui.stage import LANGUAGES, experiment
 
 PART = taught_part()
 """One that was cut with `cam`, by the model."""
@@ -59,8 +63,7 @@ def cam() -> Work:
     return with_strategy(signed(), "cam")
 
 
-def on_inspect(scene: Callable[[OnInspect], Awaitable[None]], data: Path, state: StationState = MEASURED) -> None:
-    play_on(OnInspect, scene, data, work=cam(), state=state)
+on_inspect = partial(on_page, OnInspect, work=cam(), state=MEASURED)
 
 
 def used(stage: PageScene) -> LearnedCompensation:
@@ -81,8 +84,8 @@ def without(reason: Problem) -> MeasuredPart:
     return replace(PART, learning=replace(PART.learning, taught=replace(PART.learning.taught, step=step)))
 
 
-def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
-    async def play(stage: OnInspect) -> None:
+async def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Path) -> None:
+    async with on_inspect(tmp_path, state=FAILED) as stage:
         await stage.show()
         assert "3/rev 1.82 → 0.11" in stage.text and "6/rev 0.58 → 0.00" in stage.text
         assert "gain 0.939 · improving x0.09" in stage.text and "next cut: model, full" in stage.text
@@ -101,18 +104,13 @@ def test_a_keeps_what_the_part_teaches_and_v_goes_back_to_the_model(tmp_path: Pa
         assert (used(stage).version, kept(tmp_path)) == (3, [1, 2, 3])
         assert (stage.control.orders, stage.control.stops) == ([], [])
 
-    on_inspect(play, tmp_path, FAILED)
 
-
-def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
+async def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
     (tmp_path / FOLDER).write_text("no folder", encoding="utf-8")
-
-    async def play(stage: OnInspect) -> None:
+    async with on_inspect(tmp_path) as stage:
         before = stage.ui.work
         await stage.act("inspect.accept")
         assert stage.codes == ["file.not_writable"] and stage.ui.work is before
-
-    on_inspect(play, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -124,12 +122,10 @@ def test_a_disk_error_is_told_and_changes_nothing(tmp_path: Path) -> None:
         (cam(), replace(MEASURED, measured=without(Problem(code="learned.nothing"))), "learned.nothing"),
     ],
 )
-def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str, tmp_path: Path) -> None:
-    async def play(stage: OnInspect) -> None:
+async def test_what_must_not_be_kept_is_not(work: Work, state: StationState, code: str, tmp_path: Path) -> None:
+    async with on_page(OnInspect, tmp_path, work=work, state=state) as stage:
         await stage.act("inspect.accept")
         assert (stage.codes, kept(tmp_path)) == ([code], [])
-
-    play_on(OnInspect, play, tmp_path, work=work, state=state)
 
 
 @pytest.mark.first(4)
@@ -166,8 +162,8 @@ def test_of_half_a_part_it_is_said_what_is_right_and_nothing_is_judged(tmp_path:
     assert "within clamping scatter (± 9.2 um): leave it." in " ".join(rows.split())
 
 
-def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
-    async def play(stage: OnPreview) -> None:
+async def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
+    async with on_page(OnPreview, tmp_path, work=cam(), state=MEASURED) as stage:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.none_yet"]
         stage.ui.work = previewed_cam()
@@ -191,18 +187,14 @@ def test_l_and_s_choose_and_say_what_does_not_hold(tmp_path: Path) -> None:
         assert stage.codes == [] and used(stage).version == 1
         assert stage.control.orders == []
 
-    play_on(OnPreview, play, tmp_path, work=cam(), state=MEASURED)
 
-
-def test_an_edited_job_has_no_version_and_the_printed_program_has_no_half(tmp_path: Path) -> None:
-    async def play(stage: OnPreview) -> None:
+async def test_an_edited_job_has_no_version_and_the_printed_program_has_no_half(tmp_path: Path) -> None:
+    async with on_page(OnPreview, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05")) as stage:
         await stage.act("preview.learned")
         assert stage.codes == ["learned.edited_now"]
         stage.ui.work = replace(with_strategy(cam(), "paper"), stage="air")
         await stage.act("preview.stage")
         assert stage.codes == [] and stage.ui.work.stage == "full"
-
-    play_on(OnPreview, play, tmp_path, work=edited(cam(), "depth_of_cut_mm", "0.05"))
 
 
 def test_run_refuses_what_does_not_hold_and_says_what_is_cut(tmp_path: Path) -> None:
@@ -218,21 +210,18 @@ def test_run_refuses_what_does_not_hold_and_says_what_is_cut(tmp_path: Path) -> 
 def test_after_the_air_comes_half_on_the_same_blank(language: str) -> None:
     text, done = load(language), run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, in_air=True)
     now, air = run_stage.state(cut=done), replace(cam(), stage="air")
-    page = shown_on(RunPage, now, work=air, language=language)
-    assert page.next_step == text("run_page.next.arm_air")
+    page, inspect = (shown_on(each, now, work=air, language=language) for each in (RunPage, InspectPage))
+    assert page.next_step == text("run_page.next.arm_air") and inspect.next_step == text("inspect_page.next.air")
     assert text("run_page.done_in_air")[:12] in page.text and text("run_page.after_air")[:12] in page.text
-    assert shown_on(RunPage, now, work=replace(air, stage="partial"), language=language).next_step == text(
-        "run_page.next.arm"
-    )
-    inspect = shown_on(InspectPage, now, work=air, language=language)
-    assert inspect.next_step == text("inspect_page.next.air")
+    half = shown_on(RunPage, now, work=replace(air, stage="partial"), language=language)
+    assert half.next_step == text("run_page.next.arm")
     assert max(cell_len(words) for words in (page.next_step, inspect.next_step)) <= 77
-    under_way = run_stage.cutting(in_air=True)
-    assert text("run_page.cut_in_air") in shown_on(RunPage, under_way, work=air, language=language).text
+    under_way = shown_on(RunPage, run_stage.cutting(in_air=True), work=air, language=language)
+    assert text("run_page.cut_in_air") in under_way.text
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path: Path) -> None:
+async def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path: Path) -> None:
     text, made = load(language), previewed(signed().job)
     plain = replace(with_strategy(signed(), "none"), outlook=made, preview=made)
     air = replace(plain, stage="air")
@@ -243,8 +232,7 @@ def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path:
         assert "s" in page.next_step and half not in page.next_step
         assert cell_len(page.next_step) <= 77
     assert half not in pages[0].next_step and text("run_page.after_air_no_half")[:12] in pages[1].text
-
-    async def play(stage: OnPreview) -> None:
+    async with on_page(OnPreview, tmp_path, work=plain) as stage:
         for wanted in ("air", "full", "air"):
             await stage.act("preview.stage")
             assert stage.ui.work is not None and (stage.ui.work.stage, stage.codes) == (wanted, [])
@@ -252,8 +240,6 @@ def test_a_plain_cut_has_no_half_and_no_page_offers_one(language: str, tmp_path:
         stage.ui.work = replace(plain, stage="partial")
         await stage.act("preview.stage")
         assert stage.ui.work.stage == "full"
-
-    play_on(OnPreview, play, tmp_path, work=plain)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -270,10 +256,7 @@ def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cu
     error_um = found.found.fit.error_um_pp
     job = replace(signed().job, lobe_error_source="fitted", lobe_error_um_pp=error_um)
     now = replace(MEASURED, measured=replace(made, lobe=found))
-    for strategy, word, said in (
-        ("pvt", "lobe_taken", "lobe_taken"),
-        ("none", "lobe_plain", "lobe_in_job"),
-    ):
+    for strategy, word, said in (("pvt", "lobe_taken", "lobe_taken"), ("none", "lobe_plain", "lobe_in_job")):
         work = replace(signed(), job=job, strategy=strategy)
         page = shown_on(InspectPage, now, work=work, language=language)
         assert page.next_step == text(f"inspect_page.next.{word}") and cell_len(page.next_step) <= 77
@@ -281,7 +264,7 @@ def test_a_job_that_has_its_lobe_is_not_said_to_be_compensated_while_its_next_cu
         assert words[:30] in page.text, page.text
 
 
-def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_path: Path) -> None:
+async def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_path: Path) -> None:
     made, loaded = part(Strategy.NONE, BEFORE), load_job("lee-2001-experiment-1")
     trace = replace(made.trace, deviation_um=2.0 * made.trace.deviation_um)
     bare = PartLobe(loaded=loaded, file="x", file_sha256="")
@@ -289,8 +272,8 @@ def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_pat
     assert found.found is not None and not found.reasons
     state = replace(MEASURED, measured=replace(made, trace=trace, lobe=found))
     ratio = found.found.fit.error_um_pp / loaded.job.lobe_error_um_pp
+    async with on_page(OnInspect, tmp_path, work=opened(loaded, signed().machine), state=state) as stage:
 
-    async def play(stage: OnInspect) -> None:
         def jobs() -> list[str]:
             return [path.name for path in tmp_path.rglob("*.toml")]
 
@@ -310,8 +293,6 @@ def test_a_lobe_twice_as_large_is_taken_only_when_its_ratio_is_typed_out(tmp_pat
         assert jobs() and stage.page.field is FieldKind.NONE and stage.ui.work is not None
         assert stage.ui.work.job.lobe_error_um_pp == pytest.approx(ratio * loaded.job.lobe_error_um_pp)
 
-    play_on(OnInspect, play, tmp_path, work=opened(loaded, signed().machine), state=state)
-
 
 def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     one, chosen = learned(), ChosenPath()
@@ -324,14 +305,6 @@ def test_the_preview_is_of_the_path_that_is_cut_turned_to_jaw_1() -> None:
     assert half is not None and half.target.amplitude_um == pytest.approx(0.5 * path.target.amplitude_um)
     assert chosen.of(cam(), JAW, simulated=True) is None
     assert chosen.of(with_strategy(work, "pvt"), JAW, simulated=True) is None
-
-
-def test_letters_of_learning_move_nothing() -> None:
-    fresh = {"inspect.accept", "inspect.revert", "preview.learned", "preview.stage"}
-    found = {action.id: action for action in ACTIONS if action.id in fresh}
-    assert found.keys() == fresh
-    for action in found.values():
-        assert not action.moves and len(action.keys) == 2
 
 
 def learned() -> LearnedCompensation:
@@ -354,3 +327,95 @@ def test_the_program_that_is_shown_for_the_air_is_the_one_further_out() -> None:
     assert isinstance(air, CutPlan) and isinstance(usual, CutPlan)
     out_mm = (usual.setup.surface - air.setup.surface) / machine.tool.counts_per_mm
     assert out_mm == pytest.approx(1.1, abs=1e-9)
+
+
+# What the cutting force of the half stage says on Run and Inspect, in both languages, at 80 columns.
+
+
+WRONG = ForceNull(
+    sign=Sign.WRONG_SIGN,
+    lobes=3,
+    force_n=1.06j,
+    force_sd_n=0.03,
+    right_n=-0.57j,
+    wrong_n=1.05j,
+    mean_n=2.6,
+    ratio=-0.98 + 0j,
+    turned_deg=-59.8,
+    turned_sd_deg=1.7,
+    air_turns=6,
+    cut_turns=6,
+)
+RIGHT = replace(WRONG, sign=Sign.AGREES, force_n=-0.55j, ratio=0.9 + 0j, turned_deg=0.4)
+
+
+def test_every_verdict_and_every_reason_has_words() -> None:
+    for language in LANGUAGES:
+        text = load(language)
+        said = [force_words(replace(WRONG, sign=sign), text) for sign in Sign if sign is not Sign.UNKNOWN]
+        said += [force_words(unknown(3, why), text) for why in Why if why is not Why.NONE]
+        assert len(set(said)) == 9 and all("{" not in each for each in said)
+
+
+WORDS = {
+    ("en", "wrong"): "THE SIGN IS WRONG",
+    ("ko", "wrong"): "부호가 틀렸습니다",
+    ("en", "right"): "sign and angle are right",
+    ("ko", "right"): "부호와 각도가 맞습니다",
+    ("en", "round"): "round in the jaws",
+    ("ko", "round"): "조에 물린 상태에서 이미 둥글었습니다",
+}
+"""What an operator reads of each verdict."""
+
+
+def words_of(page: Shown) -> str:
+    """The text of the panels on the left as it is read, from line to line."""
+    return " ".join(" ".join(line.split("││")[0].strip("│ ") for line in page.text.splitlines()).split())
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize(("what", "found"), [("wrong", WRONG), ("right", RIGHT), ("round", unknown(3, Why.ROUND))])
+def test_run_says_it_after_the_cut(language: str, what: str, found: ForceNull) -> None:
+    done = run_stage.cut(CutStage.DONE, figures=run_stage.FIGURES, force=found)
+    page = shown_on(RunPage, run_stage.state(cut=done, cut_done=True), language=language)
+    assert WORDS[language, what] in words_of(page)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_run_warns_of_the_whole_before_it_is_armed(language: str) -> None:
+    text, work = load(language), experiment()
+    check = ForceCheck(job=work.job, found=WRONG)
+    page = shown_on(RunPage, run_stage.state(force=check), work=work, language=language)
+    assert f"! {text('run_page.check.force')}" in page.text
+    for other in (replace(work, stage="partial"), replace(work, strategy="none")):
+        unasked = shown_on(RunPage, run_stage.state(force=check), work=other, language=language)
+        assert text("run_page.check.force") not in unasked.text
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_inspect_says_it_beside_the_measured_half_and_leads_to_jaw_1(language: str) -> None:
+    text, part = load(language), taught_part()
+    assert part.learning is not None
+    made = replace(part.learning.made, stage="partial")
+    half = replace(part, learning=PartLearning(made=made, problems=(Problem(code="learned.nothing"),)))
+    state = run_stage.state(measured=half, force=ForceCheck(job=part.job, found=WRONG))
+    page = shown_on(InspectPage, state, work=experiment(), language=language)
+    assert page.next_step == text("inspect_page.next.force") and cell_len(page.next_step) <= 77
+    assert WORDS[language, "wrong"] in words_of(page)
+    right = replace(state, force=ForceCheck(job=part.job, found=RIGHT))
+    assert shown_on(InspectPage, right, work=experiment(), language=language).next_step == text(
+        "inspect_page.next.half"
+    )
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_run_warns_of_indicator_readings_that_nothing_explains(language: str) -> None:
+    text, work = load(language), experiment()
+    angles = tuple(30.0 * place for place in range(12))
+    for lobe_um, said in ((16.0, True), (30.0, False)):
+        pressed = tuple(-lobe_um * math.cos(math.radians(3.0 * angle)) for angle in angles)
+        read = ClampReadings(angle_deg=angles, finger_um=(0.0,) * 12, full_um=pressed, from_jaw_1=True)
+        aligned = run_stage.state()
+        aligned = replace(aligned, alignment=replace(aligned.alignment, readings=read))
+        page = shown_on(RunPage, aligned, work=work, language=language)
+        assert (f"! {text('run_page.check.fingerprint')}" in page.text) == said

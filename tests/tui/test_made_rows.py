@@ -2,24 +2,41 @@
 
 from __future__ import annotations
 
+import asyncio
+import gc
+import subprocess
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator
 from dataclasses import fields, replace
 from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, ClassVar
 
 import pytest
+from textual.app import App, ComposeResult
+from textual.drivers.headless_driver import HeadlessDriver
+from textual.pilot import Pilot
+from textual.widget import Widget
 
+from console.__main__ import main
 from console.session.station.alarms import Priority, raised
 from console.session.station.state import Activity, StationState
 from console.text.catalogue import LiveCatalogue, load
 from console.tui import frame_rows as module
+from console.tui.app import Collector
 from console.tui.frame import Frame, frame_rows
 from console.tui.frame_rows import MadeRows
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
-from console.tui.lines import Line, line, plain
+from console.tui.lines import Line, Sheet, line, plain
+from console.tui.theme import COLOUR, Token
 from drivers.lathe.snapshot import Snapshot
 from profiles.problem import Problem
 from profiles.store import load_machine
-from tests.tui.scenes import scene_of
+from tests.terminal_screen import Emulation
+from tests.tui.scenes import application, fill, fixed_world, keys_to, played, scene_of, settle
+from tests.tui.test_settings_page import EVERYWHERE
 
 MACHINE = load_machine("lee-2001-lathe").machine
 CLOCK, NOW_S = datetime(2026, 1, 2, 8, 41, 59), 100.4
@@ -137,3 +154,184 @@ def test_polls_of_a_machine_at_rest_make_no_row_anew(monkeypatch: pytest.MonkeyP
         state = replace(first.state, snapshot=snapshot, at_s=at_s)
         rows.of(replace(first, state=state, now_s=at_s + 0.05, clock=CLOCK.replace(second=poll)), 100, 30)
     assert len(made) == 1
+
+
+# What a terminal shows after a row was drawn again in part: no character of a row beside it is lost.
+
+
+WIDTH, HEIGHT = 40, 4
+
+
+class Terminal(HeadlessDriver):
+    """Keeps what is written, as a terminal draws it."""
+
+    emulation = Emulation(WIDTH, HEIGHT)
+    seen: ClassVar[list[str]] = []
+    is_headless = False  # A headless one is sent nothing.
+
+    def write(self, data: str) -> None:
+        """Draw it."""
+        self.emulation.feed(data.encode())
+
+
+class TwoRows(App[None]):
+    """A message that may take two rows above a row whose end is Korean, as at the lower edge of the console."""
+
+    CSS = "Screen { layout: vertical } #page { height: 1fr } .row { height: 1 }"
+
+    def compose(self) -> ComposeResult:
+        """Yield the page and both rows."""
+        yield Sheet(COLOUR, id="page")
+        yield Sheet(COLOUR, id="message", classes="row")
+        yield Sheet(COLOUR, id="stop", classes="row")
+
+
+def test_a_message_that_gets_longer_cuts_no_wide_character_below_it() -> None:
+    async def lengthen(pilot: Pilot[object]) -> None:
+        message, stop = pilot.app.query_one("#message", Sheet), pilot.app.query_one("#stop", Sheet)
+        message.show([(("3", Token.TEXT),)])
+        stop.show([((" " * 33 + "정지 중", Token.TEXT),)])
+        await pilot.pause()
+        message.styles.height = 2
+        # The second row ends in column 34, which is the middle of the first wide character below it.
+        message.show([(("Enter", Token.TEXT),), (("x" * 34, Token.TEXT),)])
+        await pilot.pause()
+        Terminal.seen = Terminal.emulation.rows()
+        pilot.app.exit()
+
+    asyncio.run(TwoRows(driver_class=Terminal).run_async(size=(WIDTH, HEIGHT), auto_pilot=lengthen))
+    assert [row.strip() for row in Terminal.seen][1:] == ["Enter", "x" * 34, "정지 중"]
+
+
+# What the first page needs is painted before anything heavy is loaded, and before garbage is looked for.
+
+
+HEAVY = (
+    *(
+        "numpy",
+        "scipy",
+        "control",
+        "plotext",
+        "textual_plotext",
+        "serial",
+        "sqlite3",
+        "tomlkit",
+        "secrets",
+        "json",
+    ),
+    *("drivers.pmac", "profiles.rules", "console.session.station.commands"),
+)
+FIRST_PAGE = "import console.__main__, console.screens.start, console.tui.pages.jobs"
+
+
+def test_the_first_page_imports_nothing_heavy() -> None:
+    show = f"{FIRST_PAGE}; import sys; print(*(name for name in {HEAVY!r} if name in sys.modules))"
+    done = subprocess.run([sys.executable, "-c", show], capture_output=True, text=True, timeout=30)
+    assert (done.stdout.strip(), done.stderr) == ("", "")
+
+
+async def test_garbage_is_collected_from_the_first_picture_on(tmp_path: Path) -> None:
+    """A console that did not would grow over the shift."""
+    scene = scene_of(PageName.JOBS)
+    app, _ = application(scene, tmp_path)
+    gc.disable()
+    try:
+        async with played(app, scene, (80, 24)):
+            assert gc.isenabled()
+    finally:
+        gc.enable()
+    assert app.fault is None
+
+
+def test_garbage_is_collected_after_a_command(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["--version"]) == 0 and main(["jobs", "--help"]) == 0
+    assert gc.isenabled()
+
+
+# While nothing changes nothing is painted: on no page, at no size, however often the screen ticks.
+
+
+TICKS = 3
+
+
+@pytest.mark.parametrize("size", [(80, 24), (160, 48)])
+@pytest.mark.long
+async def test_a_tick_without_news_paints_nothing_on_any_page(
+    size: tuple[int, int], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    painted: Counter[tuple[str, str]] = Counter()
+    here = PageName.JOBS
+
+    def counted(widget: Widget, *regions: object, **how: object) -> Widget:
+        painted[here, widget.id or type(widget).__name__] += 1
+        return refresh(widget, *regions, **how)  # type: ignore[arg-type]
+
+    refresh = Widget.refresh
+    fill(tmp_path)
+    with fixed_world():
+        app, _ = application(replace(EVERYWHERE, page=PageName.JOBS), tmp_path)
+        async with played(app, replace(EVERYWHERE, page=PageName.JOBS), size) as pilot:
+            for page in PageName:
+                await pilot.press(*keys_to(page))
+                await settle(app, pilot)
+                here = page
+                with monkeypatch.context() as patch:
+                    patch.setattr(Widget, "refresh", counted)
+                    for _ in range(TICKS):
+                        app.tick()
+                        await pilot.pause()
+                    assert painted == {}
+                    app.ui.say("screen.key_repeats")
+                    app.tick()
+                    assert painted, "what is painted would not be seen"
+                painted.clear()
+                app.ui.said = ()
+        assert app.fault is None
+
+
+# What garbage collection costs a stop: a full one stops every thread, the one that reads the keys too.
+
+
+OBJECTS = 100_000
+AS_BUILT = (700, 10, 10)
+"""The thresholds of an interpreter; those of the tests are others."""
+
+
+@pytest.fixture
+def full() -> Iterator[Callable[[], int]]:
+    """Count the full collections, in a process that is left as it was."""
+    thresholds, enabled, seen = gc.get_threshold(), gc.isenabled(), []
+
+    def note(phase: str, facts: dict[str, Any]) -> None:
+        if phase == "start" and facts["generation"] == 2:
+            seen.append(facts)
+
+    gc.callbacks.append(note)
+    gc.set_threshold(*AS_BUILT)
+    gc.enable()
+    yield lambda: len(seen)
+    gc.callbacks.remove(note)
+    gc.set_threshold(*thresholds)
+    gc.unfreeze()
+    (gc.enable if enabled else gc.disable)()
+
+
+def test_nothing_old_is_collected_while_something_may_move(full: Callable[[], int]) -> None:
+    collector = Collector()
+    collector.spare(True)
+    kept = [[number] for number in range(OBJECTS)]
+    assert full() == 0
+    collector.spare(False)
+    kept += [[number] for number in range(len(kept))]
+    assert full() > 0
+
+
+def test_young_garbage_is_collected_while_something_may_move(full: Callable[[], int]) -> None:
+    collector = Collector()
+    collector.spare(True)
+    before = len(gc.get_objects())
+    for _ in range(OBJECTS // 10):
+        circle: list[Any] = []
+        circle.append(circle)
+    assert len(gc.get_objects()) < before + OBJECTS // 20
+    collector.spare(False)

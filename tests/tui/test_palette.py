@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
-from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.cells import cell_len
@@ -31,36 +31,22 @@ from console.tui.pages import run as run_page
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage
 from tests.tui.machine_states import CLAMPED, ON, REST
-from tests.tui.scenes import Scene, application, fill, played, rows_of, scene_of, settle
+from tests.tui.scenes import Scene, console_on, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl, answered_age, experiment
 
-Play = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 STOP = StopState(reason="space", killed=False, sent_s=99.0, rest_s=99.4)
 CLAMP = Alignment(settings=())
 
 
 def play(
     data: Path,
-    scene: Play,
     *,
     state: StationState | None = None,
     page: PageName = PageName.ALIGN,
     work: Work | None = None,
-    language: str = "en",
-    size: tuple[int, int] = (80, 24),
-) -> FixedControl:
-    """Run a scene on the whole console, from one page."""
-    fill(data)
-    begun = Scene(page=page, state=state or align_stage.state(), work=work)
-    app, control = application(begun, data, language=language)
-
-    async def run() -> None:
-        async with played(app, begun, size) as pilot:
-            await scene(app, pilot, control)
-
-    asyncio.run(run())
-    assert app.fault is None
-    return control
+    **given: Any,
+) -> AbstractAsyncContextManager[tuple[ConsoleApp, Pilot[None], FixedControl]]:
+    return console_on(Scene(page=page, state=state or align_stage.state(), work=work), data, **given)
 
 
 def codes(app: ConsoleApp) -> list[str]:
@@ -100,7 +86,7 @@ TELLS |= {"screen.job_entry_dropped", "screen.log_exported"}
 
 @pytest.mark.rings
 @pytest.mark.long
-def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
+async def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(run_page, "changed_since_opened", lambda _: ())  # a reason from a file
@@ -123,7 +109,7 @@ def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
             if app.page is not page:
                 app.go(page)
 
-    async def walk(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(tmp_path, work=experiment()) as (app, pilot, control):
         for page in PageName:
             control.state, app.ui.work = STATES["aligned"]
             app.go(page)
@@ -131,8 +117,6 @@ def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
             await pilot.pause()
             for name in STATES:
                 compare(app, control, name, page)
-
-    play(tmp_path, walk, work=experiment())
     assert differ == []
     # Otherwise nothing would have been compared.
     both = {action for action, seen in ways.items() if seen == {True, False}}
@@ -148,16 +132,14 @@ def test_the_palette_refuses_what_its_key_refuses_for_the_same_reasons(
         ("observing", {"recover", "acknowledge"}),
     ],
 )
-def test_the_keys_of_every_page_are_refused_likewise(name: str, refused: set[str], tmp_path: Path) -> None:
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_the_keys_of_every_page_are_refused_likewise(name: str, refused: set[str], tmp_path: Path) -> None:
+    async with play(tmp_path, state=STATES[name][0], work=experiment()) as (app, _, _):
         for action in (each for each in ACTIONS if each.id in ("recover", "acknowledge", "take_over")):
             app.ui.said = ()
             reasons = [problem.code for problem in app._why_not(action)]
             app._do(action, app._pages[app.page])
             assert [code for code in codes(app) if code not in ASKS_AGAIN] == reasons
             assert bool(reasons) is (action.id in refused), action.id
-
-    play(tmp_path, scene, state=STATES[name][0], work=experiment())
 
 
 # What is found -------------------------------------------------------------------------------------------------
@@ -203,20 +185,18 @@ def test_an_action_is_found_by_words_and_by_key(language: str, query: str, first
 # What its keys do ----------------------------------------------------------------------------------------------
 
 
-def test_enter_shows_the_page_of_an_action_and_does_nothing_there(tmp_path: Path) -> None:
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_enter_shows_the_page_of_an_action_and_does_nothing_there(tmp_path: Path) -> None:
+    async with play(tmp_path, state=run_stage.state(), work=experiment()) as (app, pilot, control):
         await pilot.press(":", *"f5", "enter")
         # Enter is still held down: it is not for the page either.
         await pilot.press("enter")
         assert (app.page, codes(app), app._list.is_open) == (PageName.RUN, ["screen.palette_page"], False)
+        assert control.orders == []
 
-    assert play(tmp_path, scene, state=run_stage.state(), work=experiment()).orders == []
 
-
-def test_a_held_enter_confirms_nothing_on_the_page_that_it_shows(tmp_path: Path) -> None:
+async def test_a_held_enter_confirms_nothing_on_the_page_that_it_shows(tmp_path: Path) -> None:
     state = align_stage.state(CLAMP, snapshot=align_stage.look(REST))
-
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(tmp_path, state=state, page=PageName.JOBS, work=experiment()) as (app, pilot, control):
         await pilot.press("ctrl+p", *"f4")
         for tenth in range(20):
             control.at(100.0 + 0.1 * tenth)
@@ -227,13 +207,10 @@ def test_a_held_enter_confirms_nothing_on_the_page_that_it_shows(tmp_path: Path)
         await pilot.press("enter")
         assert len(control.orders) == 1, "a press of its own confirms"
 
-    play(tmp_path, scene, state=state, page=PageName.JOBS, work=experiment())
 
-
-def test_enter_performs_on_this_page_only_what_moves_nothing(tmp_path: Path) -> None:
+async def test_enter_performs_on_this_page_only_what_moves_nothing(tmp_path: Path) -> None:
     homing = align_stage.state(Alignment(settings=(), clamping=CLAMPED, drives_on=True))
-
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(tmp_path, state=homing, work=experiment()) as (app, pilot, control):
         await pilot.press(":", *"f4", "enter")
         assert (control.orders, codes(app), app._list.is_palette) == ([], ["screen.palette_moves"], True)
         await pilot.press("escape", ":", *"f3", "enter")
@@ -242,18 +219,14 @@ def test_enter_performs_on_this_page_only_what_moves_nothing(tmp_path: Path) -> 
         await pilot.press(":", *"redo", "enter")
         assert (codes(app), app._list.is_palette) == (["screen.nothing_to_take_back"], True)
 
-    play(tmp_path, scene, state=homing, work=experiment())
+
+def test_no_moving_action_is_started_from_it_on_any_page() -> None:
+    moving = [*STOPPING, *(action for action in ACTIONS if action.moves)]
+    assert not any(Entry(action=action, words="", page_name="").is_started for action in moving)
 
 
-def test_no_moving_action_is_started_from_it_on_any_page(tmp_path: Path) -> None:
-    for action in ACTIONS:
-        if action.moves:
-            assert not Entry(action=action, words="", page_name="").is_started
-    assert not any(Entry(action=action, words="", page_name="").is_started for action in STOPPING)
-
-
-def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Path) -> None:
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Path) -> None:
+    async with play(tmp_path) as (app, pilot, control):
         await pilot.press(":", *"ab", "backspace", "backspace")
         seen = [app._list.is_palette]
         await pilot.press("backspace")
@@ -264,35 +237,27 @@ def test_backspace_takes_back_what_was_typed_and_then_closes(tmp_path: Path) -> 
         assert app._list.chosen is not None, "a question mark is one of its characters"
         await pilot.press("f1")
         assert [app._list.is_open, app._list.is_palette] == [True, False]
-
-    assert play(tmp_path, scene).stops == []
+        assert control.stops == []
 
 
 # Safety --------------------------------------------------------------------------------------------------------
 
 
-def test_space_is_written_at_rest_and_the_stop_row_names_the_other_key(tmp_path: Path) -> None:
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_space_is_written_at_rest_and_stops_where_nobody_knows_that_nothing_moves(tmp_path: Path) -> None:
+    """What was read as text for it, and comes when it has closed, does nothing."""
+    async with play(tmp_path) as (app, pilot, control):
+        app.post_message(Written("j", "j"))
+        await pilot.pause()
+        assert codes(app) == ["screen.entry_over"] and control.orders == []
         await pilot.press(":", *"save", "space", "n")
         await settle(app, pilot)
         assert control.stops == [] and any("find an action: save n" in row for row in rows_of(app))
         assert any("[F12] STOP" in row for row in rows_of(app))
-        await pilot.press("f12")
-        assert control.stops == ["f12"]
-
-    play(tmp_path, scene)
-
-
-def test_space_stops_where_nobody_knows_that_nothing_moves(tmp_path: Path) -> None:
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        await pilot.press(":", "a")
         control.at(110.0)  # the last poll is old
         await settle(app, pilot)
         assert any("[SPACE] STOP" in row for row in rows_of(app))
-        await pilot.press("space")
-        assert control.stops == ["space"]
-
-    play(tmp_path, scene)
+        await pilot.press("space", "f12")
+        assert control.stops == ["space", "f12"]
 
 
 MOVES = align_stage.look(ON - {"desired_velocity_zero"})
@@ -306,8 +271,8 @@ MOVES = align_stage.look(ON - {"desired_velocity_zero"})
     ],
     ids=["by this console", "by another"],
 )
-def test_it_neither_opens_nor_stays_open_while_something_moves(moving: StationState, tmp_path: Path) -> None:
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_it_neither_opens_nor_stays_open_while_something_moves(moving: StationState, tmp_path: Path) -> None:
+    async with play(tmp_path) as (app, pilot, control):
         rest = control.state
         control.state = moving
         await pilot.press(":")
@@ -320,19 +285,6 @@ def test_it_neither_opens_nor_stays_open_while_something_moves(moving: StationSt
         assert control.stops == ["space"]
         app.tick()
         assert (app._list.is_open, codes(app)) == (False, ["screen.palette_moving"])
-
-    play(tmp_path, scene)
-
-
-def test_characters_of_a_palette_that_has_closed_do_nothing_on_the_page(tmp_path: Path) -> None:
-    """The thread that reads the terminal took them for text: they were not held back as an action is."""
-
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
-        app.post_message(Written("j", "j"))
-        await pilot.pause()
-        assert codes(app) == ["screen.entry_over"] and control.orders == []
-
-    play(tmp_path, scene)
 
 
 class Terminal:
@@ -385,12 +337,11 @@ def test_a_scanner_neither_opens_the_palette_nor_takes_anything_in_it(
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "size"), [("en", (80, 24)), ("ko", (80, 24)), ("en", (160, 48))])
-def test_it_fits_with_the_reason_of_the_selected_action_in_full(
+async def test_it_fits_with_the_reason_of_the_selected_action_in_full(
     language: str, size: tuple[int, int], tmp_path: Path
 ) -> None:
     text = load(language)
-
-    async def scene(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(tmp_path, work=experiment(), language=language, size=size) as (app, pilot, _):
         await pilot.press(":")
         await settle(app, pilot)
         rows = rows_of(app)
@@ -408,8 +359,6 @@ def test_it_fits_with_the_reason_of_the_selected_action_in_full(
             assert "".join(entry.words.split()) in words, key
             for problem in entry.reasons:
                 assert "".join(text.problem(problem).split()) in words, key
-
-    play(tmp_path, scene, work=experiment(), language=language, size=size)
 
 
 @pytest.mark.rings

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,7 +31,7 @@ from drivers.preview.outlook import outlook
 from profiles.axis.servo import sampled_response
 from profiles.job import Job
 from tests.tui import run_stage
-from tests.tui.page_stage import PageScene, play_on, shown_on
+from tests.tui.page_stage import PageScene, on_page, shown_on
 from tests.tui.scenes import previewed, signed
 from tests.tui.stage import LANGUAGES, lathe
 
@@ -83,8 +83,8 @@ def pvt() -> Work:
     return replace(signed(), outlook=made, preview=made)
 
 
-def play(scene: Callable[[OnPreview], Awaitable[None]], data: Path, work: Work | None = None) -> None:
-    play_on(OnPreview, scene, data, work=work or pvt(), state=READY)
+def on_preview(data: Path) -> AbstractAsyncContextManager[OnPreview]:
+    return on_page(OnPreview, data, work=pvt(), state=READY)
 
 
 def chosen(stage: PageScene) -> str | None:
@@ -92,14 +92,15 @@ def chosen(stage: PageScene) -> str | None:
     return None if stage.ui.work.inverts is None else stage.ui.work.inverts.identified.date
 
 
-def test_i_steps_through_the_responses_of_this_machine_newest_first_and_back_to_the_model(tmp_path: Path) -> None:
+async def test_i_steps_through_the_responses_of_this_machine_newest_first_and_back_to_the_model(
+    tmp_path: Path,
+) -> None:
     for each in (response(OLD), response(NEW), response("2026-01-04T00:00:00.000Z", simulated=False)):
         store(tmp_path, each)
     store(tmp_path, response("2026-01-05T00:00:00.000Z", gains={"I130": 1.0}))
     store(tmp_path, response("2026-01-06T00:00:00.000Z", path=Strategy.CAM))
     store(tmp_path, response("2026-01-07T00:00:00.000Z", machine="another"))
-
-    async def scene(stage: OnPreview) -> None:
+    async with on_preview(tmp_path) as stage:
         dates = []
         for _ in range(4):
             await stage.act("preview.response")
@@ -109,18 +110,14 @@ def test_i_steps_through_the_responses_of_this_machine_newest_first_and_back_to_
         short = identified_words(load("en"), "pvt-20260103T093000000Z.json")
         assert f"cut: {short}, full" in stage.text
 
-    play(scene, tmp_path)
 
-
-def test_without_one_the_key_says_what_makes_one(tmp_path: Path) -> None:
-    async def scene(stage: OnPreview) -> None:
+async def test_without_one_the_key_says_what_makes_one(tmp_path: Path) -> None:
+    async with on_preview(tmp_path) as stage:
         await stage.act("preview.response")
         assert stage.codes == ["response.none_kept"] and chosen(stage) is None
         store(tmp_path, response(NEW, gains={"I130": 1.0}))
         await stage.act("preview.response")
         assert stage.codes == ["response.of_another"] and chosen(stage) is None
-
-    play(scene, tmp_path)
 
 
 def test_the_prediction_and_its_band_are_those_of_the_chosen_response() -> None:
@@ -145,13 +142,12 @@ def test_the_prediction_and_its_band_are_those_of_the_chosen_response() -> None:
     assert path.of(with_strategy(work, "cam"), Alignment(), simulated=True) is None
 
 
-def test_learned_and_identified_take_turns_and_another_strategy_is_refused(tmp_path: Path) -> None:
+async def test_learned_and_identified_take_turns_and_another_strategy_is_refused(tmp_path: Path) -> None:
     from tests.tui.test_learning_keys import learned
 
     store(tmp_path, response(NEW))
     version = learned()
-
-    async def scene(stage: OnPreview) -> None:
+    async with on_preview(tmp_path) as stage:
         assert stage.ui.work is not None
         stage.ui.work = replace(stage.ui.work, compensation=version)
         await stage.act("preview.response")
@@ -163,13 +159,10 @@ def test_learned_and_identified_take_turns_and_another_strategy_is_refused(tmp_p
         await stage.act("preview.response")
         assert chosen(stage) is None and stage.codes == []
 
-    play(scene, tmp_path)
 
-
-def test_a_speed_outside_what_was_identified_is_told_and_the_model_is_one_key_away(tmp_path: Path) -> None:
+async def test_a_speed_outside_what_was_identified_is_told_and_the_model_is_one_key_away(tmp_path: Path) -> None:
     store(tmp_path, response(NEW, hz=(10.0, 20.0, 30.0)))
-
-    async def scene(stage: OnPreview) -> None:
+    async with on_preview(tmp_path) as stage:
         await stage.act("preview.response")
         assert stage.ui.work is not None
         work = Previewer().refreshed(stage.ui.work, Alignment(), path=None)
@@ -179,8 +172,6 @@ def test_a_speed_outside_what_was_identified_is_told_and_the_model_is_one_key_aw
         assert "i chooses another or the model" in stage.next_step
         await stage.act("preview.response")
         assert chosen(stage) is None
-
-    play(scene, tmp_path)
 
 
 def test_the_command_and_the_summary_of_a_cut_have_the_response(
@@ -271,18 +262,15 @@ def demanding() -> Job:
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.long
-def test_every_finding_is_read_in_full_at_the_smallest_size(language: str) -> None:
+async def test_every_finding_is_read_in_full_at_the_smallest_size(language: str) -> None:
     text, seen = load(language), previewed(demanding())
     work = replace(signed(), job=demanding(), outlook=seen, preview=seen)
     found = findings_of(seen, Strategy(work.strategy))
     assert len(found) >= 2
-
-    async def scene(stage: OnPreview) -> None:
+    async with on_page(OnPreview, Path("/nowhere"), work=work, state=READY, language=language) as stage:
         await stage.show()
         rows = plain(stage.page.in_full(stage.view, 78))
         words = "".join(rows.split())
         for finding in found:
             assert "".join(text.problem(finding.problem).split()) in words
         assert all(cell_len(row) <= 78 for row in rows.splitlines())
-
-    play_on(OnPreview, scene, Path("/nowhere"), work=work, state=READY, language=language)

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import asyncio
 import math
+import re
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import cache
@@ -11,25 +11,34 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.cells import cell_len
-from textual.pilot import Pilot
 
 from console.session.cut.alignment import Alignment, JawAngle
 from console.session.station.state import StationState
 from console.session.work import Work
 from console.text.catalogue import load
-from console.tui.lines import plain
+from console.tui.lines import plain, width_of
 from console.tui.pages.preview import PreviewPage, path_series, roundness_traces
-from console.tui.pages.preview_lines import Margin, margin_lines, margins, strategy_lines
+from console.tui.pages.preview_lines import (
+    Margin,
+    margin_lines,
+    margins,
+    program_lines,
+    program_rows,
+    strategy_lines,
+)
 from console.tui.theme import Token
 from console.tui.ui_context import View
 from console.units import METRIC
-from drivers.cutting.planning import Strategy, plan_cut
-from drivers.preview.preview import Preview, preview
+from drivers.cutting.planning import CutPlan, Strategy, plan_cut
+from drivers.preview.preview import Preview, Program, preview, underway
 from drivers.preview.program_prediction import Prediction, followed, predict
 from profiles.axis.servo import sampled_response
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
+from tests.tui.page_stage import shown_on
 from tests.tui.stage import (
     EXPERIMENT,
     FRAME_ROWS,
@@ -75,17 +84,9 @@ def shown(
     state: StationState | None = None,
 ) -> str:
     """The text on the terminal, after some keys of the page."""
-    app, page = staged(work, language, state)
-
-    async def play() -> str:
-        async with app.run_test(size=size) as pilot:
-            await pilot.pause()
-            for action in acts:
-                page.act(action)
-                await pilot.pause()
-            return grid(app)
-
-    return asyncio.run(play())
+    room = (size[0], size[1] + FRAME_ROWS)
+    now = state or StationState()
+    return shown_on(PreviewPage, now, *acts, size=room, language=language, work=work, no_job=work is None).text
 
 
 def by_order(prediction: Prediction, n: int) -> complex:
@@ -154,27 +155,18 @@ def test_what_cannot_be_planned_is_said_and_the_rest_is_shown() -> None:
 @pytest.mark.first(2)
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("room", [*ROOMS, SMALLEST_ROOM])
-def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int], language: str) -> None:
-    chosen = ("pvt", "paper", "none")
-    app, page = staged(previewed(chosen[0]), language)
-
-    async def play() -> list[str]:
-        texts = []
-        async with app.run_test(size=room) as pilot:
+async def test_every_strategy_with_what_it_leaves_is_on_the_page(room: tuple[int, int], language: str) -> None:
+    app, page = staged(previewed("pvt"), language)
+    async with app.run_test(size=room) as pilot:
+        await pilot.pause()
+        for strategy in ("pvt", "paper", "none"):
+            page.show(replace(app.view, work=previewed(strategy)))
             await pilot.pause()
-            for strategy in chosen:
-                page.show(replace(app.view, work=previewed(strategy)))
-                await pilot.pause()
-                texts.append(grid(app))
-        return texts
-
-    for strategy, text in zip(chosen, asyncio.run(play()), strict=True):
-        rows = text.split("\n")
-        assert all(cell_len(row) <= room[0] for row in rows)
-        assert len(rows) <= room[1]
-        for name, left in (("pvt", "2.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
-            row = next(row for row in rows if f" {name} " in row and left in row)
-            assert ("▸" in row) == (name == strategy)
+            rows = grid(app).split("\n")
+            assert all(cell_len(row) <= room[0] for row in rows) and len(rows) <= room[1]
+            for name, left in (("pvt", "2.0 um"), ("paper", "28.1 um"), ("none", "55.0 um")):
+                row = next(row for row in rows if f" {name} " in row and left in row)
+                assert ("▸" in row) == (name == strategy)
 
 
 def test_the_plots_have_their_scale_and_keys() -> None:
@@ -264,26 +256,28 @@ def test_servo_and_inverse_are_told_at_the_frequency_that_is_reached() -> None:
     assert "blending leaves 36.67 um" in paper
 
 
-def test_c_steps_through_the_strategies() -> None:
-    app, page = staged(previewed("pvt"))
-
-    async def play(pilot: Pilot[None]) -> list[str]:
-        chosen = []
-        for _ in Strategy:
+async def test_the_charts_come_with_the_preview_c_steps_through_the_strategies_and_every_size_is_survived() -> (
+    None
+):
+    app, page = staged(experiment())
+    page.show(app.view)
+    async with app.run_test(size=ROOMS[0]) as pilot:
+        await pilot.pause()
+        page.ui.work = previewed("pvt")
+        page.show(replace(app.view, work=page.ui.work))
+        await pilot.pause()
+        assert "jaw 1 at 90.0°" in grid(app)
+        first, *rest = Strategy
+        for strategy in (*rest, first):
             page.act("preview.strategy")
             await pilot.pause()
-            assert page.ui.work is not None
-            row = next(row for row in grid(app).split("\n") if "▸" in row)
-            chosen.append(f"{page.ui.work.strategy}: {row.split()[1]}")
-        return chosen
-
-    async def run() -> list[str]:
-        async with app.run_test(size=ROOMS[0]) as pilot:
+            (row,) = [row for row in grid(app).split("\n") if "▸" in row]
+            assert page.ui.work is not None and page.ui.work.strategy == row.split()[1] == strategy
+        page.show(replace(app.view, work=previewed("paper")))
+        for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
+            await pilot.resize_terminal(*size)
             await pilot.pause()
-            return await play(pilot)
-
-    first, *rest = Strategy
-    assert asyncio.run(run()) == [f"{each}: {each}" for each in (*rest, first)]
+        assert "28.1 um" in grid(app)
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -295,33 +289,6 @@ def test_without_a_preview_the_page_says_why(language: str) -> None:
     problem = Problem(code="response.too_small", value="0.01", limit=">= 0.05")
     refused = shown(replace(work, preview_problems=(problem,)), (160, 42), language)
     assert f"✗ {text.problem(problem)}" in refused
-
-
-def test_the_charts_come_as_soon_as_the_preview_is_there() -> None:
-    app, page = staged(experiment())
-
-    async def play() -> str:
-        async with app.run_test(size=ROOMS[0]) as pilot:
-            await pilot.pause()
-            page.show(replace(app.view, work=previewed()))
-            await pilot.pause()
-            return grid(app)
-
-    assert "jaw 1 at 90.0°" in asyncio.run(play())
-
-
-def test_a_page_may_be_shown_before_it_has_a_size_and_survives_every_size() -> None:
-    app, page = staged(previewed("paper"))
-    page.show(app.view)
-
-    async def play() -> str:
-        async with app.run_test(size=(80, 18)) as pilot:
-            for size in ((1, 1), (2, 2), (60, 3), (60, 12), (200, 60), (80, 18)):
-                await pilot.resize_terminal(*size)
-                await pilot.pause()
-            return grid(app)
-
-    assert "28.1 um" in asyncio.run(play())
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -339,3 +306,128 @@ def test_the_next_step_is_one_row_and_names_its_key(language: str) -> None:
         assert key in words
         assert cell_len(words) <= 77
     assert cell_len(plain([page.next_step(replace(app.view, work=experiment()))])) <= 77
+
+
+# The program view shows the exact text, every character of it, with the checker's findings on top.
+
+
+ROOM = (80, 18)
+
+
+@cache
+def seen_program() -> Preview:
+    return preview(load_job(EXPERIMENT).job, load_machine(MACHINE).machine)
+
+
+def text_of(strategy: Strategy) -> str:
+    plan = seen_program().strategies[strategy]
+    assert isinstance(plan, CutPlan)
+    return plan.text
+
+
+def shown_program(*acts: str, strategy: Strategy = Strategy.PAPER, language: str = "en") -> str:
+    work = replace(experiment(), preview=seen_program(), strategy=strategy.value)
+    return shown(work, ROOM, language, acts)
+
+
+@pytest.mark.parametrize("strategy", list(Strategy))
+@pytest.mark.parametrize("width", [24, 58, 78, 158])
+def test_nothing_of_the_program_is_left_out(strategy: Strategy, width: int) -> None:
+    lines = program_lines(text_of(strategy), width)
+    assert all(width_of(pieces) <= width for pieces in lines)
+    assert joined(lines) == text_of(strategy).rstrip("\n").split("\n")
+
+
+@given(st.lists(st.text("XYZ1;() ", max_size=40), min_size=1, max_size=12), st.integers(6, 30))
+def test_any_text_can_be_read_back_from_its_rows(rows: list[str], width: int) -> None:
+    rows = [*rows, "END"]
+    assert joined(program_lines("\n".join(rows), width)) == rows
+
+
+def joined(lines: list[tuple[tuple[str, Token], ...]]) -> list[str]:
+    """The program as a reader puts it together: a row without a number belongs to the one before."""
+    read: list[str] = []
+    for head, *rest in lines:
+        said = "".join(text for text, _ in rest)
+        if head[0].strip():
+            assert int(head[0]) == len(read) + 1
+            read.append(said)
+        else:
+            read[-1] += said
+    return read
+
+
+def test_what_is_not_sent_is_dim() -> None:
+    (line,) = program_lines("P100=1000 ; spindle speed, rpm", 60)
+    assert [(text, token) for text, token in line if text.strip()] == [
+        ("1 ", Token.DIM),
+        ("P100=1000 ", Token.TEXT),
+        ("; spindle speed, rpm", Token.DIM),
+    ]
+
+
+def test_the_findings_of_the_checker_stand_on_top_in_words() -> None:
+    said = plain(program_rows(seen_program(), Strategy.PAPER, load("en"), 200)).split("\n")
+    assert said[0].startswith("! the controller stretches each segment to 20 ms")
+    assert said[1] == "! the spindle will turn at 500 rpm, not at the job's 1000 rpm"
+    assert said[2].startswith("! blending leaves 36.67 um (66.7 %)")
+    assert plain(program_rows(seen_program(), Strategy.PVT, load("en"), 200)).startswith("✓ no findings")
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_p_shows_the_program_and_takes_it_away(language: str) -> None:
+    text = load(language)
+    program = shown_program("preview.program", language=language)
+    assert "P100=1000" in program
+    assert text("preview_page.program", strategy="paper") in program
+    assert all(cell_len(row) == ROOM[0] for row in program.split("\n"))
+    charts = shown_program("preview.program", "preview.program", language=language)
+    assert "P100=1000" not in charts
+    assert text("preview_page.scale", value="20") in charts
+
+
+@pytest.mark.long
+def test_up_and_down_go_through_all_of_it_and_no_further() -> None:
+    numbers: set[int] = set()
+    for down in range(5):
+        rows = shown_program("preview.program", *["preview.down"] * down).split("\n")
+        numbers |= {int(found[1]) for row in rows if (found := re.match(r"│ *(\d+) ", row))}
+    assert numbers == set(range(1, len(text_of(Strategy.PAPER).splitlines()) + 1))
+    last = shown_program("preview.program", *["preview.down"] * 9)
+    assert "rows 30-45 of 45" in last
+    assert shown_program("preview.program", *["preview.down"] * 9, "preview.up") != last
+    assert shown_program("preview.program", *["preview.down"] * 3, *["preview.up"] * 9) == shown_program(
+        "preview.program"
+    )
+
+
+def test_a_program_that_is_still_made_is_not_shown_as_one_without_findings() -> None:
+    early = underway(seen_program(), None, {})
+    said = plain(program_rows(early, Strategy.PVT, load("en"), 80))
+    assert load("en")("preview_page.checking") in said
+    assert "no findings" not in said
+
+
+async def test_it_stays_where_it_was_scrolled_to_when_another_program_is_there() -> None:
+    made = seen_program()
+    paper = Program(plan=made.strategies[Strategy.PAPER], prediction=made.predictions[Strategy.PAPER])
+    early = underway(made, made.eq9_loop, {Strategy.PAPER: paper})
+    work = replace(experiment(), outlook=early, strategy="paper")
+    app, page = staged(work)
+    async with app.run_test(size=ROOM) as pilot:
+        await pilot.pause()
+        for action in ("preview.program", "preview.down"):
+            page.act(action)
+            await pilot.pause()
+        before = grid(app)
+        page.show(replace(app.view, work=replace(work, outlook=made, preview=made)))
+        await pilot.pause()
+        assert "rows 9-24 of" in before and grid(app) == before
+
+
+def test_another_strategy_begins_at_its_top() -> None:
+    text = shown_program(
+        "preview.program", "preview.down", "preview.strategy", "preview.strategy", strategy=Strategy.PAPER
+    )
+    assert "Program pvt" in text
+    assert "✓ no findings" in text

@@ -110,12 +110,12 @@ def there(work: Work) -> list[str]:
     return [each.value for each in Strategy if each in work.outlook.strategies]
 
 
-def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
+async def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
     tmp_path: Path, planner: Planner
 ) -> None:
     app, _ = application(Scene(page=PageName.PREVIEW, state=state_of(Activity.READY)), tmp_path)
-
-    async def play(pilot: Pilot[None]) -> tuple[str, str, Work]:
+    async with app.run_test(size=(100, 30)) as pilot:
+        await pilot.pause()
         app.ui.work = short()
         await pilot.press("3")
         await settle(app, pilot)
@@ -130,14 +130,7 @@ def test_the_page_has_the_new_numbers_while_the_programs_are_still_computed(
         assert thread is not None
         await asyncio.to_thread(thread.join, STRETCH_S)
         await settle(app, pilot)
-        return early, "\n".join(rows_of(app)), app.ui.work
-
-    async def run() -> tuple[str, str, Work]:
-        async with app.run_test(size=(100, 30)) as pilot:
-            await pilot.pause()
-            return await play(pilot)
-
-    early, late, work = asyncio.run(run())
+        late, work = "\n".join(rows_of(app)), app.ui.work
     text = load("en")
     # 800 rpm and 3 jaws are 40 Hz; the bandwidth of Eq 9 with Table 4 is 55.2 Hz.
     assert "servo at 40.0 Hz" in early

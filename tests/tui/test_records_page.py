@@ -9,6 +9,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import closing
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,15 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.data import run_reader
-from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
-from console.session.learning.job_chart import Figure, JobChart, job_chart
+from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
 from console.session.station.state import Activity
-from console.session.work import Work
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
-from console.tui.records import background_reader, reading
+from console.tui.records import beside, listing, reading
 from profiles.store import load_job
 from tests.tui import records_stage
-from tests.tui.page_stage import NEXT_STEP_CELLS, READY, play_on
+from tests.tui.page_stage import NEXT_STEP_CELLS, READY, on_page
 from tests.tui.records_stage import RecordsScene, run, telemetry
 from tests.tui.stage import LANGUAGES, experiment
 
@@ -38,7 +37,7 @@ MANY = 230
 @pytest.fixture(autouse=True)
 def in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is read is there when it is asked for, however busy this computer is."""
-    monkeypatch.setattr(background_reader, "SHORT_S", 60.0)
+    monkeypatch.setattr(beside, "SHORT_S", 60.0)
 
 
 @pytest.fixture(scope="module")
@@ -61,18 +60,15 @@ def rows_of(scene: RecordsScene) -> list[str]:
     return [row for row in rows if "20" in row[:9]]
 
 
-def played(
-    scene: Any, data: Path, *, language: str = "en", size: tuple[int, int] = (80, 18), work: Work | None = None
-) -> None:
-    play_on(RecordsScene, scene, data, language=language, size=size, work=work or experiment())
+on_records = partial(on_page, RecordsScene, work=experiment())
 
 
 def keys(*names: str) -> tuple[str, ...]:
     return tuple(f"records.{name}" for name in names)
 
 
-def test_runs_of_this_machine_and_kind_are_listed_newest_first_and_m_lists_all(shop: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
+async def test_runs_of_this_machine_and_kind_are_listed_newest_first_and_m_lists_all(shop: Path) -> None:
+    async with on_records(shop) as page:
         await page.show()
         newest, stopped, good, bad = rows_of(page)
         assert newest.startswith("▸") and "✓ complete" in newest and newest.rstrip().endswith("SIM")
@@ -86,11 +82,9 @@ def test_runs_of_this_machine_and_kind_are_listed_newest_first_and_m_lists_all(s
         (real,) = rows_of(page)
         assert "SIM" not in real
 
-    played(scene, shop)
 
-
-def test_the_list_is_filtered_by_failure_by_the_open_job_and_by_words(shop: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
+async def test_the_list_is_filtered_by_failure_by_the_open_job_and_by_words(shop: Path) -> None:
+    async with on_records(shop) as page:
         await page.act(*keys("failed"))
         assert ["✗" in row or "stopped" in row for row in rows_of(page)] == [True, True]
         await page.act(*keys("failed", "job"))
@@ -104,22 +98,26 @@ def test_the_list_is_filtered_by_failure_by_the_open_job_and_by_words(shop: Path
         await page.act(*keys("job"))
         assert rows_of(page) == [] and "No recorded run matches" in page.text
 
-    played(scene, shop)
 
-
-def test_without_an_open_job_j_says_what_to_press(shop: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
+async def test_what_works_elsewhere_or_with_a_job_says_so_and_nothing_is_commanded_or_stops(shop: Path) -> None:
+    async with on_records(shop) as page:
+        for action in ("search", "failed", "job", "machines"):
+            await page.act(*keys("open", action))
+            assert page.codes == ["screen.records_list_first"]
+            page.ui.said = ()
+        await page.act(*keys("back", "back"))
         page.ui.work = None
         await page.act(*keys("job"))
         assert page.codes == ["screen.nothing_to_cut"] and len(rows_of(page)) == 4
+        page.control.state = replace(READY, activity=Activity.CUTTING)
+        monitored = keys("down", "open", "program", "cut", "back", "chart", "figure", "back", "mark", "machines")
+        await page.act(*monitored)
+        assert (page.control.orders, page.control.stops, page.control.kills) == ([], [], [])
 
-    played(scene, shop)
 
-
-def test_a_run_is_shown_as_it_was(shop: Path) -> None:
+async def test_a_run_is_shown_as_it_was(shop: Path) -> None:
     """The figures are those of the part that was cut: three lobes of 1.3 um are 2.6 um p-p."""
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(shop) as page:
         await page.act(*keys("open"))
         full = " ".join("".join(piece for piece, _ in row) for row in page.page.in_full(page.view, 78))
         assert "PASS: 2.68 um of 5.00 um" in full and "Cut complete · turn 160.0" in full
@@ -137,10 +135,10 @@ def test_a_run_is_shown_as_it_was(shop: Path) -> None:
         await page.act(*keys("back", "back"))
         assert len(rows_of(page)) == 4
 
-    played(scene, shop)
 
-
-def test_the_tool_error_is_drawn_on_the_scale_of_the_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_the_tool_error_is_drawn_on_the_scale_of_the_cut(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """On its way to the part and back the tool is 2 mm from its path: as seen beside that, a cut is a line."""
     in_part = telemetry()
 
@@ -155,23 +153,19 @@ def test_the_tool_error_is_drawn_on_the_scale_of_the_cut(tmp_path: Path, monkeyp
 
     monkeypatch.setattr(records_stage, "telemetry", whole_way)
     run(tmp_path, 1.3)
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(tmp_path) as page:
         await page.act(*keys("open", "cut"))
         scales = re.findall(r"-?[0-9.]+(?=┤| um)", page.text)
         assert scales[:3] == ["1", "0", "-1"], scales
 
-    played(scene, tmp_path)
 
-
-def test_a_job_whose_file_has_changed_since_is_told(shop: Path, tmp_path: Path) -> None:
+async def test_a_job_whose_file_has_changed_since_is_told(shop: Path, tmp_path: Path) -> None:
     job = load_job("lee-2001-experiment-1").job
     other = replace(job, name="since-changed", chucking_force_n=job.chucking_force_n)
     run(tmp_path, 1.0, job=other)
     run(tmp_path, 1.0, job=other, job_sha256="0" * 64, machine_sha256="0" * 64)
     (tmp_path / "jobs").mkdir()
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(tmp_path) as page:
         await page.act(*keys("open"))
         words = [piece for row in page.page.in_full(page.view, 78) for piece, _ in row]
         assert "There is no file of this job now." in words
@@ -184,11 +178,9 @@ def test_a_job_whose_file_has_changed_since_is_told(shop: Path, tmp_path: Path) 
         words = [piece for row in page.page.in_full(page.view, 78) for piece, _ in row]
         assert "The job's file has been changed since." in words
 
-    played(scene, tmp_path)
 
-
-def test_two_runs_are_shown_side_by_side(shop: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
+async def test_two_runs_are_shown_side_by_side(shop: Path) -> None:
+    async with on_records(shop) as page:
         await page.act(*keys("down", "down", "down", "mark", "up", "open"))
         rows = {row[:12].strip(): row[12:].split() for row in (r[42:-1] for r in page.text.splitlines())}
         assert rows["RONt"][1::2] == ["✗", "✓"]
@@ -197,12 +189,10 @@ def test_two_runs_are_shown_side_by_side(shop: Path) -> None:
         await page.act(*keys("mark", "open"))
         assert "Side by side" not in page.text
 
-    played(scene, shop)
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_without_a_record_the_page_says_what_makes_one(language: str, tmp_path: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
+async def test_without_a_record_the_page_says_what_makes_one(language: str, tmp_path: Path) -> None:
+    async with on_records(tmp_path, language=language) as page:
         await page.show()
         words = "".join(page.text.replace("│", "").split())
         assert "".join(load(language)("records_page.how").split()) in words
@@ -210,13 +200,12 @@ def test_without_a_record_the_page_says_what_makes_one(language: str, tmp_path: 
             await page.act(*keys(action))
             assert page.codes == [], "nothing to open is no fault"
 
-    played(scene, tmp_path, language=language)
 
-
-def test_a_damaged_record_is_told_in_words_and_a_mended_one_is_read_again(shop: Path, tmp_path: Path) -> None:
+async def test_a_damaged_record_is_told_in_words_and_a_mended_one_is_read_again(
+    shop: Path, tmp_path: Path
+) -> None:
     (tmp_path / FILE_NAME).write_bytes(b"SQLite format 3\0" + bytes(range(256)) * 40)
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(tmp_path) as page:
         await page.show()
         assert "Traceback" not in page.text and "The record cannot be read" in page.next_step
         words = "".join(piece.strip() for row in page.page.in_full(page.view, 78) for piece, _ in row)
@@ -227,24 +216,19 @@ def test_a_damaged_record_is_told_in_words_and_a_mended_one_is_read_again(shop: 
         await page.show()
         assert len(rows_of(page)) == 4
 
-    played(scene, tmp_path)
 
-
-def test_a_run_whose_trace_is_damaged_is_shown_without_its_plot(tmp_path: Path) -> None:
+async def test_a_run_whose_trace_is_damaged_is_shown_without_its_plot(tmp_path: Path) -> None:
     run(tmp_path, 1.0)
     with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
         database.execute("DROP TRIGGER traces_stay")
         database.execute("UPDATE traces SET content = x'00112233'")
         database.commit()
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(tmp_path) as page:
         await page.act(*keys("open"))
         assert "PASS" in page.text and "Cannot be read: trace 1" in page.text
 
-    played(scene, tmp_path)
 
-
-def test_more_is_read_as_the_list_is_scrolled_and_end_shows_the_oldest(tmp_path: Path) -> None:
+async def test_more_is_read_as_the_list_is_scrolled_and_end_shows_the_oldest(tmp_path: Path) -> None:
     run(tmp_path, 1.0)
     with closing(sqlite3.connect(tmp_path / FILE_NAME)) as database:
         (columns,) = [[row[1] for row in database.execute("PRAGMA table_info(runs)")]]
@@ -255,8 +239,7 @@ def test_more_is_read_as_the_list_is_scrolled_and_end_shows_the_oldest(tmp_path:
                 (f"{number:032x}", f"job-{number:03d}"),
             )
         database.commit()
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(tmp_path) as page:
         await page.show()
         assert "Runs (50+)" in page.text and f"job-{MANY - 1:03d}" in rows_of(page)[0]
         for _ in range(4):
@@ -270,10 +253,8 @@ def test_more_is_read_as_the_list_is_scrolled_and_end_shows_the_oldest(tmp_path:
         await page.act(*keys("first"))
         assert rows_of(page)[0].startswith("▸")
 
-    played(scene, tmp_path)
 
-
-def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The disk answers only after the screen has painted and taken keys."""
     answers, asked = threading.Event(), threading.Event()
 
@@ -283,10 +264,9 @@ def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.Monk
         return runs(*given, **options)
 
     runs = run_reader.runs
-    monkeypatch.setattr(reading, "runs", slow)
-    monkeypatch.setattr(background_reader, "SHORT_S", 0.0)
-
-    async def scene(page: RecordsScene) -> None:
+    monkeypatch.setattr(listing, "runs", slow)
+    monkeypatch.setattr(beside, "SHORT_S", 0.0)
+    async with on_records(shop) as page:
         await page.show()
         assert asked.wait(60.0) and "Reading." in page.text
         await page.act(*keys("down", "open", "failed", "failed"))
@@ -296,31 +276,9 @@ def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytest.Monk
             await page.show()
         assert len(rows_of(page)) == 4
 
-    played(scene, shop)
-
-
-def test_nothing_on_the_page_is_commanded_or_stops(shop: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
-        page.control.state = replace(READY, activity=Activity.CUTTING)
-        monitored = keys("down", "open", "program", "cut", "back", "chart", "figure", "back", "mark", "machines")
-        await page.act(*monitored)
-        assert (page.control.orders, page.control.stops, page.control.kills) == ([], [], [])
-
-    played(scene, shop)
-
-
-def test_what_works_in_the_list_alone_says_so_elsewhere(shop: Path) -> None:
-    async def scene(page: RecordsScene) -> None:
-        for action in ("search", "failed", "job", "machines"):
-            await page.act(*keys("open", action))
-            assert page.codes == ["screen.records_list_first"]
-            page.ui.said = ()
-
-    played(scene, shop)
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_everything_fits_80_columns_in_both_languages(language: str, shop: Path) -> None:
+async def test_everything_fits_80_columns_in_both_languages(language: str, shop: Path) -> None:
     ways: tuple[list[str], ...] = (
         [],
         ["open"],
@@ -331,8 +289,7 @@ def test_everything_fits_80_columns_in_both_languages(language: str, shop: Path)
         ["chart", "figure"],
     )
     pair = ["mark", "down", "down", "open"]
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(shop, language=language) as page:
         for way in (*ways, pair):
             page.page.leave()
             await page.act(*keys(*way))
@@ -342,25 +299,20 @@ def test_everything_fits_80_columns_in_both_languages(language: str, shop: Path)
             assert "records_page." not in page.text + page.next_step, way
             await page.act(*keys("back", "back"))
 
-    played(scene, shop, language=language)
 
-
-def test_while_something_moves_no_statistics_are_loaded(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_while_something_moves_no_statistics_are_loaded(shop: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Loading them holds up the thread that keeps the watchdog of the controller alive."""
     judged: list[bool] = []
     monkeypatch.setattr(reading, "STATISTICS", "scipy.not_loaded_yet")
 
-    def charted(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool) -> JobChart:
+    def charted(parts: JobParts, figure: Figure, *, judge: bool) -> JobChart:
         judged.append(judge)
         return job_chart(parts, figure, judge=judge)
 
     monkeypatch.setattr(reading, "job_chart", charted)
-
-    async def scene(page: RecordsScene) -> None:
+    async with on_records(shop) as page:
         page.control.state = replace(READY, activity=Activity.CUTTING)
         await page.act(*keys("chart"))
         page.control.state = READY
         await page.show()
         assert judged == [False, True]
-
-    played(scene, shop)

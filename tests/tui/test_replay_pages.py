@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import re
-from collections.abc import AsyncIterator, Callable, Coroutine
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from functools import wraps
+from datetime import datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,41 +15,46 @@ from textual import events
 
 from console.flight.playback import SPEEDS, Playback
 from console.flight.replay.replay_app import PAGES, ReplayApp
-from console.session.station.state import Activity, Armed
+from console.session.guide.situation import Situation
+from console.session.station.alarms import Priority, raised
+from console.session.station.commands import TakeControl
+from console.session.station.state import Activity, Armed, StationState
 from console.text.catalogue import load
+from console.tui.align.align_lines import why_lines
+from console.tui.frame import Frame, next_row, state_row
+from console.tui.gate import FieldKind
 from console.tui.keymap import ACTIONS, KILL_KEYS, STOP_KEYS, PageName
+from console.tui.lines import line, plain, width_of
 from console.tui.theme import COLOUR, MONO
 from drivers.cutting.planning import Strategy, plan_cut
+from drivers.lathe.standing import Standing
 from profiles.problem import Problem
+from profiles.store import load_machine
 from tests.console.flight.bench import BEGAN_S, FlightBench
+from tests.golden_text import compare, writing
+from tests.tui import align_stage, run_stage
+from tests.tui.machine_states import ON
 from tests.tui.run_stage import MADE
 from tests.tui.scenes import (
     ALIGNED,
+    Scene,
     application,
+    console_on,
     cut,
     fixed_world,
     machine,
     played,
+    pressed,
     rows_of,
     scene_of,
     settle,
     signed,
 )
-from tests.tui.stage import LANGUAGES
+from tests.tui.stage import LANGUAGES, MACHINE
 
 SIZE = (80, 24)
 LIVE = [page for page in PAGES if page not in (PageName.PREVIEW, PageName.ALARMS, PageName.LOG)]
 """Not Preview, whose numbers come from a thread of their own, nor what has the times of the recording."""
-
-
-def at_once(test: Callable[..., Coroutine[Any, Any, None]]) -> Callable[..., None]:
-    """Run a test that waits for an application."""
-
-    @wraps(test)
-    def run(**given: Any) -> None:
-        asyncio.run(test(**given))
-
-    return run
 
 
 class Clock:
@@ -104,7 +108,6 @@ def a_cut(data: Path) -> FlightBench:
 
 @pytest.mark.first(2)
 @pytest.mark.parametrize("page", LIVE)
-@at_once
 async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
     scene = replace(scene_of(page), keys=())
     measured = scene.state.measured
@@ -124,7 +127,6 @@ async def test_a_page_is_as_it_was(page: PageName, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-@at_once
 @pytest.mark.long
 async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path) -> None:
     bench = a_cut(tmp_path)
@@ -142,7 +144,6 @@ async def test_backward_shows_what_forward_showed(language: str, tmp_path: Path)
             assert rows_of(app) == shown[at_s]
 
 
-@at_once
 @pytest.mark.long
 async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> None:
     bench = a_cut(tmp_path)
@@ -186,7 +187,6 @@ async def test_it_plays_at_any_speed_and_follows_the_page(tmp_path: Path) -> Non
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
-@at_once
 async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: str, tmp_path: Path) -> None:
     bench, text = a_cut(tmp_path), load(language)
     ours = {
@@ -223,7 +223,6 @@ async def test_no_key_of_the_machine_does_anything_and_each_says_why(language: s
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "palette"), [("en", MONO), ("ko", COLOUR)], ids=LANGUAGES)
-@at_once
 async def test_the_badge_the_time_and_the_keys_are_always_there(
     language: str, palette: Any, tmp_path: Path
 ) -> None:
@@ -243,7 +242,6 @@ async def test_the_badge_the_time_and_the_keys_are_always_there(
         assert text("replay.small") in " ".join(" ".join(rows_of(app)).split())
 
 
-@at_once
 async def test_the_page_of_alarms_has_what_was_raised_and_commanded_up_to_the_moment(tmp_path: Path) -> None:
     bench = FlightBench(tmp_path)
     bench.runs(2.0)
@@ -274,7 +272,6 @@ async def test_the_page_of_alarms_has_what_was_raised_and_commanded_up_to_the_mo
         assert (app.page, app._refused) == (PageName.LOG, True)
 
 
-@at_once
 async def test_an_armed_cut_is_shown_without_its_program(tmp_path: Path) -> None:
     work = signed()
     plan = plan_cut(work.job, work.machine.machine, Strategy.PVT)
@@ -285,3 +282,118 @@ async def test_an_armed_cut_is_shown_without_its_program(tmp_path: Path) -> None
     bench.runs(0.1)
     async with replayed(bench) as (app, _):
         assert "1000 rpm" in "\n".join(rows_of(app))
+
+
+# The screens of a console that looks on: what stands there, what its keys do, how it takes over.
+
+
+GOLDENS = Path(__file__).with_name("observer_goldens")
+HOLDER = 1_683_503_496
+"""Numbers are drawn up to ten digits."""
+
+LOOKING_ON: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": HOLDER}
+ALARMS = raised((), Problem(code="owner.held", value=str(HOLDER)), Priority.MEDIUM, 1.0)
+MOVING = align_stage.look(ON - {"desired_velocity_zero"})
+
+
+def frame(state: StationState, language: str = "en", **changes: Any) -> Frame:
+    made = Frame(
+        text=load(language),
+        state=state,
+        machine=load_machine(MACHINE).machine,
+        page=PageName.RUN,
+        field=FieldKind.NONE,
+        next_step=line("what to do"),
+        said=(),
+        clock=datetime(2026, 1, 2, 8, 41),
+        now_s=100.1,
+    )
+    return replace(made, **changes)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("standing", [Standing.OBSERVER, Standing.OUSTED])
+def test_the_state_row_says_who_controls_and_the_next_row_what_helps(standing: Standing, language: str) -> None:
+    text, now = load(language), frame(run_stage.state(standing=standing, holder=HOLDER), language)
+    first, following = plain(state_row(now, 80)), plain(next_row(now, 80))
+    assert text("frame.looks_on", holder=HOLDER) in first and str(HOLDER) in first
+    assert text("frame.observer") in following and " t " in following
+    assert "what to do" not in following
+    for width in (60, 80, 160):
+        assert all(width_of(row) <= width for row in (*state_row(now, width), *next_row(now, width)))
+
+
+def test_a_stop_comes_before_who_controls() -> None:
+    stopped = replace(run_stage.stopped(), **LOOKING_ON)
+    assert "F2" in plain(next_row(frame(stopped), 80))
+
+
+@pytest.mark.parametrize("activity", [Activity.CONNECTING, Activity.LOST])
+def test_nothing_is_said_of_who_controls_where_that_is_not_known(activity: Activity) -> None:
+    now = frame(run_stage.state(activity=activity, **LOOKING_ON))
+    assert str(HOLDER) not in plain(state_row(now, 80))
+
+
+FREE: dict[str, Any] = {"standing": Standing.OBSERVER, "holder": 0}
+RUN, ALIGN = run_stage.state(**LOOKING_ON), align_stage.state(**LOOKING_ON)
+MOVED = align_stage.state(snapshot=MOVING, **LOOKING_ON)
+AGAIN, TAKES = "screen.take_over_again", [TakeControl()]
+
+
+@pytest.mark.parametrize(
+    ("now", "page", "presses", "orders", "answers"),
+    [
+        (RUN, PageName.RUN, ((0.0, "t"), (2.0, "t")), TAKES, [AGAIN, ""]),
+        (RUN, PageName.RUN, ((0.0, "ㅅ"), (2.0, "ㅅ")), TAKES, [AGAIN, ""]),
+        (RUN, PageName.RUN, ((0.0, "t"), (6.0, "t"), (12.0, "t")), [], [AGAIN] * 3),
+        (
+            run_stage.state(**FREE),
+            PageName.RUN,
+            ((0.0, "t"), (2.0, "t")),
+            TAKES,
+            ["screen.take_control_again", ""],
+        ),
+        (run_stage.state(), PageName.RUN, ((0.0, "t"), (1.0, "t")), [], ["screen.controls_already"] * 2),
+        *((ALIGN, PageName.ALIGN, ((0.0, key),), [], ["screen.observes"]) for key in ("f4", "enter")),
+        *((RUN, PageName.RUN, ((0.0, key),), [], ["screen.observes"]) for key in ("f5", "f8")),
+        # It may leave while the owner moves.
+        (MOVED, PageName.ALIGN, ((0.0, "ctrl+q"),), [], [""]),
+    ],
+)
+def test_t_twice_within_five_seconds_takes_the_machine_over_and_no_other_key_moves_it(
+    now: StationState,
+    page: PageName,
+    presses: tuple[tuple[float, str], ...],
+    orders: list[object],
+    answers: list[str],
+    tmp_path: Path,
+) -> None:
+    found = pressed(tmp_path, now, page, *presses)
+    assert (found.orders, found.control.stops, found.answers) == (orders, [], answers)
+
+
+@pytest.mark.parametrize(
+    ("keys", "stops", "kills"), [(("z", "f3"), [], []), (("space",), ["space"], []), (("f9",), [], ["f9"])]
+)
+def test_space_and_f9_stop_whoever_controls_and_a_key_without_a_meaning_does_not(
+    keys: tuple[str, ...], stops: list[str], kills: list[str], tmp_path: Path
+) -> None:
+    control = pressed(tmp_path, MOVED, PageName.ALIGN, *enumerate(keys)).control
+    assert (control.stops, control.kills) == (stops, kills)
+
+
+def test_a_machine_that_nobody_controls_is_called_so() -> None:
+    for lost, words in ((FREE, ("No console has control", "t twice")), (LOOKING_ON, ("Another console",))):
+        now = Situation(state=align_stage.state(**lost), work=None, machine=load_machine(MACHINE).machine)
+        assert all(each in plain(why_lines(load("en"), now, 60, 4)) for each in words)
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+@pytest.mark.parametrize("page", [PageName.RUN, PageName.ALIGN])
+async def test_the_screen_of_an_observer_looks_as_it_did(page: PageName, language: str, tmp_path: Path) -> None:
+    state = replace(machine(Activity.READY), simulated=False, alignment=ALIGNED, alarms=ALARMS, **LOOKING_ON)
+    scene = Scene(page=page, state=state, work=signed())
+    with fixed_world():
+        async with console_on(scene, tmp_path, language=language) as (app, _, _):
+            rows = rows_of(app)
+    compare(rows, GOLDENS / f"{page}-{language}.txt", write=writing())

@@ -101,18 +101,47 @@ def test_the_verdict_on_a_cut_is_told_with_what_the_tool_took_of_round_and_diame
     assert "not proven" in shown(state(cut=cut(CutStage.DONE, figures=FIGURES), cut_done=True)).words
 
 
-def test_nothing_is_said_of_a_blank_while_none_is_clamped() -> None:
-    assert "blank not cut yet" in shown(state()).text
-    assert "not cut yet" not in shown(state(replace(VALID, clamping=None))).text
+WIDE = (100, 30)
 
 
-def test_before_the_start_every_condition_has_a_mark_and_a_reason() -> None:
-    page = shown(state(replace(VALID, jaw=None)))
-    assert "✓ drives enabled" in page.text
-    assert "✗ alignment valid" in page.text
-    assert "jaw 1 is not found" in page.words
-    assert "○ program" in page.text
-    assert "4" in page.next_step
+@pytest.mark.parametrize(
+    ("now", "size", "words", "step"),
+    [
+        (
+            state(replace(VALID, jaw=None)),
+            (80, 24),
+            ("✓ drives enabled", "✗ alignment valid", "jaw 1 is not found", "○ program"),
+            "4",
+        ),
+        (state(), (80, 24), ("blank not cut yet",), ""),
+        (STATES["held"], (80, 24), ("Cut ended after the turn; the tool is out.", "only partly cut"), ""),
+        (
+            state(armed=armed()),
+            WIDE,
+            (
+                *("ARMED", "F6 starts within 9 s", "✓ program"),
+                "tool out, carriage to Z 169.3 mm, spindle to its start",
+            ),
+            "F6",
+        ),
+        # 3 lobes at 1000.3 rpm; the tool stands 0.6 um less deep than wanted, so wanted is the smaller radius.
+        (
+            cutting(),
+            (80, 24),
+            (
+                *("turn 83 of 160 · Z 4.2 of 8.0 mm · 5 s left", "52 %", "1000 rpm", "50.0 Hz", "R 25.9271 mm"),
+                *("R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °", "± 1.39°", "CUTTING"),
+            ),
+            "",
+        ),
+    ],
+)
+def test_the_page_says_what_is_the_case(
+    now: StationState, size: tuple[int, int], words: tuple[str, ...], step: str
+) -> None:
+    page = shown(now, size=size)
+    assert [each for each in words if each not in page.text + page.words] == []
+    assert step in page.next_step
 
 
 def test_the_summary_names_what_will_be_cut() -> None:
@@ -157,23 +186,20 @@ def test_an_edited_job_is_not_recorded_as_its_file() -> None:
     assert "edited since" in page.text
 
 
-@pytest.mark.parametrize(
-    ("now", "code"),
-    [
-        (state(replace(VALID, jaw=None)), "alignment.no_jaw"),
-        (state(snapshot=look(OFF)), "alignment.drives_off"),
-        (state(snapshot=look(running=True)), "screen.in_motion"),
-        (state(snapshot=look(ON | {"amplifier_fault"})), "screen.axis_fault"),
-        (state(snapshot=look(ON | {"positive_limit"})), "screen.axis_on_limit"),
-        (state(cut=cut(CutStage.DONE), cut_done=True), "screen.part_is_cut"),
-        (state(activity=Activity.VERIFYING), "screen.busy"),
-        (stopped(), "screen.stopped_first"),
-        (StationState(), "screen.nothing_known"),
-    ],
-)
-def test_what_stands_in_the_way_is_said_and_nothing_armed(now: StationState, code: str) -> None:
-    page = shown(now, "run.arm")
-    assert (page.orders, page.said[0]) == ([], code)
+def test_what_stands_in_the_way_is_said_and_nothing_armed() -> None:
+    states = {
+        "alignment.no_jaw": state(replace(VALID, jaw=None)),
+        "alignment.drives_off": state(snapshot=look(OFF)),
+        "screen.in_motion": state(snapshot=look(running=True)),
+        "screen.axis_fault": state(snapshot=look(ON | {"amplifier_fault"})),
+        "screen.axis_on_limit": state(snapshot=look(ON | {"positive_limit"})),
+        "screen.part_is_cut": state(cut=cut(CutStage.DONE), cut_done=True),
+        "screen.busy": state(activity=Activity.VERIFYING),
+        "screen.stopped_first": stopped(),
+        "screen.nothing_known": StationState(),
+    }
+    for code, page in shown_in_turn(RunPage, states, "run.arm").items():
+        assert (page.orders, page.said[0]) == ([], code)
 
 
 def test_a_job_that_does_not_fit_is_not_armed() -> None:
@@ -184,47 +210,48 @@ def test_a_job_that_does_not_fit_is_not_armed() -> None:
     assert "2 changes it" in page.next_step
 
 
-def test_without_a_job_there_is_nothing_to_arm() -> None:
-    page = shown(state(), "run.arm", no_job=True)
-    assert (page.orders, page.said) == ([], ["screen.nothing_to_cut"])
+def test_f6_starts_only_what_is_armed_f5_takes_it_back_and_enter_does_nothing() -> None:
+    for now, action, orders, said in (
+        (state(armed=armed()), "run.start", [Start()], []),
+        (state(), "run.start", [], ["screen.not_armed"]),
+        (state(armed=replace(armed(), until_s=99.0)), "run.start", [], ["screen.not_armed"]),
+        (state(armed=armed()), "run.arm", [Disarm()], []),
+    ):
+        page = shown(now, action)
+        assert (page.orders, page.said) == (orders, said)
+    assert shown(state(), "run.take").orders == []
+    nothing = shown(state(), "run.arm", no_job=True)
+    assert (nothing.orders, nothing.said) == ([], ["screen.nothing_to_cut"])
 
 
-def test_armed_says_what_moves_first_and_how_long_it_holds() -> None:
-    page = shown(state(armed=armed()), size=(100, 30))
-    assert "ARMED" in page.text
-    assert "F6 starts within 9 s" in page.words
-    assert "tool out, carriage to Z 169.3 mm, spindle to its start" in page.words
-    assert "✓ program" in page.text
-    assert "F6" in page.next_step
-
-
-def test_f6_starts_only_what_is_armed() -> None:
-    assert shown(state(armed=armed()), "run.start").orders == [Start()]
-    assert shown(state(), "run.start").said == ["screen.not_armed"]
-    late = replace(armed(), until_s=99.0)
-    assert shown(state(armed=late), "run.start").said == ["screen.not_armed"]
-
-
-def test_f5_takes_the_arming_back() -> None:
-    assert shown(state(armed=armed()), "run.arm").orders == [Disarm()]
-
-
-def test_the_cut_shows_its_values_with_units() -> None:
-    page = shown(cutting())
-    assert "turn 83 of 160 · Z 4.2 of 8.0 mm · 5 s left" in page.text
-    assert "52 %" in page.text
-    # 3 lobes at 1000.3 rpm; the tool stands 0.6 um less deep than wanted, so wanted is the smaller radius.
-    for value in ("1000 rpm", "50.0 Hz", "R 25.9271 mm", "R 25.9265 mm", "-0.60 um", "1.40 um", "+0.08 °"):
-        assert value in page.text
-    assert "± 1.39°" in page.text
-    assert "CUTTING" in page.text
-
-
-def test_out_of_phase_is_a_word() -> None:
-    assert "OUT -1.50 °" in shown(cutting(phase=Phase(error_deg=-1.5, within_deg=0.05))).text
-    assert "OUT" not in shown(cutting()).text
-    assert "OUT" not in shown(cutting(phase=Phase(error_deg=-1.5, within_deg=0.05), phase_limit_deg=2.3)).text
-    assert "OUT" not in shown(cutting(phase=Phase(error_deg=-1.5, within_deg=0.3))).text, "it may be within"
+def test_each_value_of_a_cut_has_its_row_and_its_bound() -> None:
+    """Of a look that was asked for 0.23 s ago each value may be that old; a phase may be within its bound."""
+    out = Phase(error_deg=-1.5, within_deg=0.05)
+    old = replace(cutting(), snapshot=replace(look(running=True), asked_s=99.77, at_s=99.9))
+    shown_words: list[tuple[StationState, str]] = [
+        (cutting(phase=out), "OUT -1.50 °"),
+        (STATES["queued"], "synchronised               queued"),
+        (STATES["waiting"], "waiting for index"),
+        (STATES["cutting"], "in sync"),
+        (STATES["sync lost"], "! SYNC LOST"),
+        (STATES["nothing seen yet"], "synchronised                    –"),
+        (cutting(), "ripple, p-p       1.18 ± 0.57 %"),
+        (cutting(ripple=SpindleRipple(0.18, 0.56)), "ripple, p-p            < 0.74 %"),
+        (cutting(ripple=None), "ripple, p-p                   –"),
+        (cutting(), "Now, ≤ 0.1 s old"),
+        (old, "Now, ≤ 0.3 s old"),
+        (cutting(stage=CutStage.RETRACT, tool_error_um=-2000.0), "largest                 1.40 um"),
+    ]
+    pages = shown_in_turn(RunPage, {str(n): now for n, (now, _) in enumerate(shown_words)})
+    for page, (_, words) in zip(pages.values(), shown_words, strict=True):
+        assert words in page.text
+    silent = {
+        "OUT": (cutting(), cutting(phase=out, phase_limit_deg=2.3), cutting(phase=replace(out, within_deg=0.3))),
+        "2000": (cutting(stage=CutStage.RETRACT, tool_error_um=-2000.0),),
+    }
+    for words, states in silent.items():
+        found = shown_in_turn(RunPage, {str(n): now for n, now in enumerate(states)})
+        assert not any(words in page.text for page in found.values()), words
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
@@ -232,33 +259,6 @@ def test_a_lobe_that_is_nothing_to_the_part_has_no_limit(language: str) -> None:
     page = shown(cutting(phase=Phase(error_deg=-35.0, within_deg=0.05), phase_limit_deg=None), language=language)
     assert "-35.00 °" in page.text and "OUT" not in page.text
     assert load(language)("run_page.no_limit", limit="") in page.text
-
-
-@pytest.mark.parametrize(
-    ("now", "words"),
-    [
-        (STATES["queued"], "synchronised               queued"),
-        (STATES["waiting"], "waiting for index"),
-        (STATES["cutting"], "in sync"),
-        (STATES["sync lost"], "! SYNC LOST"),
-        (STATES["nothing seen yet"], "synchronised                    –"),
-    ],
-)
-def test_how_tool_and_spindle_are_together_is_a_row(now: StationState, words: str) -> None:
-    assert words in shown(now).text
-
-
-def test_how_evenly_the_spindle_turns_is_told_with_its_bound() -> None:
-    assert "ripple, p-p       1.18 ± 0.57 %" in shown(cutting()).text
-    assert "ripple, p-p            < 0.74 %" in shown(cutting(ripple=SpindleRipple(0.18, 0.56))).text
-    assert "ripple, p-p                   –" in shown(cutting(ripple=None)).text
-
-
-def test_the_values_say_how_old_they_may_be() -> None:
-    """Of a look that was asked for 0.23 s ago each value may be that old."""
-    assert "Now, ≤ 0.1 s old" in shown(cutting()).text
-    old = replace(cutting(), snapshot=replace(look(running=True), asked_s=99.77, at_s=99.9))
-    assert "Now, ≤ 0.3 s old" in shown(old).text
 
 
 @pytest.mark.parametrize("now", [state(), cutting()], ids=["before", "cutting"])
@@ -293,19 +293,11 @@ def test_the_mean_error_is_that_of_the_lobe() -> None:
     assert errors_um == pytest.approx(0.5 * np.sin(np.radians(3.0 * angles_deg)), abs=0.1)
 
 
-@pytest.mark.parametrize(
-    ("share", "mark"),
-    [
-        (0.0, "├───●───┤"),
-        (1.0, "├───┼──●┤"),
-        (-1.0, "├●──┼───┤"),
-        (1.5, "├───┼───▶"),
-        (-9.0, "◀───┼───┤"),
-        (None, "├───┼───┤"),
-    ],
-)
-def test_the_gauge_shows_where_a_value_stands_in_its_limits(share: float | None, mark: str) -> None:
-    assert gauge(share, 9) == mark
+def test_a_bar_is_full_only_at_the_end_and_a_gauge_shows_a_value_in_its_limits() -> None:
+    assert (bar(0.99, 10), bar(1.0, 10)) == ("■" * 9 + "□", "■" * 10)
+    marks = {0.0: "├───●───┤", 1.0: "├───┼──●┤", -1.0: "├●──┼───┤", 1.5: "├───┼───▶", -9.0: "◀───┼───┤"}
+    assert {share: gauge(share, 9) for share in marks} == marks
+    assert gauge(None, 9) == "├───┼───┤"
 
 
 def test_hold_once_and_only_in_a_cut() -> None:
@@ -316,22 +308,26 @@ def test_hold_once_and_only_in_a_cut() -> None:
     assert shown(state(), "run.hold").said == ["screen.nothing_to_hold"]
 
 
-def test_after_the_cut_figures_and_the_way_on() -> None:
+def test_after_the_cut_figures_the_phase_error_of_its_end_and_the_way_on() -> None:
     page = shown(STATES["done"])
-    for value in ("1000.0 rpm", "1.41 um", "0.44 um", "14.12 um", "9.02 um", "340"):
-        assert value in page.text
-    assert "not from the part" in page.words
-    assert page.next_step.startswith("6 ")
-    real = shown(replace(STATES["done"], simulated=False))
-    assert "simulated" not in real.text
-
-
-def test_after_the_cut_the_phase_error_of_its_end_is_there() -> None:
     ended = STATES["done"].cut
     assert ended is not None and ended.phase is not None and ended.phase_limit_deg is not None
-    assert f"{ended.phase.error_deg:+.2f} °" in shown(STATES["done"]).text
+    for value in (
+        "1000.0 rpm",
+        "1.41 um",
+        "0.44 um",
+        "14.12 um",
+        "9.02 um",
+        "340",
+        f"{ended.phase.error_deg:+.2f} °",
+    ):
+        assert value in page.text
+    assert "not from the part" in page.words and page.next_step.startswith("6 ")
+    assert "simulated" not in shown(replace(STATES["done"], simulated=False)).text
     late = replace(ended, path_phase=None, phase=replace(ended.phase, error_deg=9.0, within_deg=0.1))
     assert "! OUT +9.00 °" in shown(replace(STATES["done"], cut=late)).text
+    assert shown(STATES["held"], "run.arm").orders, "a held cut is not done"
+    assert "not cut yet" not in shown(state(replace(VALID, clamping=None))).text, "nothing is clamped"
 
 
 def test_the_remedy_of_a_tool_out_of_phase_is_one_that_changes_its_phase() -> None:
@@ -339,18 +335,6 @@ def test_the_remedy_of_a_tool_out_of_phase_is_one_that_changes_its_phase() -> No
     for language, words in {"en": ("console identify", "learn"), "ko": ("console identify", "학습")}.items():
         said = load(language).problem(Problem(code="cut.out_of_phase", limit="± 1.4 deg"))
         assert all(word in said for word in words) and "jaw" not in said and "조 1" not in said
-
-
-def test_a_held_cut_is_not_called_done() -> None:
-    page = shown(STATES["held"])
-    assert "Cut ended after the turn; the tool is out." in page.words
-    assert "only partly cut" in page.words
-    assert shown(STATES["held"], "run.arm").orders
-
-
-def test_enter_is_no_key_of_this_page() -> None:
-    page = shown(state(), "run.take")
-    assert page.orders == []
 
 
 @pytest.mark.parametrize("stage", [CutStage.POSITION, CutStage.RUN_UP])
@@ -362,23 +346,16 @@ def test_before_the_tool_is_in_the_part_nothing_is_judged(stage: CutStage) -> No
     assert "following err           +12.30 um" in page.text
 
 
-@pytest.mark.parametrize(
-    ("stage", "words"),
-    [
-        (CutStage.POSITION, "Moving to the start"),
-        (CutStage.RUN_UP, "The spindle accelerates"),
-        (CutStage.CUT, "Cutting. After this turn, tool out: F4 holds"),
-        (CutStage.RETRACT, "The tool retracts"),
-    ],
-)
-def test_the_next_step_tells_the_stage(stage: CutStage, words: str) -> None:
-    assert shown(cutting(stage=stage)).next_step.startswith(words)
-
-
-def test_on_its_way_out_the_tool_has_no_error_but_the_cut_has_a_largest_one() -> None:
-    page = shown(cutting(stage=CutStage.RETRACT, tool_error_um=-2000.0))
-    assert "2000" not in page.text
-    assert "largest                 1.40 um" in page.text
+def test_the_next_step_tells_the_stage() -> None:
+    words = {
+        CutStage.POSITION: "Moving to the start",
+        CutStage.RUN_UP: "The spindle accelerates",
+        CutStage.CUT: "Cutting. After this turn, tool out: F4 holds",
+        CutStage.RETRACT: "The tool retracts",
+    }
+    pages = shown_in_turn(RunPage, {str(stage): cutting(stage=stage) for stage in words})
+    for page, expected in zip(pages.values(), words.values(), strict=True):
+        assert page.next_step.startswith(expected)
 
 
 def test_without_compensation_nothing_is_judged() -> None:
@@ -410,23 +387,13 @@ def test_all_that_moves_is_read_at_80_columns(language: str) -> None:
     assert armed().plan.tool_start == 240_000.0
 
 
-@pytest.mark.parametrize(("flags", "mark"), [(ON, "✓ no fault"), (OFF, "○ no fault")])
-def test_no_fault_is_ticked_only_where_one_would_be_seen(flags: frozenset[str], mark: str) -> None:
-    assert mark in shown(state(snapshot=look(flags))).text
-
-
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_with_the_drives_off_no_fault_names_the_key_that_lets_one_be_seen(language: str) -> None:
+def test_no_fault_is_ticked_only_where_one_would_be_seen_and_the_key_for_that_is_named(language: str) -> None:
     text = load(language)
-    page = shown(state(snapshot=look(OFF)), language=language)
-    assert f"{text('run_page.check.no_fault')}: {text('run_page.by_drives')}" in page.text
-    assert f"{text('run_page.check.no_fault')}: {text('run_page.by_arming')}" not in page.text
+    on, off = (shown(state(snapshot=look(flags)), language=language).text for flags in (ON, OFF))
+    check = text("run_page.check.no_fault")
+    assert f"✓ {check}" in on and f"○ {check}: {text('run_page.by_drives')}" in off
     assert "(4)" in text("run_page.by_drives")
-
-
-def test_a_bar_is_full_only_at_the_end() -> None:
-    assert bar(0.99, 10) == "■" * 9 + "□"
-    assert bar(1.0, 10) == "■" * 10
 
 
 def test_a_hold_is_read_whole_at_80_columns() -> None:

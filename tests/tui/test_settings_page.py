@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import asyncio
 import unicodedata
-from collections.abc import Awaitable, Callable
+from contextlib import AbstractAsyncContextManager
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from rich.cells import cell_len
@@ -25,41 +25,29 @@ from console.tui.frame import keys_row
 from console.tui.key_help import help_lines
 from console.tui.keymap import PageName
 from console.tui.lines import plain, width_of
-from console.tui.theme import COLOUR, MONO, Palette
+from console.tui.theme import MONO
 from tests.tui import run_stage
-from tests.tui.scenes import Scene, application, fill, fixed_world, keys_to, played, rows_of, scene_of, settle
+from tests.tui.scenes import Scene, console_on, fill, fixed_world, keys_to, rows_of, scene_of, settle
 from tests.tui.stage import LANGUAGES, FixedControl, experiment
 from tests.tui.test_frame_rows import frame
 from tests.tui.test_nothing_is_cut import filled, problems
 
-Act = Callable[[ConsoleApp, Pilot[None], FixedControl], Awaitable[None]]
 SETTINGS = scene_of(PageName.SETTINGS)
 EVERYWHERE = replace(SETTINGS, state=run_stage.state(), work=experiment())
 """One state of the machine in which every page has something to show."""
 
 
 def play(
-    act: Act,
     data: Path,
     *,
     state: StationState | None = None,
     appearance: Appearance | None = None,
-    configuration: Configuration | None = None,
-    palette: Palette = COLOUR,
     scene: Scene = SETTINGS,
-    size: tuple[int, int] = (80, 24),
-) -> None:
+    **given: Any,
+) -> AbstractAsyncContextManager[tuple[ConsoleApp, Pilot[None], FixedControl]]:
     begun = scene if state is None else replace(scene, state=state)
     language = "en" if appearance is None else appearance.language
-    given = {"appearance": appearance, "configuration": configuration, "palette": palette}
-    app, control = application(begun, data, language=language, **given)  # type: ignore[arg-type]
-
-    async def run() -> None:
-        async with played(app, begun, size) as pilot:
-            await act(app, pilot, control)
-
-    asyncio.run(run())
-    assert app.fault is None
+    return console_on(begun, data, language=language, appearance=appearance, **given)
 
 
 def own_configuration(folder: Path, monkeypatch: pytest.MonkeyPatch, **variables: str) -> Configuration:
@@ -94,38 +82,32 @@ CHANGED = [Appearance(language="ko", theme="light", glyphs="ascii"), Appearance(
 @pytest.mark.rings
 @pytest.mark.long
 @pytest.mark.parametrize("target", CHANGED, ids=["ko-light-ascii", "16-colour"])
-def test_after_a_change_every_page_looks_as_if_the_console_had_been_started_so(
+async def test_after_a_change_every_page_looks_as_if_the_console_had_been_started_so(
     target: Appearance, tmp_path: Path
 ) -> None:
     """Characters and colours; the pages were all shown before the change."""
     fill(tmp_path)
     seen: list[dict[PageName, tuple[list[str], list[list[Segment]]]]] = []
-
-    async def changed(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
-        await every_page(app, pilot)
-        await pilot.press(*keys_to(PageName.SETTINGS))
-        app.ui.appear(target)
-        app.logs.log = SessionLog()  # what the first walk was answered is not in the log of the second one
-        seen.append(await every_page(app, pilot))
-
-    async def started(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
-        seen.append(await every_page(app, pilot))
-
     with fixed_world():
-        play(changed, tmp_path, scene=EVERYWHERE)
-        play(started, tmp_path, scene=EVERYWHERE, appearance=target)
+        async with play(tmp_path, scene=EVERYWHERE) as (app, pilot, _):
+            await every_page(app, pilot)
+            await pilot.press(*keys_to(PageName.SETTINGS))
+            app.ui.appear(target)
+            app.logs.log = SessionLog()  # what the first walk was answered is not in the log of the second one
+            seen.append(await every_page(app, pilot))
+        async with play(tmp_path, scene=EVERYWHERE, appearance=target) as (app, pilot, _):
+            seen.append(await every_page(app, pilot))
     for page in PageName:
         assert seen[0][page][0] == seen[1][page][0], page
         assert seen[0][page][1] == seen[1][page][1], f"the colours of {page}"
 
 
-def test_the_keys_step_through_the_values_and_each_is_kept(
+async def test_the_keys_step_through_the_values_and_each_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     configuration = own_configuration(tmp_path, monkeypatch)
     path = tmp_path / "trilobe" / "config.toml"
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(tmp_path, configuration=configuration) as (app, pilot, _):
         await pilot.press("down", "right")
         assert app.ui.appearance.theme == "light" and path.read_text() == 'theme = "light"\n'
         await settle(app, pilot)
@@ -139,8 +121,6 @@ def test_the_keys_step_through_the_values_and_each_is_kept(
         assert read_configuration({"XDG_CONFIG_HOME": str(tmp_path)}, tmp_path / "no").value("language") == "ko"
         assert codes(app) == []
 
-    play(act, tmp_path, configuration=configuration)
-
 
 REFUSED = {
     "moving": (run_stage.state(activity=Activity.CUTTING, cut=run_stage.cut()), "screen.settings_moving"),
@@ -149,24 +129,21 @@ REFUSED = {
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_nothing_is_changed_while_something_moves_or_a_cut_is_armed(name: str, tmp_path: Path) -> None:
+async def test_nothing_is_changed_while_something_moves_or_a_cut_is_armed(name: str, tmp_path: Path) -> None:
     state, code = REFUSED[name]
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(tmp_path, state=state) as (app, pilot, control):
         for key in ("right", "enter", "left"):
             await pilot.press(key)
             assert codes(app) == [code]
         assert app.ui.appearance == Appearance() and control.orders == []
 
-    play(act, tmp_path, state=state)
 
-
-def test_what_a_later_place_fixes_is_said_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_what_a_later_place_fixes_is_said_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     configuration = own_configuration(tmp_path, monkeypatch, TRILOBE_CALM="on")
     option = Setting(value="en", origin=Origin.OPTION, place="--lang")
     configuration = configuration.below({"language": option})
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    appearance = Appearance(calm="on")
+    async with play(tmp_path, configuration=configuration, appearance=appearance, palette=MONO) as (app, pilot, _):
         shown = "\n".join(rows_of(app))
         assert "fixed by --lang" in shown and "fixed by TRILOBE_CALM" in shown and "fixed by NO_COLOR" in shown
         for steps, place in ((0, "--lang"), (1, "NO_COLOR"), (2, "TRILOBE_CALM")):
@@ -174,20 +151,14 @@ def test_what_a_later_place_fixes_is_said_and_stays(tmp_path: Path, monkeypatch:
             assert (codes(app), app.ui.said[0].value) == (["screen.setting_fixed"], place)
         assert not (tmp_path / "trilobe").exists()
 
-    appearance = Appearance(calm="on")
-    play(act, tmp_path, configuration=configuration, appearance=appearance, palette=MONO)
 
-
-def test_what_cannot_be_kept_counts_and_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+async def test_what_cannot_be_kept_counts_and_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     configuration = own_configuration(tmp_path, monkeypatch)
     (tmp_path / "trilobe").write_text("a file where the folder should be")
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], _: FixedControl) -> None:
+    async with play(tmp_path, configuration=configuration) as (app, pilot, _):
         await pilot.press("down", "right")
         assert app.ui.appearance.theme == "light"
         assert codes(app)[-1] == "screen.setting_not_kept" and len(codes(app)) == 2
-
-    play(act, tmp_path, configuration=configuration)
 
 
 # Own keys ------------------------------------------------------------------------------------------------------
@@ -201,8 +172,8 @@ async def give(pilot: Pilot[None], app: ConsoleApp, action: str, typed: str) -> 
     await pilot.press(*way, "enter", *["backspace"] * 4, *typed, "enter")
 
 
-def test_an_own_key_does_what_our_key_does_and_both_are_shown(tmp_path: Path) -> None:
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+async def test_an_own_key_does_what_our_key_does_and_both_are_shown(tmp_path: Path) -> None:
+    async with play(tmp_path) as (app, pilot, control):
         await pilot.press("end", "enter")
         await give(pilot, app, "page.records", "F11")
         await give(pilot, app, "alarms.all", "q")
@@ -222,8 +193,6 @@ def test_an_own_key_does_what_our_key_does_and_both_are_shown(tmp_path: Path) ->
         await pilot.press("0", "s", "d")
         assert app.ui.appearance.keys == {"page.records": "f11"}
 
-    play(act, tmp_path)
-
 
 CANNOT_BE_HAD = (
     ("alarms.all", "f9", "screen.own_key_stops"),
@@ -239,11 +208,10 @@ CANNOT_BE_HAD = (
 
 
 @pytest.mark.long
-def test_a_key_that_cannot_be_had_is_refused_with_both_names(tmp_path: Path) -> None:
+async def test_a_key_that_cannot_be_had_is_refused_with_both_names(tmp_path: Path) -> None:
     """One after the other: what was refused is typed over, for the same action or for another."""
     names = {"k": "k everywhere", "l": "l Alarms", "f5": "F5 Run"}
-
-    async def act(app: ConsoleApp, pilot: Pilot[None], control: FixedControl) -> None:
+    async with play(tmp_path) as (app, pilot, control):
         await pilot.press("end", "enter")
         given = ""
         for action, typed, code in CANNOT_BE_HAD:
@@ -257,8 +225,6 @@ def test_a_key_that_cannot_be_had_is_refused_with_both_names(tmp_path: Path) -> 
             if code == "screen.own_key_taken":
                 assert app.ui.said[0].limit == names[typed] and app.ui.said[0].key
         assert (control.stops, control.kills) == ([], []), "typing the name of a key is not pressing it"
-
-    play(act, tmp_path)
 
 
 # Signs and cells -----------------------------------------------------------------------------------------------

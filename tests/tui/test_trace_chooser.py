@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import os
 import threading
 import time
-from collections.abc import Awaitable, Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, Self
 
 import numpy as np
 import pytest
 from rich.cells import cell_len
-from textual.pilot import Pilot
 from textual.widgets import Input
 
 from console.session.station.commands import TakeTrace
@@ -27,7 +24,6 @@ from profiles.traces import Trace, write_trace
 from tests.tui.stage import FRAME_ROWS, LANGUAGES, SIZES, FixedControl, PageStage, experiment, grid, ui_for
 
 CUT = StationState(activity=Activity.READY, cut_done=True, simulated=False)
-Result = TypeVar("Result")
 
 
 def gauge(data: Path, name: str, age_s: int = 0, **stated: str) -> Path:
@@ -46,58 +42,54 @@ def gauge(data: Path, name: str, age_s: int = 0, **stated: str) -> Path:
 class Staged:
     """The page on its stage, in front of the files of a gauge."""
 
-    def __init__(self, data: Path, state: StationState = CUT, language: str = "en") -> None:
+    def __init__(
+        self, data: Path, state: StationState = CUT, language: str = "en", size: tuple[int, int] = (80, 18)
+    ) -> None:
         self.control = FixedControl(state)
         self.page = InspectPage(ui_for(self.control, data, language, experiment()))
         self.view = View(state=state, work=experiment(), now_s=0.0)
         self.app = PageStage(self.page, self.view)
+        self._shown = self.app.run_test(size=size)
 
-    def play(
-        self, scene: Callable[[Pilot[None]], Awaitable[Result]], size: tuple[int, int] = (80, 24 - FRAME_ROWS)
-    ) -> Result:
-        async def played() -> Result:
-            async with self.app.run_test(size=size) as pilot:
-                await pilot.pause()
-                return await scene(pilot)
+    async def __aenter__(self) -> Self:
+        self.pilot = await self._shown.__aenter__()
+        await self.pilot.pause()
+        return self
 
-        return asyncio.run(played())
+    async def __aexit__(self, *raised: Any) -> None:
+        await self._shown.__aexit__(*raised)
 
-    async def do(self, pilot: Pilot[None], *actions: str) -> str:
+    async def do(self, *actions: str) -> str:
         """Do what keys do, and return the screen when the file has been read."""
         for action in actions:
             self.page.act(action)
-            await self._settled(pilot)
+            await self._settled()
         return grid(self.app)
 
-    async def _settled(self, pilot: Pilot[None]) -> None:
+    async def _settled(self) -> None:
         """Until the file is read, and what it says is painted in its place."""
         for _ in range(1000):
             self.page.show(self.view)
-            await pilot.pause()
+            await self.pilot.pause()
             choice = self.page._chooser._choice
             if choice is None or (choice.listed and (choice.file is None or choice.found is not None)):
                 break
         for _ in range(2):
             self.page.show(self.view)
-            await pilot.pause()
+            await self.pilot.pause()
 
     @property
     def next_step(self) -> str:
         return plain([self.page.next_step(self.view)])
 
 
-def test_the_newest_file_is_offered_and_enter_takes_it_for_the_part(tmp_path: Path) -> None:
+async def test_the_newest_file_is_offered_and_enter_takes_it_for_the_part(tmp_path: Path) -> None:
     gauge(tmp_path, "older.csv", age_s=60, state="free")
     newest = gauge(tmp_path, "newest.csv", state="free", direction="ccw", start_mark="jaw 1")
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> str:
-        text = await staged.do(pilot, "inspect.import")
+    async with Staged(tmp_path) as staged:
+        text = await staged.do("inspect.import")
         assert staged.next_step.startswith("Enter takes")
-        await staged.do(pilot, "inspect.next")
-        return text
-
-    text = staged.play(scene)
+        await staged.do("inspect.next")
     assert "▸ newest.csv" in text
     assert text.index("newest.csv") < text.index("older.csv")
     for words in ("For the part that was just cut", "counter-clockwise", "released (free)", "5.99 um"):
@@ -109,162 +101,108 @@ def test_the_newest_file_is_offered_and_enter_takes_it_for_the_part(tmp_path: Pa
     assert staged.control.orders == [taken]
 
 
-def test_what_the_file_does_not_state_is_answered_before_it_is_taken(tmp_path: Path) -> None:
+async def test_what_the_file_does_not_state_is_answered_before_it_is_taken(tmp_path: Path) -> None:
     gauge(tmp_path, "part.csv", direction="cw")
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> None:
-        await staged.do(pilot, "inspect.import", "inspect.next")
+    async with Staged(tmp_path) as staged:
+        await staged.do("inspect.import", "inspect.next")
         assert staged.control.orders == []
         assert [problem.code for problem in staged.page.ui.said] == ["trace.not_ready"]
         assert staged.next_step.endswith("answer with s, j.")
-        await staged.do(pilot, "inspect.direction")
+        await staged.do("inspect.direction")
         assert [problem.code for problem in staged.page.ui.said] == ["trace.stated"]
-        text = await staged.do(pilot, "inspect.state", "inspect.state")
-        assert "clamped" in text
-        await staged.do(pilot, "inspect.state", "inspect.mark", "inspect.next")
-
-    staged.play(scene)
+        assert "clamped" in await staged.do("inspect.state", "inspect.state")
+        await staged.do("inspect.state", "inspect.mark", "inspect.next")
     (order,) = staged.control.orders
     assert isinstance(order, TakeTrace)
     assert order.answers == {"state": "free", "start_mark": "jaw 1"}
 
 
-def test_answers_are_for_one_file(tmp_path: Path) -> None:
+async def test_answers_are_for_one_file_and_a_typed_path_is_offered_first(tmp_path: Path) -> None:
     gauge(tmp_path, "one.csv")
     gauge(tmp_path, "two.csv", age_s=60)
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> str:
-        return await staged.do(pilot, "inspect.import", "inspect.state", "inspect.down")
-
-    text = staged.play(scene)
-    assert "▸ two.csv" in text
-    assert "not stated: press s" in text
-
-
-def test_a_typed_path_is_offered_first(tmp_path: Path) -> None:
-    gauge(tmp_path, "one.csv")
     elsewhere = gauge(tmp_path / "usb", "stick.csv", state="free", start_mark="unknown")
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> str:
-        await staged.do(pilot, "inspect.import", "inspect.path")
+    async with Staged(tmp_path) as staged:
+        text = await staged.do("inspect.import", "inspect.state", "inspect.down")
+        assert "▸ two.csv" in text and "not stated: press s" in text
+        await staged.do("inspect.path")
         staged.page.query_one("#trace-path", Input).value = str(elsewhere)
-        return await staged.do(pilot, "inspect.next")
-
-    text = staged.play(scene)
-    assert "▸ stick.csv" in text
-    assert "unknown: no learning" in text
+        text = await staged.do("inspect.next")
+        assert "▸ stick.csv" in text and "unknown: no learning" in text
 
 
 @pytest.mark.parametrize("state", [replace(CUT, activity=Activity.RETRACTING), replace(CUT, cut_done=False)])
-def test_in_motion_and_without_a_part_nothing_is_taken(state: StationState, tmp_path: Path) -> None:
+async def test_in_motion_and_without_a_part_nothing_is_taken(state: StationState, tmp_path: Path) -> None:
     gauge(tmp_path, "part.csv", state="free", start_mark="unknown")
-    staged = Staged(tmp_path, state)
-
-    async def scene(pilot: Pilot[None]) -> None:
-        await staged.do(pilot, "inspect.import", "inspect.next")
-
-    staged.play(scene)
+    async with Staged(tmp_path, state) as staged:
+        await staged.do("inspect.import", "inspect.next")
     assert staged.control.orders == []
 
 
-def test_the_page_is_as_before_when_the_list_is_closed(tmp_path: Path) -> None:
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> tuple[str, str, str]:
+async def test_the_page_is_as_before_when_the_list_is_closed(tmp_path: Path) -> None:
+    async with Staged(tmp_path) as staged:
         before = grid(staged.app)
-        during = await staged.do(pilot, "inspect.import")
-        return before, during, await staged.do(pilot, "inspect.import")
-
-    before, during, after = staged.play(scene)
-    assert "No trace file yet" in during
-    assert "No measurement yet" not in during
-    assert after == before
+        during = await staged.do("inspect.import")
+        assert "No trace file yet" in during and "No measurement yet" not in during
+        assert await staged.do("inspect.import") == before
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
 @pytest.mark.parametrize("size", SIZES)
-def test_no_row_is_wider_than_the_terminal(language: str, size: tuple[int, int], tmp_path: Path) -> None:
+async def test_no_row_is_wider_than_the_terminal(language: str, size: tuple[int, int], tmp_path: Path) -> None:
     long = "측정-" * 12
     gauge(tmp_path, f"{long}.csv", state="clamped", direction="cw", start_mark="jaw 1")
-    staged = Staged(tmp_path, CUT, language)
-
-    async def scene(pilot: Pilot[None]) -> str:
-        return await staged.do(pilot, "inspect.import")
-
-    text = staged.play(scene, (size[0], size[1] - FRAME_ROWS))
-    assert all(cell_len(row) <= size[0] for row in text.splitlines())
-    assert cell_len(staged.next_step) <= size[0] - 3
-    shown = plain(staged.page.in_full(staged.view, 200))
-    assert "clamped" in shown or "척킹 상태" in shown
+    async with Staged(tmp_path, CUT, language, (size[0], size[1] - FRAME_ROWS)) as staged:
+        text = await staged.do("inspect.import")
+        assert all(cell_len(row) <= size[0] for row in text.splitlines())
+        assert cell_len(staged.next_step) <= size[0] - 3
+        shown = plain(staged.page.in_full(staged.view, 200))
+        assert "clamped" in shown or "척킹 상태" in shown
 
 
-def test_a_file_that_comes_while_the_list_is_open_is_listed_and_the_selection_stays(
-    tmp_path: Path,
-) -> None:
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> tuple[str, str]:
-        await staged.do(pilot, "inspect.import")
+async def test_a_file_that_comes_while_the_list_is_open_is_listed_and_the_selection_stays(tmp_path: Path) -> None:
+    async with Staged(tmp_path) as staged:
+        await staged.do("inspect.import")
         gauge(tmp_path, "first.csv", age_s=60, state="free", start_mark="unknown")
-        first = await staged.do(pilot, "inspect.up")
+        assert "▸ first.csv" in await staged.do("inspect.up")
         gauge(tmp_path, "second.csv", state="free", start_mark="unknown")
-        return first, await staged.do(pilot, "inspect.state")
-
-    first, second = staged.play(scene)
-    assert "▸ first.csv" in first
-    assert "▸ first.csv" in second and "  second.csv" in second
+        second = await staged.do("inspect.state")
+        assert "▸ first.csv" in second and "  second.csv" in second
 
 
-def test_a_folder_that_hangs_holds_no_key_and_the_list_comes_when_it_answers(
+async def test_a_folder_that_hangs_holds_no_key_and_the_list_comes_when_it_answers(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """As a network folder whose server is gone: every look at it waits."""
     gauge(tmp_path, "part.csv", state="free", direction="ccw", start_mark="jaw 1")
-    answers = threading.Event()
-    there = os.stat
+    answers, there = threading.Event(), os.stat
 
     def waits(path: Any, **options: Any) -> os.stat_result:
         if str(path).endswith("traces"):
             answers.wait(20.0)
         return there(path, **options)
 
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> tuple[str, str, float, str]:
+    async with Staged(tmp_path) as staged:
         monkeypatch.setattr(os, "stat", waits)
         began = time.monotonic()
-        staged.page.act("inspect.import")
-        staged.page.show(staged.view)
-        staged.page.act("inspect.down")
-        staged.page.show(staged.view)
-        await pilot.pause()
-        waited, during, step = time.monotonic() - began, grid(staged.app), staged.next_step
+        for action in ("inspect.import", "inspect.down"):
+            staged.page.act(action)
+            staged.page.show(staged.view)
+        await staged.pilot.pause()
+        assert time.monotonic() - began < 5.0
+        assert "Reading the folder" in grid(staged.app) and "No trace file yet" not in grid(staged.app)
+        assert "i: close" in staged.next_step
         answers.set()
-        return during, step, waited, await staged.do(pilot, "inspect.up")
-
-    during, step, waited, after = staged.play(scene)
-    assert "Reading the folder" in during and "No trace file yet" not in during
-    assert "i: close" in step
-    assert waited < 5.0
-    assert "▸ part.csv" in after
+        assert "▸ part.csv" in await staged.do("inspect.up")
 
 
-def test_the_key_row_has_the_keys_of_the_open_list(tmp_path: Path) -> None:
+async def test_the_key_row_has_the_keys_of_the_open_list(tmp_path: Path) -> None:
     gauge(tmp_path, "part.csv", direction="cw")
-    staged = Staged(tmp_path)
-
-    async def scene(pilot: Pilot[None]) -> list[set[str]]:
+    async with Staged(tmp_path) as staged:
         rows = [{each.shown for each in staged.page.keys}]
-        for action in ("inspect.import", "inspect.state", "inspect.mark", "inspect.path", "inspect.next"):
-            await staged.do(pilot, action)
+        for action in ("import", "state", "mark", "path", "next", "import"):
+            await staged.do(f"inspect.{action}")
             rows.append({each.shown for each in staged.page.keys})
-        await staged.do(pilot, "inspect.import")
-        return [*rows, {each.shown for each in staged.page.keys}]
-
-    before, opened, _, answered, typing, listed, closed = staged.play(scene)
+    before, opened, _, answered, typing, listed, closed = rows
     assert before == closed
     assert "i" in before
     assert "m" not in before  # there is no gauge

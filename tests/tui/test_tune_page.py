@@ -9,14 +9,7 @@ import pytest
 
 from console.session.data.health import store as store_test
 from console.session.data.identified import store
-from console.session.station.commands import (
-    ApplyGains,
-    CheckHealth,
-    Command,
-    IdentifyTool,
-    ReadLoop,
-    RevertGains,
-)
+from console.session.station.commands import ApplyGains, CheckHealth, Command, IdentifyTool, ReadLoop, RevertGains
 from console.session.station.state import Activity, StationState
 from console.session.tuning.standing import StandingTrial, stands_problem
 from console.tui.further.loop_lines import loop_facts
@@ -29,7 +22,7 @@ from drivers.lathe.snapshot import AxisState, Snapshot
 from drivers.lathe.standing import Standing
 from tests.tui import align_stage, run_stage, tune_stage
 from tests.tui.machine_states import ON, REST, aligned
-from tests.tui.page_stage import PageScene, play_on
+from tests.tui.page_stage import PageScene, on_page
 from tests.tui.stage import LANGUAGES, lathe
 
 AT_REST = Snapshot(
@@ -67,8 +60,8 @@ def with_values(**changed: float) -> ToolLoop:
     return replace(loop, values=tuple((number, numbers.get(number, value)) for number, value in loop.values))
 
 
-def test_the_margins_are_those_of_the_gains_that_were_read_not_of_the_profile(tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_the_margins_are_those_of_the_gains_that_were_read_not_of_the_profile(tmp_path: Path) -> None:
+    async with on_page(TuneScene, tmp_path, state=STATE, size=(80, 24)) as stage:
         await stage.show()
         # By python-control: tests/profiles/test_margins.py. Four times the gain leaves a fourth of the margin.
         assert "gain margin 5.58 (+14.9 dB) @ 281 Hz" in stage.words
@@ -80,19 +73,21 @@ def test_the_margins_are_those_of_the_gains_that_were_read_not_of_the_profile(tm
         await stage.act("tune.read")
         assert "UNSTABLE" in stage.words and "gain margin" not in stage.words
 
-    play_on(TuneScene, scene, tmp_path, state=STATE, size=(80, 24))
 
-
-def test_a_setting_that_the_model_does_not_have_is_told(tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_a_setting_that_the_model_does_not_have_and_a_loop_that_was_not_read_are_told(
+    tmp_path: Path,
+) -> None:
+    strange = replace(STATE, tool_loop=with_values(n36=-1.2, n68=40.0))
+    async with on_page(TuneScene, tmp_path, state=strange, size=(80, 24)) as stage:
         await stage.show()
         assert "I168 not 0" in stage.words
         assert "I136 -1.2 (0)" in stage.words, "a filter that the profile does not state differs from it"
+        stage.control.state = replace(STATE, tool_loop=None)
+        await stage.act("tune.read")
+        assert "was not read" in stage.words and "Ki 32.2" in stage.words, "the gains are those of the profile"
 
-    play_on(TuneScene, scene, tmp_path, state=replace(STATE, tool_loop=with_values(n36=-1.2, n68=40.0)))
 
-
-def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would_disarm_a_cut(
+async def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would_disarm_a_cut(
     tmp_path: Path,
 ) -> None:
     asked: dict[str, tuple[list[Command], list[str]]] = {}
@@ -104,8 +99,7 @@ def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would
         "lost": replace(STATE, activity=Activity.LOST),
         "connecting": StationState(),
     }
-
-    async def scene(stage: TuneScene) -> None:
+    async with on_page(TuneScene, tmp_path, state=STATE) as stage:
         for name, state in states.items():
             stage.page.leave()
             stage.control.state, stage.control.orders, stage.ui.said = state, [], ()
@@ -116,8 +110,6 @@ def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would
             asked[name] = (by_itself, stage.codes)
             assert (by_itself == []) is bool(stage.codes), name
             assert stage.control.orders == by_itself
-
-    play_on(TuneScene, scene, tmp_path, state=STATE)
     assert {name: bool(orders) for name, (orders, _) in asked.items()} == {
         "ready": True,
         "armed": False,
@@ -129,50 +121,38 @@ def test_the_controller_is_asked_when_the_page_is_shown_but_not_where_that_would
     assert asked["armed"][1] == ["screen.tune_armed"] and asked["ready"][0] == [ReadLoop()]
 
 
-def test_a_response_of_another_loop_says_why_and_a_broken_file_is_told(tmp_path: Path) -> None:
+async def test_a_response_of_another_loop_says_why_and_a_broken_file_is_told(tmp_path: Path) -> None:
     tune_stage.fill(tmp_path)
     folder = tmp_path / "identified" / "lee-2001-lathe"
     (folder / "pvt-20260102T000000000Z.json").write_text("{", encoding="utf-8")
-
-    async def scene(stage: TuneScene) -> None:
+    async with on_page(TuneScene, tmp_path, state=STATE, size=(160, 42)) as stage:
         await stage.show()
         assert stage.words.index("cannot be read") < stage.words.index("of this loop")
         assert stage.words.index("of this loop") < stage.words.index("another loop: I130")
         await stage.act("tune.down", "tune.down", "tune.down")
         assert "I130" in stage.words and "600" in stage.words, "the reason in full"
 
-    play_on(TuneScene, scene, tmp_path, state=STATE, size=(160, 42))
-
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by_a_key(
+async def test_plots_and_texts_are_beside_each_other_where_there_is_room_else_by_a_key(
     language: str, tmp_path: Path
 ) -> None:
     tune_stage.fill(tmp_path)
     words = {"en": ("Gain, command", "phase margin"), "ko": ("이득, 지령", "위상 여유")}[language]
-
-    async def scene(stage: TuneScene) -> None:
-        seen = []
-        for _ in range(4):
-            await stage.show()
-            await stage.show()
-            seen.append(tuple(word in stage.text for word in words))
-            await stage.act("tune.view")
-        wide = stage.app.size.width >= 130
-        texts = [(False, False), (False, True)]  # tests, and proposed gains with their margins
-        assert seen == ([(True, True), *texts, (True, True)] if wide else [(False, True), (True, False), *texts])
-
     for size in ((80, 18), (160, 42)):
-        play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
-
-
-def test_without_a_reading_the_gains_are_those_of_the_profile_and_the_page_says_so(tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
-        await stage.show()
-        assert "was not read" in stage.words and "Ki 32.2" in stage.words
-
-    play_on(TuneScene, scene, tmp_path, state=replace(STATE, tool_loop=None), size=(80, 24))
+        async with on_page(TuneScene, tmp_path, state=STATE, size=size, language=language) as stage:
+            seen = []
+            for _ in range(4):
+                await stage.show()
+                await stage.show()
+                seen.append(tuple(word in stage.text for word in words))
+                await stage.act("tune.view")
+            wide = stage.app.size.width >= 130
+            texts = [(False, False), (False, True)]  # tests, and proposed gains with their margins
+            assert seen == (
+                [(True, True), *texts, (True, True)] if wide else [(False, True), (True, False), *texts]
+            )
 
 
 def test_table_5_is_shown_beside_the_machine_of_the_paper_alone(tmp_path: Path) -> None:
@@ -193,8 +173,10 @@ SET_UP = replace(STATE, snapshot=replace(AT_REST, tool=HOMED, spindle=HOMED, car
 
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_a_test_is_armed_with_what_it_moves_and_started_by_a_key_of_its_own(language: str, tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_a_test_is_armed_with_what_it_moves_and_started_by_a_key_of_its_own(
+    language: str, tmp_path: Path
+) -> None:
+    async with on_page(TuneScene, tmp_path, state=SET_UP, language=language, size=(80, 18)) as stage:
         await stage.act("tune.arm")
         assert stage.control.orders in ([], [ReadLoop()]) and "25 um" in stage.words and "F6" in stage.words
         await stage.act("tune.start")
@@ -205,11 +187,9 @@ def test_a_test_is_armed_with_what_it_moves_and_started_by_a_key_of_its_own(lang
         await stage.act("tune.kind", "tune.kind", "tune.arm", "tune.start")
         assert stage.control.orders == [IdentifyTool(path=Strategy.CAM)]
 
-    play_on(TuneScene, scene, tmp_path, state=SET_UP, language=language, size=(80, 18))
 
-
-def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed(tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed(tmp_path: Path) -> None:
+    async with on_page(TuneScene, tmp_path, state=SET_UP) as stage:
         await stage.show()
         changes: dict[str, tuple[StationState, float, tuple[str, ...]]] = {
             "in time": (SET_UP, 119.0, ()),
@@ -238,58 +218,43 @@ def test_what_was_armed_is_not_started_late_nor_after_anything_has_changed(tmp_p
         started["left the page"] = bool(stage.control.orders)
         assert started == {name: name == "in time" for name in started}
 
-    play_on(TuneScene, scene, tmp_path, state=SET_UP)
+
+async def test_a_test_is_refused_with_its_reason_and_the_next_step_is_what_it_still_lacks(tmp_path: Path) -> None:
+    states = {
+        "alignment.drives_off": (STATE, "A test needs drives enabled and axes homed"),
+        "": (SET_UP, "F5 arms"),
+        "machine.tool_in_part": (
+            replace(SET_UP, alignment=aligned(76.1), snapshot=align_stage.IN_PART),
+            "jog it away",
+        ),
+        "screen.tune_cut_armed": (replace(SET_UP, armed=run_stage.armed()), "F5 says why"),
+        "screen.observes": (replace(SET_UP, standing=Standing.OUSTED, holder=7), ""),
+        "screen.in_motion": (replace(SET_UP, activity=Activity.CUTTING), ""),
+    }
+    async with on_page(TuneScene, tmp_path, state=SET_UP) as stage:
+        await stage.act("tune.kind")
+        for code, (state, words) in states.items():
+            stage.page.leave()
+            stage.control.state, stage.control.orders, stage.ui.said = state, [], ()
+            await stage.show()
+            assert words in stage.next_step, code
+            await stage.act("tune.arm")
+            if code != "machine.tool_in_part":  # whose reason is that of its next step
+                assert stage.codes == ([code] if code else []), code
+            assert not [order for order in stage.control.orders if order != ReadLoop()]
 
 
-@pytest.mark.parametrize(
-    ("state", "code"),
-    [
-        (STATE, "alignment.drives_off"),
-        (replace(SET_UP, armed=run_stage.armed()), "screen.tune_cut_armed"),
-        (replace(SET_UP, standing=Standing.OUSTED, holder=7), "screen.observes"),
-        (replace(SET_UP, activity=Activity.CUTTING), "screen.in_motion"),
-    ],
-    ids=["drives off", "cut armed", "observing", "cutting"],
-)
-def test_a_test_is_refused_with_its_reason(state: StationState, code: str, tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
-        await stage.act("tune.arm")
-        assert stage.codes == [code] and not [o for o in stage.control.orders if o != ReadLoop()]
-
-    play_on(TuneScene, scene, tmp_path, state=state)
-
-
-def test_before_the_first_test_the_page_says_what_one_does_and_in_which_unit(tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_before_the_first_test_the_page_says_what_one_does_and_in_which_unit(tmp_path: Path) -> None:
+    async with on_page(TuneScene, tmp_path, state=SET_UP, size=(80, 18)) as stage:
         await stage.act("tune.view")
         await stage.act("tune.view")
         assert "Step, um over ms" in stage.text and "a sine of 40 Hz" in stage.words
         await stage.act("tune.kind")
         assert "it swings by" in stage.words
 
-    play_on(TuneScene, scene, tmp_path, state=SET_UP, size=(80, 18))
-
-
-@pytest.mark.parametrize(
-    ("state", "words"),
-    [
-        (STATE, "A test needs drives enabled and axes homed"),
-        (SET_UP, "F5 arms"),
-        (replace(SET_UP, alignment=aligned(76.1), snapshot=align_stage.IN_PART), "jog it away"),
-        (replace(SET_UP, armed=run_stage.armed()), "F5 says why"),
-    ],
-    ids=["drives off", "ready", "at the part", "cut armed"],
-)
-def test_the_next_step_is_what_a_test_still_lacks(state: StationState, words: str, tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
-        await stage.act("tune.kind")
-        assert words in stage.next_step
-
-    play_on(TuneScene, scene, tmp_path, state=state)
-
 
 @pytest.mark.parametrize("size", [(80, 18), (160, 42)])
-def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
+async def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
     size: tuple[int, int], tmp_path: Path
 ) -> None:
     tune_stage.fill_tests(tmp_path)
@@ -298,7 +263,7 @@ def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
         row = next(row for row in stage.text.splitlines() if "rise time" in row)
         return row.strip("│").split("│")[0].split()[-3:]
 
-    async def scene(stage: TuneScene) -> None:
+    async with on_page(TuneScene, tmp_path, state=STATE, size=size) as stage:
         await stage.show()
         while "rise time" not in stage.text:
             await stage.act("tune.view")
@@ -308,17 +273,14 @@ def test_the_trend_has_the_newest_first_and_one_beside_model_and_last(
         await stage.act("tune.down")
         assert rise(stage) == ["–", "4.91", "–"]
 
-    play_on(TuneScene, scene, tmp_path, state=STATE, size=size)
-
 
 @pytest.mark.first(1)
 @pytest.mark.parametrize(("language", "size"), [("en", (80, 18)), ("ko", (80, 18)), ("en", (160, 42))])
-def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
+async def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
     language: str, size: tuple[int, int], tmp_path: Path
 ) -> None:
     tune_stage.fill_measured(tmp_path)
-
-    async def scene(stage: TuneScene) -> None:
+    async with on_page(TuneScene, tmp_path, state=STATE, size=size, language=language) as stage:
         await stage.show()
         stage.control.orders = []
         while "I130" not in stage.text or "tool.gain_kp" not in stage.text:
@@ -328,32 +290,29 @@ def test_gains_are_proposed_for_the_measured_plant_in_full_and_not_written(
         assert "2026-01-01 10:06" in shown and "528" in shown and "console controller apply" in shown
         assert "tune_page." not in shown + stage.next_step and stage.control.orders == []
 
-    play_on(TuneScene, scene, tmp_path, state=STATE, size=size, language=language)
 
-
-def test_what_was_seen_of_another_firmware_makes_no_proposal_that_apply_would_refuse(tmp_path: Path) -> None:
+async def test_what_was_seen_of_another_firmware_makes_no_proposal_that_apply_would_refuse(tmp_path: Path) -> None:
     """How a filter is read was seen of version 1.17: another gets one that is safe however it is read."""
     store(tmp_path, tune_stage.identified(tune_stage.swept(tune_stage.bending(), 0.0002)))
     store_test(tmp_path, tune_stage.filter_test())
-
-    async def scene(stage: TuneScene) -> None:
+    async with on_page(
+        TuneScene, tmp_path, state=replace(STATE, firmware=("1.18", "PMAC")), size=(80, 24)
+    ) as stage:
         await stage.act("tune.view", "tune.view", "tune.view")
         await stage.show()
         said = " ".join(plain(stage.page.in_full(stage.view, 200)).split())
         assert "I136" in said and "a first notch filter" in said
 
-    play_on(TuneScene, scene, tmp_path, state=replace(STATE, firmware=("1.18", "PMAC")), size=(80, 24))
 
-
-def test_without_a_response_of_the_axis_none_are_proposed_and_what_to_measure_is_said(tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_without_a_response_of_the_axis_none_are_proposed_and_what_to_measure_is_said(
+    tmp_path: Path,
+) -> None:
+    async with on_page(TuneScene, tmp_path, state=STATE, size=(80, 24)) as stage:
         await stage.act("tune.view", "tune.view", "tune.view")
         said = " ".join(plain(stage.page.in_full(stage.view, 200)).split())
         assert "nobody knows what bends" in said and "console identify --frequencies 25,30" in said
         await stage.act("tune.apply")
         assert stage.codes == ["screen.tune_no_proposal"]
-
-    play_on(TuneScene, scene, tmp_path, state=STATE, size=(80, 24))
 
 
 OLD = (("I130", 528.0), ("I131", 4905.0), ("I132", 4905.0), ("I133", 811.0))
@@ -373,10 +332,10 @@ def on_trial(found: tuple[tuple[str, float], ...] = NEW) -> StandingTrial:
     )
 
 
-def test_proposed_gains_are_written_with_the_second_press_of_a(tmp_path: Path) -> None:
+async def test_proposed_gains_are_written_with_the_second_press_of_a(tmp_path: Path) -> None:
     tune_stage.fill_measured(tmp_path)
+    async with on_page(TuneScene, tmp_path, state=STATE, size=(80, 24)) as stage:
 
-    async def scene(stage: TuneScene) -> None:
         def written() -> list[ApplyGains]:
             return [order for order in stage.control.orders if isinstance(order, ApplyGains)]
 
@@ -398,12 +357,14 @@ def test_proposed_gains_are_written_with_the_second_press_of_a(tmp_path: Path) -
         filtered = ["I136", "I137", "I138", "I139"]
         assert [name for name, _ in order.settings] == [name for name, _ in OLD] + filtered
 
-    play_on(TuneScene, scene, tmp_path, state=STATE, size=(80, 24))
-
 
 @pytest.mark.parametrize("language", LANGUAGES)
-def test_gains_on_trial_are_shown_with_those_before_and_taken_back_with_b(language: str, tmp_path: Path) -> None:
-    async def scene(stage: TuneScene) -> None:
+async def test_gains_on_trial_are_shown_with_those_before_and_taken_back_with_b(
+    language: str, tmp_path: Path
+) -> None:
+    async with on_page(
+        TuneScene, tmp_path, language=language, state=replace(STATE, trial=on_trial()), size=(80, 24)
+    ) as stage:
         await stage.show()
         assert "I130 700" in stage.words, "on the first view, too"
         await stage.act("tune.revert")
@@ -413,22 +374,11 @@ def test_gains_on_trial_are_shown_with_those_before_and_taken_back_with_b(langua
         await stage.act("tune.revert")
         assert stage.control.orders[-1] == RevertGains()
 
-    play_on(TuneScene, scene, tmp_path, language=language, state=replace(STATE, trial=on_trial()), size=(80, 24))
 
-
-def test_what_stands_after_a_broken_writing_is_told_value_by_value(tmp_path: Path) -> None:
+async def test_what_stands_after_a_broken_writing_is_told_and_nothing_is_written_where_that_is_not_safe(
+    tmp_path: Path,
+) -> None:
     found = (("I130", 700.0), ("I131", 4905.0), ("I132", 17.0), ("I133", 811.0))
-
-    async def scene(stage: TuneScene) -> None:
-        await stage.act("tune.revert")
-        assert "did NOT come to its end" in stage.words
-        assert "as proposed I130 700; as before I131 4905, I133 811; neither I132 17" in stage.words
-        assert "I132 4905 4200 17" in stage.words
-
-    play_on(TuneScene, scene, tmp_path, state=replace(STATE, trial=on_trial(found)), size=(80, 24))
-
-
-def test_gains_are_not_written_where_that_is_not_safe(tmp_path: Path) -> None:
     on = replace(AT_REST, tool=replace(AT_REST.tool, flags=ON))
     states = {
         "screen.tune_drives_on": replace(STATE, snapshot=on, trial=on_trial()),
@@ -437,12 +387,14 @@ def test_gains_are_not_written_where_that_is_not_safe(tmp_path: Path) -> None:
         "screen.tune_unread": replace(STATE, tool_loop=None),
         "trial.none": STATE,
     }
-
-    async def scene(stage: TuneScene) -> None:
+    async with on_page(TuneScene, tmp_path, state=replace(STATE, trial=on_trial(found)), size=(80, 24)) as stage:
+        await stage.act("tune.revert")
+        assert "did NOT come to its end" in stage.words
+        assert "as proposed I130 700; as before I131 4905, I133 811; neither I132 17" in stage.words
+        assert "I132 4905 4200 17" in stage.words
+        stage.page.leave()
         for code, state in states.items():
             stage.control.state, stage.ui.said = state, ()
             await stage.act("tune.revert" if code in ("trial.none", "screen.tune_drives_on") else "tune.apply")
             assert stage.codes == [code]
             assert not {ApplyGains, RevertGains} & {type(order) for order in stage.control.orders}
-
-    play_on(TuneScene, scene, tmp_path, state=STATE)

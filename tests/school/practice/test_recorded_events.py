@@ -10,20 +10,30 @@ import pytest
 
 from console.flight.recording import Recording
 from console.school.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
-from console.school.practice.moment_before import likeness
 from console.school.practice.practice import Practice, practice_of
-from console.school.training.lesson import lesson_of
+from console.school.practice.recorded_event import likeness
+from console.school.practising import machine_recorded, work_recorded
+from console.school.training.event import Event
+from console.school.training.lesson import lesson_of, load_lesson
 from console.school.words.practice import lesson_words, practice_lines
+from console.session.errors import SessionError
+from console.session.station.begins import Begins
+from console.session.station.commands import Home, Measure, Start
+from console.session.station.handlers import begin_as
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity
 from console.session.work import Work, opened
 from console.text.catalogue import LANGUAGES, load
-from drivers.simulator.faults.board import check_line
+from drivers.cutting.planning import Strategy
+from drivers.placed import Placed, placed_of, placed_text
+from drivers.simulator.faults.fault_line import check_line
 from profiles.files import parse_toml
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
-from profiles.store import LoadedJob
+from profiles.store import LoadedJob, load_machine, save_job
 from tests.console.flight.bench import FlightBench
+from tests.console.floor import Floor, open_floor
+from tests.school.test_debrief import JOB, Pupil
 from tests.tui import run_stage
 from tests.tui.machine_states import ON
 from tests.tui.scenes import ALIGNED
@@ -231,3 +241,118 @@ def test_what_was_set_up_between_the_beginning_and_the_event_is_a_step(tmp_path:
     assert lesson.events[0].wait_s == pytest.approx(6.0, abs=0.2)
     with pytest.raises(ProfileError, match="begins 14"):
         practice_of(recording, 15.0)
+
+
+# Machine and job are those of the recording: the saved ones where they are the same, else made from it.
+
+
+def test_a_saved_machine_is_used_as_long_as_it_is_the_same(tmp_path: Path) -> None:
+    recording = fails_in_a_cut(tmp_path / "data")
+    assert machine_recorded(recording, tmp_path).path == lathe().path
+
+
+@pytest.mark.parametrize("change", [{"machine_sha256": "0" * 64}, {"machine_path": Path("/nowhere/lathe.toml")}])
+def test_another_machine_of_the_name_is_not_taken_for_it(change: dict[str, object], tmp_path: Path) -> None:
+    recording = fails_in_a_cut(tmp_path / "data")
+    tool = replace(recording.header.machine.tool, moving_mass_kg=3.21)
+    header = replace(recording.header, machine=replace(recording.header.machine, tool=tool), **change)  # type: ignore[arg-type]
+    loaded = machine_recorded(replace(recording, header=header), tmp_path)
+    assert loaded.machine == header.machine
+    # The simulator reads the file of the profile: it has to say the same.
+    assert load_machine(str(loaded.path)).machine == header.machine
+
+
+def test_a_job_that_is_not_saved_is_opened_from_the_recording_and_one_that_is_from_its_file(
+    tmp_path: Path,
+) -> None:
+    data = tmp_path / "data"
+    recorded = fails_in_a_cut(data).moments[-1].work
+    assert recorded is not None
+    edited = replace(recorded, job=replace(recorded.job, depth_of_cut_mm=0.07), strategy="cam", stage="partial")
+    work, saved = work_recorded(edited, lathe(), data, tmp_path)
+    assert not saved and work.loaded.job == OWN
+    assert (work.job.depth_of_cut_mm, work.strategy, work.stage, work.edited) == (0.07, "cam", "partial", True)
+    (data / "jobs").mkdir()
+    save_job(OWN, data / "jobs" / "other-name.toml")
+    again = replace(recorded, sha256=work.loaded.sha256)
+    work, saved = work_recorded(again, lathe(), data, tmp_path)
+    assert saved and work.loaded.path.name == "other-name.toml" and not work.edited
+
+
+# A simulated lathe that is taken up where somebody left it: it stands there, aligned, and is cut on at once.
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory: pytest.TempPathFactory) -> Floor:
+    """A lathe that somebody has set up."""
+    floor = open_floor(tmp_path_factory.mktemp("left"), seed=4)
+    floor.set_up(JOB)
+    return floor
+
+
+def taken(left: Floor, data: Path, seed: int) -> Floor:
+    """Another lathe, placed as that one stands, with what was known of it."""
+    state, machine = left.idle(), left.context.machine
+    assert state.snapshot is not None and state.alignment.jaw is not None
+    snapshot = state.snapshot
+    axes = (
+        snapshot.tool.position / machine.tool.counts_per_mm - 1.0,  # 1 mm off the part
+        snapshot.carriage.position / machine.carriage.counts_per_mm,
+        snapshot.spindle.position / machine.spindle.counts_per_rev,
+    )
+    jaw_1_deg, tip_mm = state.alignment.jaw.angle_deg, machine.tool.home_radius_mm
+    placed = Placed(axes=axes, jaw_1_deg=jaw_1_deg, tip_radius_mm=tip_mm, job=JOB)
+    sent = placed_of(placed_text(placed))
+    assert sent == placed
+    return open_floor(data, seed, placed=sent, begins=Begins(alignment=state.alignment, drives_on=True))
+
+
+@pytest.mark.parametrize("seed", [4, 9])
+def test_it_stands_where_it_was_left_with_what_was_known(seed: int, left: Floor, tmp_path: Path) -> None:
+    floor = taken(left, tmp_path, seed)
+    state, before = floor.idle(), left.state
+    assert state.activity is Activity.READY and not state.alarms and not state.refusals
+    assert state.alignment == replace(before.alignment, settings=())
+    assert state.seen is not None and before.seen is not None
+    assert state.seen.jaw_1_past_mark_deg == pytest.approx(before.seen.jaw_1_past_mark_deg, abs=0.05)
+    assert state.seen.tool_gap_mm == pytest.approx(1.0 + (before.seen.tool_gap_mm or 0.0), abs=0.002)
+    assert state.seen.collisions == ()
+
+
+def test_a_part_is_cut_on_it_and_homing_again_finds_the_same_zeros(left: Floor, tmp_path: Path) -> None:
+    floor = taken(left, tmp_path, 9)
+    assert floor.arm(JOB, Strategy.PVT).armed is not None, floor.state.refusals
+    floor.idle()
+    floor.do(Start())
+    measured = floor.do(Measure()).measured
+    assert measured is not None and measured.result.ront_um < JOB.roundness_tolerance_um
+    again = taken(left, tmp_path / "again", 9)
+    again.do(Home())
+    state = again.idle()
+    assert state.snapshot is not None and left.state.alignment.jaw is not None
+    # A zero that had been moved would show at once in what is seen of the chuck against what is reported.
+    at = state.snapshot.spindle.position / again.context.machine.spindle.counts_per_rev * 360.0
+    jaw_1_deg = left.state.alignment.jaw.angle_deg
+    assert state.seen is not None
+    off = (at - jaw_1_deg - state.seen.jaw_1_past_mark_deg + 180.0) % 360.0 - 180.0
+    assert off == pytest.approx(0.0, abs=0.05)
+
+
+def test_the_recorded_fault_comes_in_its_cut(left: Floor, tmp_path: Path) -> None:
+    floor = taken(left, tmp_path, 9)
+    event = Event(after="in_cut", wait_s=0.5, fault="following-error-trip motor=spindle")
+    lesson = replace(load_lesson("drive-fails", tmp_path), steps=("in_cut", "stopped_in_cut"), events=(event,))
+    pupil = Pupil(floor, lesson)
+    floor.arm(replace(JOB, cut_length_mm=6.0), Strategy.PVT)
+    floor.idle()
+    floor.do(Start())
+    assert [step for step, _ in pupil.tried.reached] == ["in_cut", "stopped_in_cut"]
+    assert "machine.fault" in [alarm.problem.code for alarm in floor.state.alarms]
+
+
+def test_a_machine_that_is_not_simulated_is_not_taken_up(left: Floor, tmp_path: Path) -> None:
+    floor = open_floor(tmp_path)
+    floor.context.shop = None
+    with pytest.raises(SessionError):
+        begin_as(floor.context, Begins(alignment=left.state.alignment, drives_on=True))
+    assert floor.state.alignment.jaw is None and not floor.state.alignment.drives_on

@@ -5,24 +5,109 @@ from __future__ import annotations
 import json
 import shutil
 import signal
+import socket
 import subprocess
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+import threading
+import time
+import tracemalloc
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from queue import Empty, SimpleQueue
 from typing import Any
 
 import pytest
+from paho.mqtt.client import Client
+from paho.mqtt.enums import CallbackAPIVersion
 
 from console.session.feed.observed import Observed
 from console.session.feed.server import FeedServer
 from console.session.station.state import Activity, StationState
+from console.site.exchange import publisher
+from console.site.exchange.broker import Broker
 from console.site.exchange.mtconnect import ITEMS, device_name, topic_of
+from console.site.exchange.publisher import CLOSED, NO_ANSWER, Publisher
 from profiles.store import load_machine
 from tests.preloaded import Preloaded, completed
-from tests.system.mosquitto import Subscriber, broker, free_port, needs_mosquitto
 
 pytestmark = [pytest.mark.system, pytest.mark.timeout(120)]
+
+
+PROGRAM = shutil.which("mosquitto") or shutil.which("/usr/sbin/mosquitto")
+TIMEOUT_S = 30.0
+
+needs_mosquitto = pytest.mark.skipif(
+    PROGRAM is None, reason="Mosquitto is not installed (Debian and Ubuntu: apt-get install mosquitto)"
+)
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as found:
+        port: int = found.getsockname()[1]
+        return port
+
+
+@contextmanager
+def broker(folder: Path, port: int, *settings: str) -> Iterator[subprocess.Popen[bytes]]:
+    """Run a broker at a port of this computer until the end."""
+    assert PROGRAM is not None
+    configuration = folder / f"mosquitto-{port}.conf"
+    lines = [
+        f"listener {port} 127.0.0.1",
+        "user root",
+        "persistence false",
+        *(settings or ["allow_anonymous true"]),
+    ]
+    configuration.write_text("\n".join(lines) + "\n")
+    with subprocess.Popen([PROGRAM, "-c", str(configuration)], stderr=subprocess.DEVNULL) as process:
+        try:
+            _wait_for(port)
+            yield process
+        finally:
+            process.kill()
+
+
+def _wait_for(port: int) -> None:
+    until_s = time.monotonic() + TIMEOUT_S
+    while time.monotonic() < until_s:
+        with suppress(OSError), socket.create_connection(("127.0.0.1", port), 1.0):
+            return
+        time.sleep(0.02)
+    raise TimeoutError("the broker does not listen")
+
+
+class Subscriber:
+    """Reads everything below `trilobe/` from a broker; `kept` has the newest payload of each topic."""
+
+    def __init__(self, port: int, prepare: Callable[[Client], object] = lambda client: None) -> None:
+        self.kept: dict[str, bytes] = {}
+        self.retained: set[str] = set()
+        self._came: SimpleQueue[tuple[str, bytes, bool]] = SimpleQueue()
+        self._client = Client(CallbackAPIVersion.VERSION2)
+        prepare(self._client)
+        self._client.on_message = lambda _, __, got: self._came.put((got.topic, bytes(got.payload), got.retain))
+        self._client.on_connect = lambda client, *_: client.subscribe("trilobe/#", 1)
+        self._client.connect("127.0.0.1", port)
+        self._client.loop_start()
+
+    def until(self, topic: str, payload: bytes | Callable[[bytes], bool]) -> None:
+        """Read until a topic has this payload, or one of this kind."""
+        fits = payload if callable(payload) else payload.__eq__
+        until_s = time.monotonic() + TIMEOUT_S
+        while topic not in self.kept or not fits(self.kept[topic]):
+            try:
+                name, came, retained = self._came.get(timeout=max(0.01, until_s - time.monotonic()))
+            except Empty:
+                raise AssertionError(f"{topic} is {self.kept.get(topic)!r}, not {payload!r}") from None
+            self.kept[name] = came
+            if retained:
+                self.retained.add(name)
+
+    def close(self) -> None:
+        self._client.disconnect()
+        self._client.loop_stop()
+
 
 MACHINE = load_machine("lee-2001-lathe").machine
 READY = StationState(activity=Activity.READY, machine=MACHINE.name)
@@ -229,3 +314,76 @@ def test_a_simulated_state_goes_to_topics_of_its_own() -> None:
     assert topic_of("trilobe", device_name("lathe-3", False)) == "trilobe/lathe-3/"
     assert topic_of("trilobe", device_name("lathe-3", True)) == "trilobe/lathe-3-SIM/"
     assert topic_of("trilobe", "a/b+#") == "trilobe/a%2Fb%2B%23/"
+
+
+# A broker that closes, stays silent, or announces too much before it has answered: it is told, and bounded.
+
+
+CONNACK = b"\x20\x02\0\0"  # MQTT 3.1.1, 3.2: accepted
+LARGEST = b"\x30\xff\xff\xff\x7f"  # 2.2.3: a PUBLISH of 268 435 455 bytes, the largest that there is
+TOLD_S = 20.0
+
+Talk = Callable[[socket.socket], object]
+Told = SimpleQueue[tuple[bool, str]]
+
+
+@contextmanager
+def published_to(talk: Talk) -> Iterator[Told]:
+    """A publisher at a port where each connection is talked to like this; what it tells."""
+    told: Told = SimpleQueue()
+    taken: list[socket.socket] = []
+
+    def serve(listening: socket.socket) -> None:
+        with suppress(OSError):
+            while True:
+                taken.append(listening.accept()[0])
+                with suppress(OSError):
+                    talk(taken[-1])
+
+    with socket.create_server(("127.0.0.1", 0)) as listening:
+        threading.Thread(target=serve, args=(listening,), daemon=True).start()
+        broker = Broker(host="127.0.0.1", port=listening.getsockname()[1])
+        made = Publisher(broker, "trilobe/lathe/", lambda *each: told.put(each))
+        made.start()
+        try:
+            yield told
+        finally:
+            made.close()
+            for each in taken:
+                each.close()
+
+
+def close(connection: socket.socket) -> None:
+    connection.recv(100)
+    connection.close()
+
+
+def flood(connection: socket.socket) -> None:
+    connection.recv(100)
+    connection.sendall(CONNACK + LARGEST)
+    while True:
+        connection.sendall(bytes(1_000_000))
+
+
+def test_a_port_that_closes_before_it_answers_is_told() -> None:
+    with published_to(close) as told:
+        assert told.get(timeout=TOLD_S) == (False, CLOSED)
+
+
+def test_a_port_that_says_nothing_is_told_long_before_it_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(publisher, "ANSWER_S", 0.05)
+    with published_to(lambda connection: None) as told:
+        assert told.get(timeout=TOLD_S / 2.0) == (False, NO_ANSWER)
+
+
+def test_a_packet_that_is_too_large_ends_the_connection_and_is_not_kept() -> None:
+    tracemalloc.start()
+    try:
+        with published_to(flood) as told:
+            assert told.get(timeout=TOLD_S) == (True, "")
+            connected, reason = told.get(timeout=TOLD_S)
+            assert not connected and "268435455 bytes" in reason
+        _, most_bytes = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert most_bytes < 20e6

@@ -373,10 +373,7 @@ def test_the_list_of_the_shop_is_that_of_the_lathe(
     ship(two, shop.dsn(SHIPPER))
     assert len(said("list", *of_shop)["runs"]) == 14
     assert {run["lathe"] for run in said("list", *of_shop, "--lathe", "lathe-2")["runs"]} == {"lathe-2"}
-    for words, code in (
-        (("show", first), 1),
-        (("list", "--lathe", "lathe-9"), 1),
-    ):
+    for words, code in ((("show", first), 1), (("list", "--lathe", "lathe-9"), 1)):
         assert main(["records", *words, *of_shop]) == code
     assert main(["records", "list", "--lathe", "lathe-2"]) == 2
     said_of = capsys.readouterr().err

@@ -1,0 +1,198 @@
+"""Situations for the guide: the facts that its rows ask for, each with every other one that matters beside it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import cache
+from itertools import product
+from typing import Any
+
+from console.session.cut.alignment import ENDED_EARLY, Alignment
+from console.session.force_record import ForceCheck
+from console.session.guide.situation import Situation
+from console.session.learning.calibrating import PartLobe, lobe_of
+from console.session.learning.part_learning import PartLearning
+from console.session.station.progress import CutStage
+from console.session.station.state import Activity, MeasuredPart, StationState, StopState, TouchedBlank
+from console.session.work import Work
+from drivers.cutting.feed_hold import HoldReport, HoldState
+from drivers.cutting.planning import Strategy
+from drivers.lathe.standing import Standing
+from drivers.simulator.plant.collision_kind import CollisionKind
+from drivers.simulator.plant.workshop_view import WorkshopView
+from profiles.compensations.causes import Cause, CauseKind
+from profiles.problem import Problem
+from profiles.store import load_job
+from tests.tui import align_stage, run_stage, scenes
+from tests.tui.machine_states import REST
+from tests.tui.run_stage import VALID, look
+from tests.tui.stage import experiment, lathe
+from tests.tui.test_learning_keys import WRONG
+
+OFF_UNHOMED = REST | {"open_loop"}
+ON_UNHOMED = REST | {"amplifier_enabled"}
+SNAPSHOTS = (
+    None,
+    look(tool=250_000.0),  # at the surface
+    look(carriage=41_000.0),  # beside the part
+    look(tool=0.0),  # at home
+    look(run_stage.OFF, tool=250_000.0),
+    look(OFF_UNHOMED),
+    look(ON_UNHOMED),
+)
+UNCLAMPED = replace(VALID, clamping=None)
+EARLY = replace(UNCLAMPED, lost=(Problem(code=ENDED_EARLY),))
+TABLE_ON, TABLE_HOLDS = (Problem(code=f"cut.table_{kind}", key="I51", value="1") for kind in ("on", "holds"))
+ALIGNMENTS = (
+    Alignment(),
+    VALID,
+    UNCLAMPED,
+    EARLY,
+    replace(EARLY, homed=False),
+    replace(VALID, drives_on=False),
+    replace(VALID, homed=False),
+    replace(VALID, jaw=None, touch_off=None),
+    replace(VALID, jaw=None, touch_off=None, flanks=(1.0,)),
+    replace(VALID, jaw=None, touch_off=None, flanks=(1.0, 2.0, 1.0, 2.0, 1.0, 2.0)),
+    replace(VALID, touch_off=None),
+    replace(VALID, skim_counts=1.0),
+    replace(VALID, tables=(TABLE_ON,)),
+    replace(VALID, tables=(TABLE_HOLDS,), homed=False),
+)
+VIEWS = (
+    None,
+    WorkshopView(jaw_1_past_mark_deg=-12.34, tool_gap_mm=0.25),
+    WorkshopView(jaw_1_past_mark_deg=0.04, tool_gap_mm=0.0),
+    WorkshopView(jaw_1_past_mark_deg=0.04, tool_gap_mm=-0.1, collisions=(CollisionKind.STANDING_PART,)),
+)
+STOP = StopState(reason="space", killed=False, sent_s=1.0)
+HOLDS = (HoldState.GOES_OUT, HoldState.COMES_IN)
+
+
+@cache
+def works() -> tuple[Work | None, ...]:
+    """Nothing open; a job that may be cut, in air, without compensation, that does not fit, that was edited."""
+    work = experiment()
+    strange = replace(work, job=replace(work.job, spindle_speed_rpm=1e6))
+    forced = replace(work, job=replace(work.job, chucking_force_n=2.0 * work.job.chucking_force_n))
+    air = replace(work, stage="air")
+    return (
+        None,
+        work,
+        air,
+        replace(air, strategy="none"),
+        strange,
+        forced,
+        replace(work, strategy="none", stage="partial"),
+    )
+
+
+def moments() -> Iterator[dict[str, Any]]:
+    """Every activity at rest or in motion, stops, the stages of a cut, what is armed and loaded."""
+    for activity in Activity:
+        yield {"activity": activity}
+    for rest_s in (None, 2.0):
+        yield {"activity": Activity.STOPPED, "stop": replace(STOP, rest_s=rest_s), "cut": run_stage.cut()}
+    for stage, activity in product(CutStage, (Activity.CUTTING, Activity.READY)):
+        for changes in ({}, {"holding": True}, {"in_air": True}):
+            yield {"activity": activity, "cut": run_stage.cut(stage, **changes)}
+    for state in HOLDS:
+        yield {"activity": Activity.CUTTING, "cut": run_stage.cut(hold=HoldReport(state=state))}
+    yield {"armed": run_stage.armed()}
+    yield {"activity": Activity.ARMING, "loading_until_s": 101.0}
+    yield {"standing": Standing.OBSERVER}
+
+
+def parts() -> Iterator[MeasuredPart | None]:
+    """Measured parts: good and bad ones, of half and full compensation, plain ones, each with what it teaches."""
+    yield None
+    good = scenes.taught_part()
+    assert good.learning is not None and good.learning.taught is not None
+    learning, taught = good.learning, good.learning.taught
+    sure = replace(taught, step=replace(taught.step, expected_half_width_um_pp=0.0))
+    turned = replace(sure, causes=(Cause(kind=CauseKind.ANGLE, um_pp=16.8, order=3, value=5.8, sd=1.3),))
+    elsewhere = replace(taught, warnings=(Problem(code="learned.lobe_elsewhere"),))
+    nothing = [Problem(code=f"learned.{code}") for code in ("worse", "diverges", "nothing")]
+    lessons = [
+        learning,
+        *(replace(learning, taught=each) for each in (sure, turned, elsewhere)),
+        *(PartLearning(made=learning.made, problems=(each,)) for each in nothing),
+    ]
+    for lesson, stage, most_um in product(lessons, ("full", "partial"), (2.0, 10.0)):
+        made = replace(lesson.made, stage=stage)
+        job = replace(good.job, roundness_tolerance_um=most_um, diameter_tolerance_um=20.0)
+        part = replace(good, job=job, learning=replace(lesson, made=made))
+        for diameter_mm, is_taken in ((None, False), (job.finished_diameter_mm + 0.1, False)):
+            yield replace(part, diameter_mm=diameter_mm, offset_taken=is_taken)
+        yield replace(part, diameter_mm=job.finished_diameter_mm + 0.1, offset_taken=True)
+    plain = scenes.part(Strategy.NONE, scenes.BEFORE)
+    yield plain
+    yield replace(plain, lobe=found_lobe())
+
+
+@cache
+def found_lobe() -> PartLobe:
+    """The lobe of the part that was cut without compensation."""
+    plain = scenes.part(Strategy.NONE, scenes.BEFORE)
+    filed = PartLobe(loaded=load_job("lee-2001-experiment-1"), file="x", file_sha256="")
+    return lobe_of(plain.trace, plain.job, filed, phase_known=True, simulated=True)
+
+
+def works_after() -> Iterator[Work | None]:
+    """What is open after a part: nothing, a job, one that uses what was learned, one that has its lobe or not."""
+    work, learning = experiment(), scenes.taught_part().learning
+    assert learning is not None and learning.taught is not None
+    yield None
+    yield replace(work, stage="air")
+    yield replace(work, stage="air", strategy="none")
+    yield replace(work, compensation=learning.taught.step.next)
+    found = found_lobe().found
+    assert found is not None
+    fitted = replace(work.job, lobe_error_source="fitted", lobe_error_um_pp=found.fit.error_um_pp)
+    yield replace(work, job=fitted)
+    yield replace(work, job=fitted, strategy="none")
+
+
+def situation(state: StationState, work: Work | None, *, jog_enabled: bool = False) -> Situation:
+    return Situation(state=state, work=work, machine=lathe().machine, jog_enabled=jog_enabled, now_s=100.0)
+
+
+def before_the_cut() -> Iterator[Situation]:
+    """What the alignment asks for."""
+    for alignment, snapshot, seen, work, jogs in product(ALIGNMENTS, SNAPSHOTS, VIEWS, works(), (False, True)):
+        state = align_stage.state(alignment, snapshot=snapshot, seen=seen)
+        yield situation(state, work, jog_enabled=jogs)
+
+
+def around_the_cut() -> Iterator[Situation]:
+    """What a cut asks for, from its arming on."""
+    blanks: tuple[dict[str, Any], ...] = (
+        {},
+        {"cut_done": True},
+        {"cut_done": True, "simulated": False},
+        {"touched": TouchedBlank(to_mm=4.0, of_mm=8.0)},
+        {"uncommissioned": (Problem(code="stops.none"),)},
+    )
+    alignments = [each for each in ALIGNMENTS if not each.flanks and each.skim_counts is None]
+    for moment, alignment, snapshot in product(moments(), alignments, SNAPSHOTS):
+        yield situation(run_stage.state(alignment, **{"snapshot": snapshot, **moment}), experiment())
+    for moment, blank, work in product(moments(), blanks, works()):
+        yield situation(run_stage.state(VALID, **{**moment, **blank}), work)
+
+
+def after_the_cut() -> Iterator[Situation]:
+    """What a part asks for, once it is cut or measured."""
+    air = run_stage.cut(CutStage.DONE, in_air=True)
+    activities = (Activity.READY, Activity.MEASURING, Activity.CUTTING)
+    for part, work, wrong, done in product(parts(), works_after(), (False, True), (False, True)):
+        force = ForceCheck(job=part.job, found=WRONG) if wrong and part is not None else None
+        for activity, cut, simulated in product(activities, (None, air), (False, True)):
+            changes: dict[str, Any] = {"activity": activity, "cut": cut, "simulated": simulated, "cut_done": done}
+            yield situation(run_stage.state(UNCLAMPED, measured=part, force=force, **changes), work)
+
+
+def all_situations() -> Iterator[Situation]:
+    yield from before_the_cut()
+    yield from around_the_cut()
+    yield from after_the_cut()
