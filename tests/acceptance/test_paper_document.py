@@ -15,8 +15,7 @@ import pytest
 from console.cli.measured.comparison import ACCEPTANCE, Row, counted, head, reason_lines, rows, title
 from console.screens.paper_figures import figure_lines
 from console.text.catalogue import load
-from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Record, Section
+from profiles.paper.record import Record, Section, lee_2001
 from profiles.paper.reproduction import sections
 from tests.golden_text import writing
 

@@ -14,9 +14,8 @@ import pytest
 
 from console.cli.measured.comparison import ACCEPTANCE, head, rows
 from console.session.reproduction.numbers import NUMBERS
-from profiles.paper import acceptance
-from profiles.paper.experiments import Experiments, lee_2001
-from profiles.paper.record import Record, Relation, Section
+from profiles.paper import reproduction
+from profiles.paper.record import Experiments, Record, Relation, Section, lee_2001
 from tests.acceptance.test_paper_document import TEXT, compare_block, table_lines
 
 pytestmark = [pytest.mark.timeout(300), pytest.mark.long]
@@ -76,7 +75,7 @@ def paper() -> Experiments:
 
 @cache
 def by_formula() -> Section:
-    return acceptance.section(paper())
+    return reproduction.section(paper())
 
 
 BY_BOTH = 5

@@ -21,7 +21,7 @@ from drivers.lathe.ownership import OWNER_ITEM, Ownership
 from drivers.lathe.snapshot import Snapshot
 from drivers.lathe.stop import ABORT_ALL, KILL_ALL, StopPath
 from drivers.link.memory import MemoryLink
-from drivers.link.renewable import RenewableLink
+from drivers.link.passing import RenewableLink
 from drivers.pmac.client import PmacClient
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile

@@ -23,7 +23,7 @@ import console.tui as tui
 from console.__main__ import main
 from console.cli.output import EscapedOutput, print_json
 from console.escaping import encodable, escaped, escaped_line
-from console.session.typed_length import stored_length, typed_length
+from console.session.typed_number import stored_length, typed_length
 from console.text.catalogue import load, words_of
 from console.text.columns import cell_width
 from console.tui.lines import Sheet, plain

@@ -14,7 +14,7 @@ import pytest
 from console.session.cut.alignment import Alignment, clamped, handed_over, unclamped
 from console.session.learning.fingerprint import expected_of
 from console.session.station.commands import Indicate, TakeFingerprint
-from console.text.fingerprint import limit_um_pp
+from console.text.part_sentences import limit_um_pp
 from drivers.cutting.strategy import Strategy
 from profiles.chucking.holding import FORCE_SD_PERCENT
 from profiles.compensations.path import CutPath, target_path

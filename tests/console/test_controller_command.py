@@ -20,7 +20,7 @@ from drivers.commissioning.check import Group
 from drivers.commissioning.configuration import Configuration
 from drivers.commissioning.proofs.bench import names_of
 from drivers.commissioning.setting_names import Nature, keys
-from drivers.commissioning.stops import StoppingDistance
+from drivers.commissioning.verification import StoppingDistance
 from profiles.machine import SAFETY_DEVICES
 from profiles.store import load_machine
 from tests.console.commands import Console, answers, on_one, real

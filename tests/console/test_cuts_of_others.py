@@ -27,7 +27,7 @@ from profiles.problem import Problem, ProblemError
 from profiles.store import load_job
 from tests.compact import compact_machine
 from tests.console.floor import Floor, experiment_1, in_turn, known, open_floor, set_up_once
-from tests.drivers.test_disturbed_measurements import disturb
+from tests.drivers.test_identification_refused import disturb
 from tests.system.lathe_sites import compact
 
 LONG_MM = 1.0

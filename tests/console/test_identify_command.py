@@ -14,7 +14,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pytest import MonkeyPatch
 
-from console.cli.machine.identify_report import Teller
+from console.cli.machine.identify_run import Teller
 from console.session.data.health import kept_tests
 from console.session.data.identified import load, store
 from console.session.signals import Interruption
@@ -37,7 +37,7 @@ from tests.console.consoles import MACHINE as MACHINE_NAME
 from tests.console.consoles import station_of
 from tests.console.floor import known, open_floor
 from tests.drivers.identification_bench import Stand, stand
-from tests.drivers.test_disturbed_measurements import disturb
+from tests.drivers.test_identification_refused import disturb
 from tests.signed_profile import signed_copy
 
 ORIGIN = Origin(
@@ -307,7 +307,7 @@ def test_a_reader_that_is_gone_stops_it(console: Console, monkeypatch: MonkeyPat
     def broken(*_: object, **__: object) -> None:
         raise BrokenPipeError
 
-    monkeypatch.setattr("console.cli.machine.identify_report.print", broken, raising=False)
+    monkeypatch.setattr("console.cli.machine.identify_run.print", broken, raising=False)
     said = console("identify", "--link", "tcp:lathe:1", "--yes", *SHORT)
     assert said.code == 1
     assert made.stop.reason == "output closed"

@@ -16,8 +16,7 @@ import profiles.store
 from console.cli.library import refuse_unsigned
 from console.cli.measured import comparison
 from console.cli.parser import columns
-from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Record, Section
+from profiles.paper.record import Record, Section, lee_2001
 from profiles.paper.reproduction import sections
 from profiles.problem import ProfileError
 from profiles.store import BUNDLED_MACHINES, load_machine

@@ -58,7 +58,7 @@ from console.session.terminal_place import UNKNOWN, remote_client, signed_host
 from console.text.catalogue import load
 from console.tui.frame import observing, onlookers
 from drivers.cutting.planning import Strategy, plan_cut
-from drivers.lathe.signature import BYTES
+from drivers.lathe.ownership import BYTES
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.lathe.standing import BY_SSH, Standing
 from drivers.simulator.machine import SimulatedLathe

@@ -28,7 +28,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.card.saved_state import Flash
 from drivers.simulator.machine import SimulatedLathe
 from profiles.calibration.wrench import fit_wrench
-from profiles.compensations.learned import HoldsFor, LearnedCompensation, PartRead
+from profiles.compensations.learned import HoldsFor, LearnedCompensation, PartReading
 from profiles.compensations.path import CutPath, LobedPath, PathHarmonic
 from profiles.problem import ProblemError, ProfileError
 from profiles.store import load_job, load_machine
@@ -47,7 +47,7 @@ LEARNED = LearnedCompensation(
     parent=0,
     gain=0.5,
     path=CutPath(target=PATH, command=PATH),
-    part=PartRead(version=0, fraction=1.0, target=WAVE, lobe=WAVE, lobe_sd_um=0.1, ront_um=5.0),
+    part=PartReading(version=0, fraction=1.0, target=WAVE, lobe=WAVE, lobe_sd_um=0.1, ront_um=5.0),
     date="2001-11-30T14:05:00Z",
 )
 CALIBRATION = calibrations.Calibration(

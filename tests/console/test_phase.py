@@ -33,7 +33,7 @@ from drivers.cutting.planning import Strategy
 from drivers.lathe.polling import Poller
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.simulator.plant.spindle import Spindle
-from profiles.compensations.learned import PartRead
+from profiles.compensations.learned import PartReading
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from profiles.store import load_job, load_machine
 from tests.console.commands import JobFile
@@ -92,10 +92,10 @@ def test_out_of_phase_is_surely_beyond_the_limit(
     assert is_in_phase(None, limit_deg) is None
 
 
-def learned_from(version_target: LobedPath, tool: PathHarmonic | None) -> PartRead:
+def learned_from(version_target: LobedPath, tool: PathHarmonic | None) -> PartReading:
     """A part that taught something, cut with the path of a job."""
     lobe = PathHarmonic.of(3, 3.0 + 0j)
-    return PartRead(
+    return PartReading(
         version=0,
         fraction=1.0,
         target=version_target.harmonics[0],

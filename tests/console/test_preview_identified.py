@@ -17,9 +17,8 @@ from drivers.cutting.strategy import INVERTING
 from drivers.identification.nominal import path_response
 from drivers.identification.result import SCHEMA
 from drivers.preview.band import predicted_band
-from drivers.preview.closed_form import closed_form
 from drivers.preview.outlook import outlook
-from drivers.preview.preview import preview
+from drivers.preview.preview import closed_form, preview
 from drivers.preview.program_prediction import predict
 from profiles.axis.response import ServoResponse, identified_response
 from profiles.axis.servo import sampled_response

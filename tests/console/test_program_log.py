@@ -25,7 +25,7 @@ from pytest import MonkeyPatch
 from console.cli.logged import carried_out
 from console.cli.measured import records
 from console.session import program_log
-from console.session.bounded_server import BoundedServer, Made
+from console.session.bounded_server import BoundedServer, ProtocolFactory
 from console.session.errors import Interrupted
 from console.session.program_log import FILE, FOLDER, note
 from console.session.signals import Interruption
@@ -154,7 +154,7 @@ async def talk(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
 
 
 def served(path: Path) -> BoundedServer:
-    async def listen(made: Made, _: ExitStack) -> tuple[asyncio.Server, str]:
+    async def listen(made: ProtocolFactory, _: ExitStack) -> tuple[asyncio.Server, str]:
         return await asyncio.get_running_loop().create_unix_server(made, path), str(path)
 
     return BoundedServer("test", listen, talk, most_clients=4, longest_line=100, unread_bytes=0)

@@ -14,18 +14,18 @@ import numpy as np
 import pytest
 from pytest import MonkeyPatch
 
-from console.report.page import report_page
-from console.report.reported_run import reported_run
+from console.report.page import write_report
 from console.school.training.lesson import load_lesson
 from console.session.cut.recording import part_record
 from console.session.cut.run import roundness_of
 from console.session.data import run_facts
 from console.session.data.measured_part import MadeWith, tool_event
 from console.session.data.records import RunRecord, add_to_run
-from console.session.data.run_reader import RunStory, runs, story
+from console.session.data.run_reader import runs, story
 from console.session.data.run_rows import problem_events
-from console.session.learning.learning_record import learning_event
-from console.session.learning.part_learning import PartLearning
+from console.session.data.run_story import RunStory
+from console.session.learning.opened_run import open_for_report, open_run
+from console.session.learning.part_learning import PartLearning, learning_event
 from console.session.learning.run_debrief import Advice, RunDebrief, run_debrief
 from console.session.stages import Stage
 from console.session.station.commands import Command, Measure, Start
@@ -33,7 +33,6 @@ from console.session.station.history.session_log import SessionLog, command_entr
 from console.text.catalogue import LANGUAGES, Catalogue, load
 from console.text.run_debrief import debrief_sections
 from console.tui.further.log_lines import entry_words
-from console.tui.records.opened_run import opened_run
 from console.tui.records.panels import trace_caption
 from console.tui.records.run_lines import story_lines
 from profiles.compensations.causes import CauseKind
@@ -149,9 +148,9 @@ def test_command_page_and_report_say_the_same(language: str, console: Console, t
     told = console("records", "debrief", found.row.run_id[:8], "--data", str(tmp_path), "--lang", language)
     page = "\n".join(
         "".join(words for words, _ in each)
-        for each in story_lines(opened_run(tmp_path, found.row.run_id, lathe()), text, 120)
+        for each in story_lines(open_run(tmp_path, found.row.run_id, lathe()), text, 120)
     )
-    report = report_page(reported_run(found, debrief=debrief), text)
+    report = write_report(open_for_report(found, debrief=debrief), text)
     for shown in (told.out, page, report):
         plain = "".join(shown.split())
         assert all("".join(row.split()) in plain for row in rows)
@@ -266,7 +265,7 @@ def test_a_run_that_ended_while_homing_tells_why(end: dict[str, object], words: 
 @pytest.mark.parametrize(("setup", "jaw"), [('{"jaw_1_deg": 12.63}', "jaw 1 at 12.6"), ("{}", "")])
 def test_a_stopped_run_has_jaw_1_from_its_alignment_or_not_at_all(setup: str, jaw: str, tmp_path: Path) -> None:
     found = recorded(tmp_path, None, tell=stops, setup=setup)
-    run = opened_run(tmp_path, found.row.run_id, lathe())
+    run = open_run(tmp_path, found.row.run_id, lathe())
     said = "".join(words for each in trace_caption(run, 1.0, load("en"), 60) for words, _ in each)
     assert jaw in said and "unknown" not in said and ("jaw" in said) is bool(jaw)
 
@@ -278,12 +277,12 @@ CHANGED = Problem(code="learned.changed_in_cut", value="override 97 %")
 
 
 def page_words(data: Path, found: RunStory, text: Catalogue) -> str:
-    run = opened_run(data, found.row.run_id, lathe())
+    run = open_run(data, found.row.run_id, lathe())
     return " ".join("".join(piece for piece, _ in row).strip() for row in story_lines(run, text, 100))
 
 
 def report_words(data: Path, found: RunStory, text: Catalogue) -> str:
-    return report_page(reported_run(found, (), debrief=run_debrief(found, data)), text)
+    return write_report(open_for_report(found, (), debrief=run_debrief(found, data)), text)
 
 
 def ended_early(event: dict[str, object], *alarms: Problem) -> Callable[[RunRecord], None]:

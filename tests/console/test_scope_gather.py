@@ -21,14 +21,12 @@ from drivers.commissioning.verification import verify
 from drivers.errors import DriverError, LinkError, RefusedError
 from drivers.lathe.snapshot import AxisName, Snapshot
 from drivers.link.memory import MemoryLink
-from drivers.link.tapping import TappedLink
+from drivers.link.passing import TappedLink
 from drivers.pmac.client import PmacClient
-from drivers.requests.heard import Heard
 from drivers.requests.permitted import Kind
-from drivers.requests.scope_gather import Record
-from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, ScopeSetup, Trigger
+from drivers.requests.scope_gather import ANGLE, Axis, Channel, Quantity, Record, ScopeSetup, Trigger
 from drivers.requests.side_controller import SideController
-from drivers.requests.side_line import CancelledError, SideLine
+from drivers.requests.side_line import CancelledError, Heard, SideLine
 from drivers.requests.status_words import read_status
 from profiles.problem import Problem
 from tests.compact import compact_machine

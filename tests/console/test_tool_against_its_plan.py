@@ -13,11 +13,10 @@ import pytest
 
 from benchmarks.hostile_host import JOB as HOSTILE_JOB
 from benchmarks.hostile_host import WitnessedLathe, lathe_at, plan_of
-from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolPolls
+from console.session.cut.cut_verdict import BUDGET, CutJudgement, CutVerdict, ToolError, ToolPolls, fit_tool_error
 from console.session.cut.engine import CutContext, Step
 from console.session.cut.recording import TelemetryRows
 from console.session.cut.run import cut_part
-from console.session.cut.tool_error import ToolError, fit_tool_error
 from drivers.cutting.planning import CutPlan, plan_cut
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.lathe import Lathe

@@ -19,7 +19,7 @@ from console.session.data.history import last_results
 from console.session.data.measured_part import MadeWith
 from console.session.data.records import RunRecord
 from console.session.data.trace_folder import export_trace, offered, trace_folder
-from console.session.learning.imported import ImportedTrace, examined
+from console.session.learning.evaluated_part import EvaluatedPart, read_gauge_file
 from console.session.learning.part_learning import accept
 from console.session.learning.provenance import of_this_part, taken_before
 from console.session.stages import Stage
@@ -254,7 +254,7 @@ def test_a_trace_of_another_lathe_or_of_no_shape_of_this_part_is_refused(
     simulated: dict[str, Any] = (
         {"simulated": True, "lathe": cut_on} if cut_on is not None else {"simulated": False}
     )
-    found = examined(path, outside_job.job, {}, **simulated)
+    found = read_gauge_file(path, outside_job.job, {}, **simulated)
     assert [problem.code for problem in found.problems] == codes
     assert found.ready is (not codes)
 
@@ -281,13 +281,13 @@ def outside_job() -> LoadedJob:
     return load_job("lee-2001-experiment-1")
 
 
-def written(folder: Path, job: LoadedJob, **stated: str) -> ImportedTrace:
+def written(folder: Path, job: LoadedJob, **stated: str) -> EvaluatedPart:
     """A made-up part with its lobe 20 deg past jaw 1, in a file that states this."""
     angle_deg = np.arange(720) / 2.0
     path = folder / "made.csv"
     deviation_um = 5.0 * np.cos(3.0 * np.radians(angle_deg - 20.0))
     write_trace(path, Trace(angle_deg=angle_deg, deviation_um=deviation_um, meta=stated), overwrite=True)
-    return examined(path, job.job, {}, simulated=False)
+    return read_gauge_file(path, job.job, {}, simulated=False)
 
 
 @pytest.mark.parametrize("direction", ["cw", "ccw", "spindle"])
@@ -305,7 +305,7 @@ def test_an_angle_of_the_gauge_is_an_angle_of_the_spindle(
         0.0 if mark.get("start_mark") == "spindle index" else 77.0 + way * float(mark.get("jaw_1_deg", 0)) * -1.0
     )
     phase_deg = (at_zero_deg + way * 20.0) % 120.0
-    assert found.result is not None
+    assert found.judged is not None
     seen = np.radians(found.turn.angle_deg)
     phase = np.angle(np.sum(found.turn.deviation_um * np.exp(-3j * seen)))
     assert (-np.degrees(phase) / 3.0 - phase_deg + 60.0) % 120.0 - 60.0 == pytest.approx(0.0, abs=1e-6)
@@ -348,7 +348,7 @@ def gauge_file(
     return path
 
 
-def cut(folder: Path, compensation: int | None = None, of: ImportedTrace | None = None) -> str:
+def cut(folder: Path, compensation: int | None = None, of: EvaluatedPart | None = None) -> str:
     """Record a part that was cut, and measured by a file."""
     written = RunRecord(folder, described(JOB))
     written.add("cut", {"strategy": "cam", "stage": "full", "inverted": "model", "compensation": compensation})
@@ -360,8 +360,8 @@ def cut(folder: Path, compensation: int | None = None, of: ImportedTrace | None 
     return written.run_id
 
 
-def seen(path: Path) -> ImportedTrace:
-    return examined(path, JOB, {}, simulated=False)
+def seen(path: Path) -> EvaluatedPart:
+    return read_gauge_file(path, JOB, {}, simulated=False)
 
 
 def test_a_file_that_was_taken_for_a_part_is_not_that_of_the_next(tmp_path: Path) -> None:

@@ -31,7 +31,7 @@ from drivers.clock import FROZEN_S, OLD_S, FreezeWatch
 from drivers.cutting.strategy import Strategy
 from drivers.lathe.snapshot import AxisName, AxisState
 from drivers.pmac.client import PmacClient
-from drivers.simulator.plant.collision_kind import CollisionKind
+from drivers.simulator.plant.workshop_view import CollisionKind
 from profiles.store import load_machine
 from tests.console.floor import Floor, experiment_1, known, open_floor, refused_codes
 from tests.drivers.test_collisions import printed_program

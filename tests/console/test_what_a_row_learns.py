@@ -19,7 +19,7 @@ from console.session.cut.run import plan_run
 from console.session.errors import SessionError
 from console.session.learning import learning
 from console.session.learning.learning import TrimFolding
-from console.session.learning.learning_steps import Taught, taught
+from console.session.learning.learning_steps import LearningOutcome, learn_from_trace
 from console.session.learning.lobe_learning import LobeLearning
 from console.session.learning.order_learning import LearnHow, OrderLearning
 from console.session.learning.row_result import LearnedPart, LearnResult
@@ -185,7 +185,8 @@ def test_the_report_says_what_of_an_order_no_learning_removes(language: str) -> 
     plan: Any = SimpleNamespace(job=RING)
     part: Any = SimpleNamespace(certificate=certificate, trim_short={2: 7.1})
     none: Any = None
-    result = LearnResult(plan=plan, before=none, floor=none, parts=(part,))
+    of: dict[str, Any] = {"simulated": True, "figures": none, "collisions": (), "parts": (part,)}
+    result = LearnResult(plan=plan, before=none, after=none, floor=none, **of)
     oval, fifth = run_cut._own(result, load(language))
     assert all(figure in oval for figure in ("10.96", "11.66", "0.74", " 16 um p-p"))
     assert all(figure in fifth for figure in ("2.68", "2.92")) and " 16 um" not in fifth
@@ -265,11 +266,14 @@ def part(ront_um: float) -> LearnedPart:
     return SimpleNamespace(roundness=SimpleNamespace(ront_um=ront_um), grown=(), trim_short={}, clamped=None)  # type: ignore[return-value]
 
 
+def row(parts: tuple[LearnedPart, ...]) -> LearnResult:
+    none: Any = None
+    of: dict[str, Any] = {"simulated": True, "after": None, "collisions": (), "parts": parts}
+    return LearnResult(plan=none, before=none, floor=none, figures=none, **of)
+
+
 def said(*ront_um: float) -> list[tuple[str, str, str, str]]:
-    whole: object = None
-    parts = tuple(map(part, ront_um))
-    result = LearnResult(plan=whole, before=whole, floor=whole, parts=parts)  # type: ignore[arg-type]
-    return [(each.code, each.key, each.value, each.limit) for each in result.warnings]
+    return [(each.code, each.key, each.value, each.limit) for each in row(tuple(map(part, ront_um))).warnings]
 
 
 @pytest.mark.parametrize(
@@ -289,8 +293,7 @@ def test_no_rounder_part_is_no_gain(ront_um: tuple[float, ...], told: list[tuple
 @pytest.mark.parametrize(("language", "words"), [("en", "gained nothing"), ("ko", "나아진 것이 없습니다")])
 def test_it_is_said_with_both_figures(language: str, words: str) -> None:
     parts = tuple(map(part, (2.1, 2.3)))
-    whole: object = None
-    (problem,) = LearnResult(plan=whole, before=whole, floor=whole, parts=parts).warnings  # type: ignore[arg-type]
+    (problem,) = row(parts).warnings
     sentence = load(language).problem(problem)
     assert words in sentence and "2.1 um" in sentence and "2.3 um" in sentence
 
@@ -341,7 +344,7 @@ ANGLE = np.arange(360.0)
 OFF_UM = 2.0 * np.cos(5 * np.radians(ANGLE - 11.0)) + 1.5 * np.cos(2 * np.radians(ANGLE - 40.0))
 
 
-def lesson(data: Path, strategy: str, extra: tuple[int, ...]) -> Taught:
+def lesson(data: Path, strategy: str, extra: tuple[int, ...]) -> LearningOutcome:
     noise = np.random.default_rng(7).normal(0.0, 0.02, 360)
     meta = {
         "state": "free",
@@ -354,7 +357,7 @@ def lesson(data: Path, strategy: str, extra: tuple[int, ...]) -> Taught:
     }
     trace = Trace(angle_deg=ANGLE, deviation_um=OFF_UM + noise, meta=meta)
     date = "2001-11-30T14:05:00Z"
-    return taught(trace, JOB, LATHE, data, {}, gain=None, robust=False, date=date, extra=extra)
+    return learn_from_trace(trace, JOB, LATHE, data, {}, gain=None, robust=False, date=date, extra=extra)
 
 
 def refused(data: Path, strategy: str, extra: tuple[int, ...]) -> list[Problem]:

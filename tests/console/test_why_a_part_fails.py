@@ -14,11 +14,11 @@ import numpy as np
 import pytest
 
 from console.__main__ import main
-from console.session.data.run_reader import RecordedPart
+from console.session.data.run_reader import 
+from console.session.data.measured_part import RecordedPart
 from console.session.guide.refusals import refused
 from console.session.guide.situation import Situation
-from console.session.learning.evaluated_part import evaluated_part
-from console.session.learning.imported import examined
+from console.session.learning.evaluated_part import evaluate_part, read_gauge_file
 from console.session.station.commands import (
     Arm,
     ConfirmClamping,
@@ -32,7 +32,7 @@ from console.session.station.commands import (
 )
 from console.session.station.state import MeasuredPart, StationState
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compared
+from console.tui.inspecting.comparison import compare_parts
 from console.tui.lines import plain
 from console.tui.pages.inspect_lines import phase_from_jaw_deg, result_lines
 from console.tui.pages.learn_lines import learn_lines
@@ -188,9 +188,9 @@ def test_a_part_in_another_unit_than_its_header_is_not_judged(
         for word in (seen, meant, right, "unit", "units_checked"):
             assert word in said.err
     assert "단위" in console("roundness", str(path), "--job", JOB, "--lang", "ko").err
-    found = examined(path, load_job(JOB).job, {}, simulated=False)
+    found = read_gauge_file(path, load_job(JOB).job, {}, simulated=False)
     assert [each.limit for each in found.problems] == [meant]
-    assert not found.ready and found.result is None
+    assert not found.ready and found.judged is None
     (reason,) = find_lobe(read_trace(path), load_job(JOB).job).reasons
     assert reason.code.startswith("trace.unit_doubtful")
     kept = console("calibrate", "lobe", str(path), "--job", JOB, "--keep")
@@ -200,12 +200,12 @@ def test_a_part_in_another_unit_than_its_header_is_not_judged(
 def test_a_unit_that_may_be_right_is_taken(console: Console, tmp_path: Path) -> None:
     job = load_job(JOB).job
     for lobe_um in (0.6, 2.0, LOBE_UM, 800.0):
-        assert examined(file(tmp_path, "deviation_um", lobe_um=lobe_um), job, {}, simulated=False).ready
-    assert examined(file(tmp_path, "deviation_mm", in_mm=True), job, {}, simulated=False).ready
+        assert read_gauge_file(file(tmp_path, "deviation_um", lobe_um=lobe_um), job, {}, simulated=False).ready
+    assert read_gauge_file(file(tmp_path, "deviation_mm", in_mm=True), job, {}, simulated=False).ready
     ideal = file(tmp_path, "deviation_um", "# simulated: yes", lobe_um=0.08)
-    assert examined(ideal, job, {}, simulated=True).ready, "an ideal lathe of the simulator"
+    assert read_gauge_file(ideal, job, {}, simulated=True).ready, "an ideal lathe of the simulator"
     checked = file(tmp_path, "deviation_um", "# units_checked: yes", lobe_um=0.08)
-    assert examined(checked, job, {}, simulated=False).ready
+    assert read_gauge_file(checked, job, {}, simulated=False).ready
     # A glass sphere is nobody's part: without a job it is measured as it is.
     assert console("roundness", str(file(tmp_path, "deviation_um", lobe_um=0.08))).code == 0
 
@@ -227,20 +227,20 @@ def test_a_size_that_is_not_of_the_job_moves_no_tool(
     assert console("roundness", str(path), "--job", str(job_path), "--json").json["tool_offset_um"] is None
 
     job = replace(load_job(str(job_path)).job, diameter_tolerance_um=20.0)
-    found = examined(path, job, {}, simulated=False)
-    assert found.result is not None
+    found = read_gauge_file(path, job, {}, simulated=False)
+    assert found.judged is not None
     part = MeasuredPart(
         job=job,
         strategy=Strategy.NONE,
         trace=found.turn,
-        result=found.result,
+        result=found.judged,
         jaw_1_deg=job.jaw_1_deg,
         diameter_mm=2.0 * radius_mm,
     )
     state = StationState(measured=part)
     now = Situation(state=state, work=None, machine=load_machine("lee-2001-lathe").machine)
     assert [each.code for each in refused("inspect.offset", now)] == [code]
-    shown = known(compared(state))
+    shown = known(compare_parts(state))
     for language in ("en", "ko"):
         words = plain(result_lines(shown, False, load(language), 60, 40))
         assert f"{radius_mm:.3f}" in words and not re.search(r"\+\d{3}", words)
@@ -304,20 +304,20 @@ def test_table_and_plot_count_from_jaw_1(
     jaw_1_deg: float, direction: str, upr: float | None, tmp_path: Path
 ) -> None:
     job = replace(load_job("lee-2001-experiment-1").job, lobe_phase_deg=jaw_1_deg, lobe_past_jaw_deg=0.0)
-    found = examined(file_from_jaw(tmp_path, direction), job, {}, simulated=False)
-    assert found.result is not None
+    found = read_gauge_file(file_from_jaw(tmp_path, direction), job, {}, simulated=False)
+    assert found.judged is not None
     part = MeasuredPart(
-        job=job, strategy=Strategy.NONE, trace=found.turn, result=found.result, jaw_1_deg=job.jaw_1_deg
+        job=job, strategy=Strategy.NONE, trace=found.turn, result=found.judged, jaw_1_deg=job.jaw_1_deg
     )
-    shown = known(compared(StationState(measured=part)))
+    shown = known(compare_parts(StationState(measured=part)))
     if upr is not None:  # looked at with another filter it is evaluated anew
-        shown = known(compared(StationState(measured=part), replace(shown.looked, filter_upr=upr)))
+        shown = known(compare_parts(StationState(measured=part), replace(shown.looked, filter_upr=upr)))
     past_deg = phase_from_jaw_deg(shown.last, 3)
     assert past_deg == pytest.approx(PAST_DEG, abs=0.01)
     highest = float(shown.last.angle_deg[int(np.argmax(shown.last.profile_um))])
     near(highest - part.jaw_1_deg)  # the plot has its mark "1" at jaw 1
     # The centre, too: 7 um towards 90 deg past jaw 1.
-    towards_deg = np.degrees(np.arctan2(found.result.centre_y_um, found.result.centre_x_um))
+    towards_deg = np.degrees(np.arctan2(found.judged.centre_y_um, found.judged.centre_x_um))
     assert (towards_deg - jaw_1_deg - 90.0 + 180.0) % 360.0 - 180.0 == pytest.approx(0.0, abs=0.01)
 
 
@@ -334,11 +334,11 @@ def recorded(content: bytes, jaw_1_deg: float) -> RecordedPart:
 @pytest.mark.parametrize("direction", ["cw", "ccw"])
 def test_report_and_records_count_from_jaw_1(direction: str, tmp_path: Path) -> None:
     part = recorded(file_from_jaw(tmp_path, direction).read_bytes(), 261.65)
-    printed = known(evaluated_part(part, {}))
+    printed = known(evaluate_part(part, {}))
     assert printed.jaw_1_deg is not None
     way = -1.0 if direction == "ccw" else 1.0
     near(way * (float(printed.turn.angle_deg[int(np.argmax(printed.profile_um))]) - printed.jaw_1_deg))
-    trace = known(evaluated_part(part, {}, on_spindle=True))
+    trace = known(evaluate_part(part, {}, on_spindle=True))
     assert trace.jaw_1_deg == 261.65
     near(float(trace.turn.angle_deg[int(np.argmax(trace.profile_um))]) - trace.jaw_1_deg)
 
@@ -357,7 +357,7 @@ def test_the_command_counts_from_jaw_1(
 def test_the_report_counts_from_jaw_1_of_the_part_as_records_does(tmp_path: Path) -> None:
     """Jaw 1 is where it was for the cut of the part, whatever the set-up of its run has."""
     part, setup = recorded(file_from_jaw(tmp_path, "cw").read_bytes(), 261.65), {"jaw_1_deg": 12.63}
-    printed, shown = evaluated_part(part, setup), evaluated_part(part, setup, on_spindle=True)
+    printed, shown = evaluate_part(part, setup), evaluate_part(part, setup, on_spindle=True)
     assert printed is not None and shown is not None and shown.jaw_1_deg == 261.65
     found = [each.past_jaw_1_deg(printed.jaw_1_deg or 0.0) for each in printed.result.harmonics if each.n == 3]
     on_spindle = [each.past_jaw_1_deg(261.65) for each in shown.result.harmonics if each.n == 3]

@@ -6,8 +6,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 from drivers.pmac.dialect import PMAC, Dialect
-from drivers.pmac.heartbeat.keeper import Keeper
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
+from drivers.pmac.heartbeat.watch import Keeper
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
 from drivers.pmac.language.plc_statements import PlcCode, link_plc, parse_plc_line, stored_lines
 from drivers.pmac.language.syntax import VariableKind

@@ -13,7 +13,7 @@ from drivers.lathe.snapshot import AxisName
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.language.text import format_number
-from drivers.simulator.hosts.control_line import answer
+from drivers.simulator.hosts.control_socket import answer
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile

@@ -9,23 +9,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from console.school.training.item import Item
+from console.school.training.lesson import Item
 from console.session.station.commands import Approach, AskTruth, Jog, TakeJaw
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.collision import Clamped, Collision, CollisionWatch, Track, clamped
-from drivers.simulator.plant.collision_kind import CollisionKind
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.job import Job
 from profiles.machine import MachineProfile
 from profiles.roundness import evaluate
 from tests.console.floor import open_floor
 from tests.drivers.conftest import Bench, JobMaker, TrueBenchMaker
 from tests.school.test_debrief import JOB, Pupil, marks_of, part_lesson
-from tests.school.test_fault_lessons import homes
+from tests.school.test_lessons import homes
 
 CYCLE_MS = 0.4427083730697632
 PART = Clamped(radius_mm=26.0, bore_mm=23.5, deepest_mm=24.8725, free_end_mm=170.0)

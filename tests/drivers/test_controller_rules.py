@@ -13,7 +13,7 @@ from drivers.commissioning.backup import backup_text, read_backup, typed_lines
 from drivers.commissioning.card_state import CardState, state_checks
 from drivers.commissioning.check import Check, Group
 from drivers.commissioning.reading import Extent, read_configuration, whole_card
-from drivers.commissioning.stops import after_abort, after_jog_stop
+from drivers.commissioning.verification import after_abort, after_jog_stop
 from drivers.lathe.heartbeat import Heartbeat
 from drivers.lathe.safety import safety_problems
 from drivers.pmac.dialect import Dialect, Setting

@@ -19,17 +19,16 @@ from drivers.pmac.check import CheckedMove, CheckedProgram
 from drivers.pmac.compensation.table import step_counts
 from drivers.pmac.compensation.table_text import table_lines
 from drivers.pmac.program_text import read_program
-from drivers.pmac.programs.cam_table import CHORD_LIMIT_UM, Cam, make_cam
+from drivers.pmac.programs.cam import CHORD_LIMIT_UM, Cam, make_cam
 from drivers.pmac.programs.cam_trim import MOST_TRIM_UM, trim_line
 from drivers.pmac.programs.setup import cut_setup
 from drivers.pmac.trajectory.cubics import motion_of
 from drivers.pmac.trajectory.linear import Timing
 from drivers.pmac.trajectory.pieces import Piece, position_at
 from drivers.pmac.trajectory.planned import MoveRecord
-from drivers.simulator.plant.cut_process import CutProcess
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.true_parameters import ideal
-from drivers.simulator.plant.workpiece import ROUND, Blank, Form, Workpiece
+from drivers.simulator.plant.workpiece import ROUND, Blank, CutProcess, Form, Workpiece
 from profiles.compensations.path import CutPath, LobedPath, target_path
 from profiles.job import Job
 from profiles.machine import MachineProfile

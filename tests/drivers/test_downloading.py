@@ -17,8 +17,8 @@ from drivers.commissioning.downloading import differing, planned, send
 from drivers.pmac.analysis.findings import Code
 from drivers.pmac.analysis.program import check_program
 from drivers.pmac.dialect import TURBO, Dialect
-from drivers.pmac.language.arithmetic import unary_functions
 from drivers.pmac.language.errors import PmacError
+from drivers.pmac.language.evaluate import unary_functions
 from drivers.pmac.language.parser import WORDS
 from drivers.pmac.language.plc_statements import PLC_WORDS
 from drivers.pmac.program_text import ProgramText, RefusedLine, read_program

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 from drivers.pmac.settings import settings_with
 from drivers.simulator.card.servo import ServoAxis
-from drivers.simulator.hosts.control_line import answer
-from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, linear_motor, rotary_motor
+from drivers.simulator.hosts.control_socket import answer
+from drivers.simulator.plant.driven_mass import DrivenMass, DrySlide, Presliding, linear_motor, rotary_motor
 from drivers.simulator.plant.drives import Drives, build_drives
 from drivers.simulator.plant.presets import plant_named
-from drivers.simulator.plant.presliding import Presliding
 from drivers.simulator.plant.servo_gains import ServoGains
 from drivers.simulator.plant.true_parameters import TrueParameters, ideal
 from profiles.machine import MachineProfile

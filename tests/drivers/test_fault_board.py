@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 
 from drivers.errors import RefusedError
 from drivers.lathe.snapshot import AxisName
+from drivers.simulator.__main__ import answer as answer_on_channel
 from drivers.simulator.faults.catalogue import CATALOGUE, Fault, Parameter, Value
-from drivers.simulator.hosts.channel import answer as answer_on_channel
-from drivers.simulator.hosts.control_line import answer
+from drivers.simulator.hosts.control_socket import answer
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.machine import MachineProfile

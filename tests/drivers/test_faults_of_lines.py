@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from drivers.errors import LinkError, LinkTimeoutError
 from drivers.link.memory import MemoryLink
 from drivers.pmac.client import REPLY_TIMEOUT_S, PmacClient
-from drivers.simulator.faults.line_effects import (
+from drivers.simulator.faults.lines import (
     SPOILERS,
     Piece,
     Reply,

@@ -22,6 +22,7 @@ from drivers.pmac.gathering.gather import (
     listed_words,
     listing,
     long_words_of,
+    packed,
     padding_of,
     selected_sources,
     setting_of,
@@ -30,7 +31,6 @@ from drivers.pmac.gathering.gather import (
     unpack,
 )
 from drivers.pmac.gathering.gather_client import GatherChannel, GatheredData, motor_channel
-from drivers.pmac.gathering.sample_block import packed
 from drivers.pmac.language.errors import PmacError
 from drivers.pmac.language.syntax import VariableKind
 from drivers.pmac.memory import Pointer

@@ -15,9 +15,8 @@ from drivers.link.memory import MemoryLink
 from drivers.pmac.client import PmacClient
 from drivers.pmac.dialect import DIALECTS, PMAC, TURBO, Dialect
 from drivers.pmac.heartbeat.arming import HeartbeatLook, heartbeat_problems, read_heartbeat
-from drivers.pmac.heartbeat.keeper import LOSS_SEEN, NOTHING_GUARDED, Keeper
 from drivers.pmac.heartbeat.plc import Policy, plc_lines, plc_text, set_up_lines
-from drivers.pmac.heartbeat.watch import WatchdogProof, proof_problems
+from drivers.pmac.heartbeat.watch import LOSS_SEEN, NOTHING_GUARDED, Keeper, WatchdogProof, proof_problems
 from drivers.pmac.heartbeat.watchdog import (
     cycles_of,
     wait_timer,

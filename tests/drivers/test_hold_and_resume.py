@@ -18,7 +18,7 @@ from drivers.pmac.dialect import DIALECTS
 from drivers.pmac.heartbeat.plc import Policy, set_up_lines
 from drivers.pmac.heartbeat.watch import Keeper
 from drivers.pmac.heartbeat.watchdog import watchdog_condition
-from drivers.pmac.programs.live_trim import live_trim_line
+from drivers.pmac.programs.pvt import live_trim_line
 from drivers.simulator.plant.true_parameters import ideal
 from profiles.compensations.path import LobedPath, PathHarmonic, target_path
 from profiles.job import Job

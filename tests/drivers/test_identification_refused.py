@@ -11,8 +11,7 @@ import pytest
 from drivers.commissioning.proofs.proving import prove
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.cam_path import return_hz, wave_counts
-from drivers.identification.excitation import axis_word
+from drivers.identification.excitation import axis_word, return_hz, wave_counts
 from drivers.identification.health import HealthRequest, check_health
 from drivers.identification.identify import identify, take_up
 from drivers.identification.request import IdentificationRequest, clearance_mm, request_problems

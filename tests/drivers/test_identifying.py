@@ -12,10 +12,8 @@ import pytest
 from drivers.commissioning.reading import read_configuration, whole_card
 from drivers.cutting.strategy import Strategy
 from drivers.errors import DriverError, LinkError
-from drivers.identification.cam_path import COLUMNS, CamPath, wave_counts
-from drivers.identification.excitation import PROGRAM
+from drivers.identification.excitation import COLUMNS, PROGRAM, CamPath, PvtPath, wave_counts
 from drivers.identification.identify import identify
-from drivers.identification.pvt_path import PvtPath
 from drivers.identification.request import CLEAR_MM, IdentificationRequest
 from drivers.identification.result import IdentifiedPoint, IdentifiedResponse
 from drivers.identification.standstill import pushed_mm

@@ -13,8 +13,16 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from drivers.commissioning.stop_record import Origin, StopEntry, StopRecord, Way, needed_stops, stop_key
-from drivers.commissioning.stop_record_check import StopsNow, record_problems
+from drivers.commissioning.stop_record import (
+    Origin,
+    StopEntry,
+    StopRecord,
+    StopsNow,
+    Way,
+    needed_stops,
+    record_problems,
+    stop_key,
+)
 from drivers.errors import ControllerError, DriverError, LinkError
 from drivers.lathe.lathe import Lathe
 from drivers.lathe.snapshot import AxisName, Snapshot

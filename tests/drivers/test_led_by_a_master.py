@@ -15,22 +15,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from drivers.pmac.dialect import PMAC, TURBO, Dialect
-from drivers.pmac.master.following import (
+from drivers.pmac.master.time_base import (
+    UNITS_PER_MS,
     Following,
     FollowingMode,
     FollowingSetup,
-    in_counts,
-    parts_of,
-    register_change,
-)
-from drivers.pmac.master.time_base import (
-    UNITS_PER_MS,
     TimeBaseEntry,
     Trigger,
     TriggeredTimeBase,
     entry_of,
+    in_counts,
     increment_units,
     nearest_factor,
+    parts_of,
+    register_change,
 )
 from drivers.pmac.settings import servo_cycle_ms
 from profiles.machine import MachineProfile

@@ -18,7 +18,7 @@ from hypothesis import strategies as st
 
 from drivers.clock import Clock
 from drivers.errors import ControllerError, DriverError, LinkError, LinkTimeoutError
-from drivers.lathe.signature import ITEMS, read_signature, sign
+from drivers.lathe.ownership import ITEMS, read_signature, sign
 from drivers.lathe.standing import Signature
 from drivers.lathe.stop import StopPath
 from drivers.link.base import StopWay

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from console.school.training.item import Item
+from console.school.training.lesson import Item
 from console.session.station.commands import Approach, AskTruth, Jog, TakeJaw
 from drivers.lathe.snapshot import AxisName
 from drivers.simulator.plant.collision import Clamped, CollisionWatch, Track

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from drivers.commissioning.downloadable import OwnVariables
 from drivers.errors import RefusedError
-from drivers.lathe.signature import ITEMS
+from drivers.lathe.ownership import ITEMS
 from drivers.pmac.buffer_text import BufferKind
 from drivers.pmac.dialect import DIALECTS, Dialect
 from drivers.pmac.reserved import OWN_VARIABLES

@@ -22,12 +22,18 @@ from drivers.cutting.live_trim import trim_um, untrimmed
 from drivers.cutting.override import bounds_of
 from drivers.cutting.planning import Strategy, plan_cut
 from drivers.errors import LinkError, RefusedError
-from drivers.identification.health import HealthRequest, check_health, health_problems
-from drivers.identification.health_result import HealthResult, as_table, from_table
+from drivers.identification.health import (
+    HealthRequest,
+    HealthResult,
+    as_table,
+    check_health,
+    from_table,
+    health_problems,
+)
 from drivers.identification.nominal import path_response
-from drivers.lathe.drift import rest_limits
 from drivers.lathe.heartbeat import cut_condition
 from drivers.lathe.snapshot import AxisName
+from drivers.lathe.standstill import rest_limits
 from drivers.lathe.stop import StoppedError
 from drivers.pmac.dialect import DIALECTS
 from drivers.simulator.plant.true_parameters import ideal

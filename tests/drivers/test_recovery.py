@@ -17,9 +17,9 @@ from hypothesis import strategies as st
 from scipy.stats import t as student
 
 from drivers.errors import DriverError, LinkError
-from drivers.lathe.drift import STUDENT_T, drift_and_scatter, rest_is_proven, rest_limits
 from drivers.lathe.guards import ProgramGuard
 from drivers.lathe.snapshot import AxisName
+from drivers.lathe.standstill import STUDENT_T, drift_and_scatter, rest_is_proven, rest_limits
 from drivers.lathe.stop import StopPath, StoppedError
 from drivers.link.base import StopWay
 from drivers.pmac.program_text import read_program

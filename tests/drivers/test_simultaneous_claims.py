@@ -15,10 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from drivers.errors import DriverError, RefusedError
-from drivers.identification.excitation import PROGRAM, axis_word
+from drivers.identification.excitation import PROGRAM, PvtPath, axis_word
 from drivers.identification.health import HealthMoves, health_text
 from drivers.identification.identify import identify
-from drivers.identification.pvt_path import PvtPath
 from drivers.lathe.ownership import HIGHEST, OWNER_ITEM, Ownership, exchange_line
 from drivers.lathe.standing import NOBODY, Standing
 from drivers.link.base import Link
@@ -26,7 +25,7 @@ from drivers.link.memory import MemoryLink
 from drivers.link.passing import PassingLink
 from drivers.pmac.client import LINE_LIMIT, PmacClient
 from drivers.pmac.language.syntax import VariableKind
-from drivers.pmac.programs.own_program import is_signed, signed
+from drivers.pmac.programs.setup import is_signed, signed
 from drivers.pmac.reserved import OWNER
 from drivers.simulator.machine import SimulatedLathe
 from profiles.machine import MachineProfile

@@ -19,8 +19,7 @@ from drivers.pmac.variables import VariableStore
 from drivers.simulator.card.servo import ServoAxis
 from drivers.simulator.machine import SimulatedLathe
 from drivers.simulator.plant.axis import IdealAxis
-from drivers.simulator.plant.driven_mass import linear_motor
-from drivers.simulator.plant.flexible_mode import FlexibleMode
+from drivers.simulator.plant.driven_mass import FlexibleMode, linear_motor
 from drivers.simulator.plant.presets import plant_named
 from drivers.simulator.plant.servo_gains import ServoGains, notch_of
 from profiles.axis.notch import Notch

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from profiles.arrays import Floats, floats
 from profiles.compensations.causes import Cause, CauseKind, causes
 from profiles.compensations.force_null import ExpectedForce, ForceNull, ForceRecord, Sign, Why, force_null
-from profiles.compensations.next_version import CutWith
+from profiles.compensations.next_version import AppliedPath
 from profiles.compensations.part_harmonics import part_harmonics
 from profiles.compensations.path import CutPath, target_path
 from profiles.compensations.push import NO_PUSH, left_push
@@ -53,7 +53,7 @@ def said(
     meta = MappingProxyType({"state": "free", "direction": "spindle", "start_mark": "spindle index"})
     trace = Trace(angle_deg=ANGLE_DEG, deviation_um=left_um + noise, meta=meta)
     target = target_path(job)
-    cut = CutWith(path=CutPath(target=target, command=target), fraction=fraction, version=None)
+    cut = AppliedPath(path=CutPath(target=target, command=target), fraction=fraction, version=None)
     part = part_harmonics(trace, job, filter_upr=FILTER_UPR)
     return causes(part, cut, job, tool_um=tool_um, placed=placed)
 

@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 from profiles.axis.friction import held_back_um
 from profiles.compensations.learning import coefficient_of, trimmed
+from profiles.compensations.order_steps import Repeating
 from profiles.compensations.path import (
     CutPath,
     LobedPath,
@@ -31,7 +32,6 @@ from profiles.compensations.path import (
     spindle_speed_rpm,
     target_path,
 )
-from profiles.compensations.repeating import Repeating
 from profiles.compensations.trim_response import TrimResponse
 from profiles.job import Job
 from profiles.problem import ProfileError

@@ -13,13 +13,10 @@ from numpy.typing import ArrayLike
 from profiles.arrays import Floats, floats
 from profiles.lobe.lobe_fit import fit_lobe
 from profiles.metrology.circles import CIRCLES
-from profiles.metrology.harmonics import Harmonic
-from profiles.metrology.spectrum import spectrum_um_pp
-from profiles.metrology.spikes import spike
+from profiles.metrology.harmonics import Harmonic, spectrum_um_pp, usable_factor, v_block_factor
 from profiles.metrology.turns import mean_diameter_mm, several_turns, tool_offset_um
-from profiles.metrology.v_block import usable_factor, v_block_factor
 from profiles.problem import ProfileError
-from profiles.roundness import centred_profile, evaluate, profile_of
+from profiles.roundness import centred_profile, evaluate, profile_of, spike
 
 ANGLE_DEG = np.arange(3600) / 10.0
 

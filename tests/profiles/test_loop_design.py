@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from profiles.axis.envelope import envelope, envelope_row, first_beyond
-from profiles.axis.gain_proposal import GainProposal
-from profiles.axis.loop_design import designed_gains, softer, unseen_hz
+from profiles.axis.loop_design import GainProposal, designed_gains, softer, unseen_hz
 from profiles.axis.margins import loop_margins
 from profiles.axis.notch import OTHER_READINGS, RESOLUTION, Notch, Reading, damped_pair, placed_notch
 from profiles.axis.notch_design import LEAST_STIFFER, design_with_notch, fails_otherwise, lobe_yield

@@ -17,10 +17,9 @@ from profiles.calibration.lobe import find_lobe
 from profiles.compensations.certificate import Follows
 from profiles.compensations.learned import HoldsFor, as_table, differences, from_table
 from profiles.compensations.learning import coefficient_of
-from profiles.compensations.next_version import CutWith, LearningStep, Verdict, next_version
+from profiles.compensations.next_version import AppliedPath, LearningStep, Verdict, next_version, uncompensated
 from profiles.compensations.part_harmonics import PartHarmonics, part_harmonics
 from profiles.compensations.path import CutPath, expected, fraction_of, invert, target_path
-from profiles.compensations.uncompensated import uncompensated
 from profiles.job import Job
 from profiles.problem import ProfileError
 from profiles.store import load_job
@@ -68,7 +67,7 @@ def left(
 
 
 def taught(
-    cut: CutWith,
+    cut: AppliedPath,
     measured: PartHarmonics,
     *,
     gain: float | None = None,
@@ -95,7 +94,7 @@ def taught(
 def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
     """|1 - T'/T| with a gain of 1, |1 - 0.7 T'/T| with one of 0.7; the overtone goes with the lobe."""
     true = cmath.rect(0.85, math.radians(-12.0))
-    cut, shrinks = CutWith(path=MODEL, fraction=1.0, version=None), []
+    cut, shrinks = AppliedPath(path=MODEL, fraction=1.0, version=None), []
     before = 27.5
     for gain in (1.0, 0.7, 0.7):
         harmonics = left(cut.path, 1.0, true, {6: 2.0 + 1j})
@@ -107,7 +106,7 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
         assert step.contraction.verdict is Verdict.CONVERGES
         shrinks.append(abs(harmonics[3]) / before)
         before = abs(harmonics[3])
-        cut = CutWith(path=step.next.path, fraction=1.0, version=step.next)
+        cut = AppliedPath(path=step.next.path, fraction=1.0, version=step.next)
     assert shrinks == pytest.approx([abs(1 - true), abs(1 - true), abs(1 - 0.7 * true)], rel=1e-6)
     assert cut.path.target.overtones[0].lobes == 6
     assert [cut.version.version, cut.version.parent] == [3, 2] if cut.version else False
@@ -116,7 +115,7 @@ def test_the_parts_get_better_by_what_two_of_them_foretell() -> None:
 def test_half_of_the_compensation_tells_sign_and_angle() -> None:
     told = expected(55.0, 0.5)
     assert (told.right_um_pp, told.wrong_um_pp) == (27.5, 82.5)
-    half = CutWith(path=MODEL, fraction=0.5, version=None)
+    half = AppliedPath(path=MODEL, fraction=0.5, version=None)
     right, wrong, late = (
         taught(half, part(left(MODEL, 0.5, true), noise_um=0.1))
         for true in (1.0, -1.0, cmath.exp(-1j * math.radians(3 * 10.0)))
@@ -136,7 +135,7 @@ def test_half_of_the_compensation_tells_sign_and_angle() -> None:
 
 
 def test_only_what_stands_out_of_the_noise_is_learned() -> None:
-    cut = CutWith(path=MODEL, fraction=1.0, version=None)
+    cut = AppliedPath(path=MODEL, fraction=1.0, version=None)
     sd_um = 1.0 * math.sqrt(2 / 360)
     step = taught(cut, part({3: 1.5j, 6: 0.5 * sd_um, 9: 12.0 * sd_um}, noise_um=1.0))
     assert step.learned == (3, 9)
@@ -149,19 +148,19 @@ def test_only_what_stands_out_of_the_noise_is_learned() -> None:
 def test_a_fixed_gain_learns_half_of_the_noise_of_one_part() -> None:
     """gamma / (2 - gamma) of its variance: 0.54 at 0.7."""
     rng = np.random.default_rng(3)
-    first = taught(CutWith(path=MODEL, fraction=1.0, version=None), part({3: 1.0 + 0j}, noise_um=1e-9)).next
-    cut, off = CutWith(path=MODEL, fraction=1.0, version=first), []
+    first = taught(AppliedPath(path=MODEL, fraction=1.0, version=None), part({3: 1.0 + 0j}, noise_um=1e-9)).next
+    cut, off = AppliedPath(path=MODEL, fraction=1.0, version=first), []
     for _ in range(75):
         clamped = complex(rng.normal(), rng.normal())
         step = taught(cut, part({3: left(cut.path, 1.0, 1.0)[3] + clamped}, noise_um=1e-9), gain=0.7)
-        cut = CutWith(path=step.next.path, fraction=1.0, version=first)
+        cut = AppliedPath(path=step.next.path, fraction=1.0, version=first)
         off.append(abs(cut.path.target.harmonics[0].coefficient - LOBE) ** 2)
     assert np.mean(off) / 2 == pytest.approx(0.7 / 1.3, rel=0.3)
 
 
 def test_what_clamping_scatters_is_no_divergence() -> None:
-    first = taught(CutWith(path=MODEL, fraction=1.0, version=None), part({3: 1.0 + 0j}, noise_um=0.01)).next
-    cut = CutWith(path=first.path, fraction=1.0, version=first)
+    first = taught(AppliedPath(path=MODEL, fraction=1.0, version=None), part({3: 1.0 + 0j}, noise_um=0.01)).next
+    cut = AppliedPath(path=first.path, fraction=1.0, version=first)
     worse = part({3: 1.6 + 0j}, noise_um=0.01)
     known, unsure = taught(cut, worse), taught(cut, worse, scatter_um=1.4)
     assert [problem.code for problem in known.reasons] == ["learned.diverges"]
@@ -204,7 +203,7 @@ def test_the_oval_of_a_part_off_the_axis_of_the_gauge_is_not_of_the_part() -> No
 
 def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
     assert JOB.lobe_phase_deg == 90.0 and "lobe_phase_deg" in JOB.assumed
-    cut = CutWith(path=MODEL, fraction=1.0, version=None)
+    cut = AppliedPath(path=MODEL, fraction=1.0, version=None)
     for meta, code in (
         ({"start_mark": "unknown"}, "lobe.phase_unknown"),
         ({"start_mark": "jaw 1"}, "learned.jaw_assumed"),
@@ -219,7 +218,7 @@ def test_a_part_without_a_place_on_the_spindle_teaches_nothing() -> None:
 def test_waves_that_are_asked_for_are_learned_beside_the_lobe() -> None:
     """An oval and a fifth wave: what the second part keeps of them is what the axis makes too little of."""
     true, odd = 0.9 + 0j, {2: 2.0 - 1j, 5: 1.5j}
-    orders, cut = (2, 3, 5, 6, 9), CutWith(path=MODEL, fraction=1.0, version=None)
+    orders, cut = (2, 3, 5, 6, 9), AppliedPath(path=MODEL, fraction=1.0, version=None)
     harmonics = left(cut.path, 1.0, true, odd)
     step = taught(cut, part(harmonics, noise_um=1e-6, extra=(5,)), orders=orders, gain=1.0)
     assert {2, 3, 5} <= set(step.learned)
@@ -231,7 +230,7 @@ def test_waves_that_are_asked_for_are_learned_beside_the_lobe() -> None:
 
 def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow() -> None:
     """Peak to peak is twice an amplitude, whose variance has the trace and the clamping of either part in it."""
-    cut = CutWith(path=MODEL, fraction=1.0, version=None)
+    cut = AppliedPath(path=MODEL, fraction=1.0, version=None)
     measured = part({3: 3.0 + 0j}, noise_um=1.0)
     trace_sd_um = 1.0 * math.sqrt(2 / 360)
     for scatter_um in (0.0, 0.4):
@@ -246,7 +245,9 @@ def test_the_next_part_is_expected_as_sure_as_two_clampings_and_the_trace_allow(
 
 
 def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> None:
-    made = taught(CutWith(path=MODEL, fraction=0.5, version=None), part({3: 20 + 0j, 6: 1j}, noise_um=0.01)).next
+    made = taught(
+        AppliedPath(path=MODEL, fraction=0.5, version=None), part({3: 20 + 0j, 6: 1j}, noise_um=0.01)
+    ).next
     table = json.loads(json.dumps(as_table(made)))
     assert from_table(table) == made
     changed = replace(HOLDS, job_sha256="c" * 64, strategy="pvt")
@@ -271,7 +272,7 @@ def test_a_version_comes_back_from_its_file_and_holds_for_its_job_alone() -> Non
     ],
 )
 def test_a_version_of_another_type_is_refused(keys: tuple[str, ...], value: object) -> None:
-    made = taught(CutWith(path=MODEL, fraction=0.5, version=None), part({3: 20 + 0j}, noise_um=0.01)).next
+    made = taught(AppliedPath(path=MODEL, fraction=0.5, version=None), part({3: 20 + 0j}, noise_um=0.01)).next
     table = json.loads(json.dumps(as_table(made)))
     inner = table
     for key in keys[:-1]:
@@ -295,10 +296,10 @@ def test_an_overtone_that_the_axis_makes_too_much_of_is_no_lesson_but_with_a_sma
         (3.2 + 0.3j, 0.3, 0.0985, []),
     ):
         true, wants = {3: 0.9 + 0j, 6: 1 + 0j, 9: arrives}, {3: LOBE, 9: 4.0 + 1j}
-        model = CutWith(path=MODEL, fraction=1.0, version=None)
+        model = AppliedPath(path=MODEL, fraction=1.0, version=None)
         first = taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).next
         assert set(taught(model, part(overtaken(MODEL, true, wants), noise_um=0.01)).contractions) == {3}
-        cut = CutWith(path=first.path, fraction=1.0, version=first, parent=MODEL)
+        cut = AppliedPath(path=first.path, fraction=1.0, version=first, parent=MODEL)
         step = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01), gain=gain)
         assert step.contractions[9].arrives == pytest.approx(arrives, abs=0.02)
         assert step.contractions[9].value == pytest.approx(factor, abs=0.02)
@@ -315,13 +316,13 @@ def test_an_overtone_is_judged_by_what_half_a_part_has_taught_too() -> None:
     """Half of the path was told, and 9/rev is learned whole. What lathes do not repeat is no divergence."""
     true, wants = {3: 1 + 0j, 6: 1 + 0j, 9: -0.5 + 0j}, {3: LOBE, 9: 4.0 + 0j}
     halved = left(MODEL, 0.5, 1.0) | {9: 4.0 + 0j}
-    first = taught(CutWith(path=MODEL, fraction=0.5, version=None), part(halved, noise_um=0.01)).next
-    cut = CutWith(path=first.path, fraction=1.0, version=first, parent=MODEL)
+    first = taught(AppliedPath(path=MODEL, fraction=0.5, version=None), part(halved, noise_um=0.01)).next
+    cut = AppliedPath(path=first.path, fraction=1.0, version=first, parent=MODEL)
     worse = taught(cut, part(overtaken(first.path, true, wants), noise_um=0.01))
     assert worse.contractions[9].arrives == pytest.approx(-0.5, abs=0.02)
     assert [problem.code for problem in worse.warnings] == ["learned.harmonic_frozen"]
-    small = taught(CutWith(path=MODEL, fraction=1.0, version=None), part({9: 0.05 + 0j}, noise_um=0.01)).next
-    cut = CutWith(path=small.path, fraction=1.0, version=small, parent=MODEL)
+    small = taught(AppliedPath(path=MODEL, fraction=1.0, version=None), part({9: 0.05 + 0j}, noise_um=0.01)).next
+    cut = AppliedPath(path=small.path, fraction=1.0, version=small, parent=MODEL)
     again = taught(cut, part({3: 0.05 + 0j, 9: 0.1 + 0j}, noise_um=0.01), scatter_um=0.5)
     assert again.contractions[9].verdict is Verdict.UNCLEAR
     assert again.reasons == ()
@@ -338,7 +339,7 @@ def turned(path: CutPath, off_deg: float, arrives: complex, share: float = 1.0) 
 @pytest.mark.parametrize("share", [1.0, 0.5])
 def test_a_part_with_jaw_1_taken_elsewhere_teaches_nothing(off_deg: float, held: float, share: float) -> None:
     """|1 - exp(-j 75 deg)| is 1.22: worse than no compensation, though clamping may scatter by more than that."""
-    cut = CutWith(path=MODEL, fraction=share, version=None)
+    cut = AppliedPath(path=MODEL, fraction=share, version=None)
     step = taught(cut, turned(MODEL, off_deg, held, share), scatter_um=2.3)
     (problem,) = step.reasons
     assert (problem.code, problem.limit) == ("learned.worse", "55.0 um")
@@ -347,7 +348,7 @@ def test_a_part_with_jaw_1_taken_elsewhere_teaches_nothing(off_deg: float, held:
 
 
 def test_a_lobe_that_is_only_elsewhere_is_a_warning_and_a_tool_that_is_held_back_none() -> None:
-    cut = CutWith(path=MODEL, fraction=1.0, version=None)
+    cut = AppliedPath(path=MODEL, fraction=1.0, version=None)
     aside = taught(cut, turned(MODEL, 15.0, 1.0))
     assert ([p.code for p in aside.warnings], aside.reasons) == (["learned.lobe_elsewhere"], ())
     assert aside.warnings[0].value == "+15 deg"
@@ -375,14 +376,14 @@ def test_what_has_no_lobe_or_one_of_a_model_is_not_made_worse() -> None:
 def test_a_version_without_what_may_be_missing_is_read_and_learned_from() -> None:
     wants = {6: 2.0 + 0j, 9: 4.0 + 1j}
     made = taught(
-        CutWith(path=MODEL, fraction=1.0, version=None), part(left(MODEL, 1.0, 1.0, wants), noise_um=0.01)
+        AppliedPath(path=MODEL, fraction=1.0, version=None), part(left(MODEL, 1.0, 1.0, wants), noise_um=0.01)
     )
     table = json.loads(json.dumps(as_table(made.next)))
     assert table["schema"] == 1
     del table["frozen"], table["part"]["plain"]
     old = from_table(table)
     assert (old.path, old.part and old.part.lobe) == (made.next.path, made.next.part and made.next.part.lobe)
-    cut = CutWith(path=old.path, fraction=1.0, version=old, parent=MODEL, history=(old,))
+    cut = AppliedPath(path=old.path, fraction=1.0, version=old, parent=MODEL, history=(old,))
     again = taught(cut, part(left(old.path, 1.0, 0.9, wants), noise_um=0.01))
     assert again.contractions[9].arrives == pytest.approx(0.9, abs=0.08)
     with pytest.raises(ProfileError, match=r"schema\.unsupported"):
@@ -392,13 +393,13 @@ def test_a_version_without_what_may_be_missing_is_read_and_learned_from() -> Non
 def test_an_oval_that_two_parts_show_is_learned_and_one_that_turns_is_not() -> None:
     """From traces alone: jaws bend each part alike, a blank each part at another angle."""
     for ovals, learned in (((3.0 + 1j, 3.1 + 1j), True), ((3.0 + 1j, -1.0 - 3j), False)):
-        cut, history = CutWith(path=MODEL, fraction=1.0, version=None), []
+        cut, history = AppliedPath(path=MODEL, fraction=1.0, version=None), []
         for oval in ovals:
             wants = {2: oval, 5: 0j}
             step = taught(cut, part(left(cut.path, 1.0, 0.95, wants), noise_um=0.02, beside=(2, 5)), beside=(2, 5))
             stands = {each.order: each.standing.value for each in step.certificate}
             history.append(step.next)
-            cut = CutWith(
+            cut = AppliedPath(
                 path=step.next.path, fraction=1.0, version=step.next, parent=cut.path, history=tuple(history)
             )
             if len(history) == 1:

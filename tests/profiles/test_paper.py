@@ -12,11 +12,17 @@ import pytest
 from profiles.axis.servo import sampled_response, step_error
 from profiles.compensations.path import chord_scale
 from profiles.paper import chuck, servo_figures
-from profiles.paper.causes_left import explaining, models
-from profiles.paper.experiments import lee_2001
-from profiles.paper.record import Basis, Record, Section
+from profiles.paper.causes_left import (
+    Ramps,
+    explaining,
+    fundamental_fraction,
+    left_um_pp,
+    models,
+    stroke_fraction,
+    zigzag,
+)
+from profiles.paper.record import Basis, Record, Section, lee_2001
 from profiles.paper.reproduction import sections
-from profiles.paper.residual import Ramps, fundamental_fraction, left_um_pp, stroke_fraction, zigzag
 from profiles.paper.table_5 import (
     Reading,
     feedforward_response,

@@ -12,9 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from profiles.arrays import Floats
 from profiles.metrology.circles import limacon_circle
-from profiles.metrology.filters import gaussian_filter, gaussian_transmission
 from profiles.metrology.geometric import polar
-from profiles.metrology.points import angle_weights, equally_spaced
+from profiles.metrology.points import angle_weights, equally_spaced, gaussian_filter, gaussian_transmission
 from profiles.problem import Problem, ProfileError
 from profiles.roundness import RoundnessResult, centred_profile, evaluate, profile_of
 

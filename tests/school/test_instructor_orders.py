@@ -14,10 +14,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from console.cli.commands import build
-from console.school.instructing.answer import Answer, read_answer, written
 from console.school.instructing.carrying import MOST_CHECKPOINTS, CarryOut
 from console.school.instructing.mailbox import Act, Mailbox
-from console.school.instructing.order import FASTEST, SLOWEST, Do, read_order
+from console.school.instructing.order import FASTEST, SLOWEST, Answer, Do, read_answer, read_order, written
 from console.school.training.debrief import reactions
 from console.school.training.happened import What
 from console.session.errors import SessionError

@@ -20,25 +20,22 @@ import pytest
 
 import console.session.extras as extras
 from console.session.errors import SessionError
-from console.site.study import making, running
-from console.site.study.cells import MADE, Cell, Row, cells
-from console.site.study.description import read_study
-from console.site.study.journal import NAME
-from console.site.study.making import Made, failed, software
+from console.site.study import running
+from console.site.study.cells import MADE, Cell, Row, cells, read_study
 from console.site.study.results import TABLE, write_table
-from console.site.study.running import Progress, carry_out
+from console.site.study.running import NAME, CellResult, Progress, carry_out, failed, software
 from console.site.study.workers import Workers, processes
 from profiles.problem import ProblemError
 
 DIES = 3
 
 
-def make_or_die(content: bytes) -> Made:
+def make_or_die(content: bytes) -> CellResult:
     """Make nothing of a cell; with the seed `DIES`, the process ends as by lack of memory."""
     cell: Cell = pickle.loads(content)
     if cell.names["seed"] == DIES:
         os._exit(9)
-    return Made(cell.number, (failed(cell, MADE),), software())
+    return CellResult(cell.number, (failed(cell, MADE),), software())
 
 
 Console = Callable[..., Any]
@@ -86,9 +83,9 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> list[int]:
             raise ProblemError(*cell.problems)
         if cell.names["seed"] == 13:
             raise TypeError("a fault\nof ours")
-        return (making._row(cell, {"part": 1, "outcome": "made", "ront_um": cell.number / 3}),)
+        return (running._row(cell, {"part": 1, "outcome": "made", "ront_um": cell.number / 3}),)
 
-    monkeypatch.setattr(making, "_rows", rows)
+    monkeypatch.setattr(running, "_rows", rows)
     return made
 
 

@@ -22,8 +22,7 @@ from console.session.stages import Stage
 from console.tui.further.scope import FOLDER as SCOPE_RECORDS
 from console.tui.further.scope import record_text
 from console.tui.pages.records import RecordsPage
-from drivers.requests.scope_gather import Record
-from drivers.requests.scope_setup import ANGLE, Axis, Channel, Quantity, Trigger
+from drivers.requests.scope_gather import ANGLE, Axis, Channel, Quantity, Record, Trigger
 from profiles.calibration.table import parse_table
 from profiles.job import Job
 from profiles.store import job_text

@@ -29,7 +29,7 @@ from console.tui.further.scope_setup import ROWS, changed, setup_lines
 from console.tui.keymap import PageName
 from console.tui.theme import COLOUR, MONO, Palette, Token
 from console.units import METRIC, Units
-from drivers.requests.scope_setup import ScopeSetup, Trigger
+from drivers.requests.scope_gather import ScopeSetup, Trigger
 from profiles.calibration.table import COLUMNS, CalibrationKind
 from profiles.problem import Problem, ProfileError
 from tests.golden_text import compare, writing

@@ -25,7 +25,7 @@ from console.tui.further.scope_setup import ROWS, changed
 from console.tui.gate import FieldKind
 from console.tui.keymap import PageName
 from drivers.lathe.standing import Standing
-from drivers.requests.scope_setup import ANGLE, CHANNELS, ScopeSetup
+from drivers.requests.scope_gather import ANGLE, CHANNELS, ScopeSetup
 from drivers.requests.side_line import Moment
 from profiles.problem import ProfileError
 from tests.drivers.families import of_family

@@ -13,17 +13,22 @@ import numpy as np
 import pytest
 from rich.cells import cell_len
 
-from console.session.data.run_reader import PartPoint
-from console.session.learning.job_chart import Figure, JobChart, JobParts, NoClaim, job_chart
+from console.session.data.measured_part import RecordedPart
+from console.session.learning.job_chart import Figure, JobChart, NoClaim, job_chart
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import with_strategy
 from console.text.catalogue import load
-from console.tui.inspecting.comparison import compared
-from console.tui.inspecting.evaluation import Looked, supported_upr, tolerance_rings_um, with_next_filter
+from console.tui.inspecting.comparison import (
+    DisplayFilter,
+    compare_parts,
+    list_supported_upr,
+    next_filter,
+    tolerance_rings_um,
+)
 from console.tui.inspecting.panels import Bars, SpectrumPicture, spectrum_cells
-from console.tui.inspecting.plain_words import plain_words
 from console.tui.lines import plain, width_of
 from console.tui.pages.inspect import InspectPage
+from console.tui.pages.learn_lines import plain_words
 from console.tui.plot.frame import stepped_125
 from console.tui.plot.polar_view import PolarView, shows_rings
 from console.tui.plot.run_chart_view import chart_cells
@@ -99,10 +104,10 @@ def test_a_trace_of_few_points_has_only_the_filters_that_it_supports() -> None:
     """Seven points for each undulation: 360 carry 50 UPR (350) and not 150 (1050); a step of 2 deg is as 180."""
     angle_deg = np.arange(360.0)
     trace = Trace(angle_deg=angle_deg, deviation_um=np.cos(np.radians(3 * angle_deg)))
-    assert supported_upr([trace]) == (15.0, 50.0)
-    assert supported_upr([PART.trace, trace]) == (15.0, 50.0)
-    assert supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == (15.0,)
-    assert with_next_filter(Looked(), None, ()) == Looked()
+    assert list_supported_upr([trace]) == (15.0, 50.0)
+    assert list_supported_upr([PART.trace, trace]) == (15.0, 50.0)
+    assert list_supported_upr([Trace(angle_deg=angle_deg[:-1], deviation_um=angle_deg[:-1])]) == (15.0,)
+    assert next_filter(DisplayFilter(), None, ()) == DisplayFilter()
 
 
 async def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path: Path) -> None:
@@ -118,12 +123,12 @@ async def test_the_only_filter_is_refused_with_what_another_would_need(tmp_path:
 @pytest.mark.parametrize("kind", CIRCLES)
 @pytest.mark.parametrize("factor", [0.99, 1.01])
 def test_the_trace_is_between_the_tolerance_rings_exactly_where_ront_is_within(kind: str, factor: float) -> None:
-    seen = compared(MEASURED, Looked(circle=kind))
+    seen = compare_parts(MEASURED, DisplayFilter(circle=kind))
     assert seen is not None
-    tolerance_um = factor * seen.shown.ront_um
-    inner, outer = tolerance_rings_um(seen.shown, tolerance_um)
+    tolerance_um = factor * seen.last.ront_um
+    inner, outer = tolerance_rings_um(seen.last, tolerance_um)
     assert outer - inner == pytest.approx(tolerance_um)
-    profile = seen.shown.profile_um
+    profile = seen.last.profile_um
     assert bool(inner <= profile.min() + 1e-9 and profile.max() <= outer + 1e-9) is (factor > 1.0)
     if kind == "MIC":
         assert inner == 0.0
@@ -287,18 +292,18 @@ async def test_a_record_without_other_parts_with_one_and_a_damaged_one_are_told(
 
 def test_the_figures_of_the_other_part_are_those_of_its_record(tmp_path: Path) -> None:
     from console.session.data.run_reader import measured_parts
-    from console.tui.inspecting.other_part import other_part
+    from console.tui.inspecting.part_chooser import read_other_part
 
     recorded(tmp_path)
     work = signed()
     point = measured_parts(tmp_path, work.job.name, work.machine.machine.name, True)[-1]
-    other = other_part(tmp_path, point)
-    assert other.found.result.ront_um == pytest.approx(point.ront_um)
-    seen = compared(MEASURED, Looked(), other)
+    other = read_other_part(tmp_path, point)
+    assert other.result.ront_um == pytest.approx(point.ront_um)
+    seen = compare_parts(MEASURED, DisplayFilter(), other)
     assert seen is not None and seen.before.ront_um == pytest.approx(point.ront_um)
     # With a filter that it does not support both keep that of the verdict.
-    wide = compared(MEASURED, Looked(filter_upr=500.0), other)
-    assert wide is not None and wide.looked == Looked() and wide.supported == (15.0, 50.0)
+    wide = compare_parts(MEASURED, DisplayFilter(filter_upr=500.0), other)
+    assert wide is not None and wide.looked == DisplayFilter() and wide.supported == (15.0, 50.0)
 
 
 # In plain words ------------------------------------------------------------------------------------------------
@@ -334,7 +339,7 @@ def test_a_lobe_that_stands_out_is_corrected_with_a_and_the_page_says_so() -> No
 # Run chart of a job: limits, what is claimed of the process and what is not, and how it is drawn.
 
 
-POINT = PartPoint(
+POINT = RecordedPart(
     run_id="0",
     at=datetime(2026, 1, 2, tzinfo=UTC),
     part="",
@@ -352,9 +357,8 @@ ZIGZAG = (2.0, 3.0) * 20
 """Moving ranges of 1 um each: limits are 2.5 +- 3 / 1.128 um (NIST/SEMATECH 6.3.2.2)."""
 
 
-def parts(ronts_um: Sequence[float], **changes: object) -> JobParts:
-    points = tuple(replace(POINT, ront_um=um, **changes) for um in ronts_um)  # type: ignore[arg-type]
-    return JobParts(job="ring", strategy="pvt", points=points)
+def parts(ronts_um: Sequence[float], **changes: object) -> tuple[RecordedPart, ...]:
+    return tuple(replace(POINT, ront_um=um, **changes) for um in ronts_um)  # type: ignore[arg-type]
 
 
 def said(chart: JobChart, language: str = "en") -> str:
@@ -389,7 +393,7 @@ def test_capability_has_its_number_of_parts_and_its_interval() -> None:
 
 def test_a_diameter_is_judged_between_both_limits_of_its_tolerance() -> None:
     points = [replace(POINT, diameter_mm=51.8 + (0.001 if n % 2 else -0.001)) for n in range(40)]
-    chart = job_chart(replace(parts(()), points=tuple(points)), Figure.DIAMETER)
+    chart = job_chart(tuple(points), Figure.DIAMETER)
     assert (chart.lower_um, chart.upper_um) == (-10.0, 10.0)
     assert chart.capability is not None and chart.capability.cp is not None
     assert chart.capability.cp == pytest.approx(10.0 / (3.0 * np.sqrt(40.0 / 39.0)), rel=1e-6)
@@ -407,7 +411,7 @@ def test_a_diameter_is_judged_between_both_limits_of_its_tolerance() -> None:
         (parts([*ZIGZAG, 9.0, 2.5, 9.0]), NoClaim.UNSTABLE),
     ],
 )
-def test_what_is_not_claimed_says_why(made: JobParts, why: NoClaim) -> None:
+def test_what_is_not_claimed_says_why(made: tuple[RecordedPart, ...], why: NoClaim) -> None:
     chart = job_chart(made, Figure.RONT)
     assert (chart.capability, chart.no_claim) == (None, why)
     for language in LANGUAGES:
@@ -418,9 +422,9 @@ def test_what_is_not_claimed_says_why(made: JobParts, why: NoClaim) -> None:
 
 def test_parts_with_another_compensation_before_are_shown_and_not_counted() -> None:
     """What was made otherwise says nothing of what is made now."""
-    older = parts([8.0] * 12).points
-    newer = parts(ZIGZAG, compensation="2").points
-    chart = job_chart(replace(parts(()), points=(*older, *newer)), Figure.RONT)
+    older = parts([8.0] * 12)
+    newer = parts(ZIGZAG, compensation="2")
+    chart = job_chart((*older, *newer), Figure.RONT)
     assert chart.begins == 12 and chart.alike == 40
     assert chart.limits is not None and chart.limits.mean == pytest.approx(2.5)
     assert chart.capability is not None and chart.capability.parts == 40
@@ -435,7 +439,7 @@ def test_a_growing_lobe_is_told_and_noise_is_not_a_trend() -> None:
         (0.0, "No trend"),
     ):
         points = [replace(POINT, lobe_um_pp=2.0 + slope * n + float(noise[n])) for n in range(40)]
-        chart = job_chart(replace(parts(()), points=tuple(points)), Figure.RONT)
+        chart = job_chart(tuple(points), Figure.RONT)
         assert words in said(chart)
 
 
@@ -458,5 +462,5 @@ def test_any_number_of_parts_is_drawn_in_any_room(count: int, size: tuple[int, i
 def test_parts_that_inverted_another_response_are_not_made_alike() -> None:
     """One alone has no scatter: its limits wait for the parts like it."""
     by_model, found = parts(ZIGZAG), parts([1.0, 1.2], inverted="pvt-20260103T093000000Z.json")
-    both = replace(by_model, points=(*by_model.points, *found.points))
+    both = (*by_model, *found)
     assert job_chart(both, Figure.RONT).begins == len(ZIGZAG)

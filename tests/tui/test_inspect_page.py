@@ -18,8 +18,8 @@ from console.session.guide.situation import Situation
 from console.session.station.commands import Measure
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.text.catalogue import LiveCatalogue, load
-from console.text.certificate import certificate_lines
-from console.tui.inspecting.comparison import compared
+from console.text.part_sentences import certificate_lines
+from console.tui.inspecting.comparison import compare_parts
 from console.tui.keymap import PageName
 from console.tui.lines import plain, width_of
 from console.tui.pages.inspect import InspectPage
@@ -83,13 +83,13 @@ def shown(state: StationState, room: tuple[int, int] = ROOMS[0], language: str =
 
 
 def results(state: StationState, height: int = 20) -> list[str]:
-    seen = compared(state)
+    seen = compare_parts(state)
     assert seen is not None
     return plain(result_lines(seen, True, load("en"), 40, height)).split("\n")
 
 
 def harmonics(state: StationState, height: int = 20) -> list[str]:
-    seen = compared(state)
+    seen = compare_parts(state)
     assert seen is not None
     return plain(harmonic_lines(seen, load("en"), 40, height)).split("\n")
 
@@ -174,7 +174,7 @@ def test_a_six_jaw_chuck_has_its_own_harmonics_in_front() -> None:
 
 @pytest.mark.parametrize(("crest_deg", "phase_deg"), [(91.0, 1.0), (89.0, -1.0), (210.0, 0.0), (150.0, 60.0)])
 def test_the_phase_is_the_nearest_crest_from_jaw_1(crest_deg: float, phase_deg: float) -> None:
-    seen = compared(StationState(measured=part(Strategy.NONE, [(3, 10.0, crest_deg)])))
+    seen = compare_parts(StationState(measured=part(Strategy.NONE, [(3, 10.0, crest_deg)])))
     assert seen is not None
     found = phase_from_jaw_deg(seen.before, 3)
     assert found is not None
@@ -213,7 +213,7 @@ def test_without_a_measured_part_before_it_is_the_job_that_speaks() -> None:
 
 def test_a_part_of_another_job_is_no_before() -> None:
     other = part(Strategy.NONE, [(3, 20.0, 90.0)], spindle_speed_rpm=500.0)
-    seen = compared(StationState(measured=AFTER, uncompensated=other))
+    seen = compare_parts(StationState(measured=AFTER, uncompensated=other))
     assert seen is not None
     assert seen.before.result is None
 
@@ -221,7 +221,7 @@ def test_a_part_of_another_job_is_no_before() -> None:
 def test_a_part_that_was_clamped_anew_is_turned_to_the_same_jaw() -> None:
     """The same lobe, high at jaw 1, with the jaw at another place: both traces are high at the mark."""
     before = part(Strategy.NONE, [(3, 27.5, 33.0)], jaw_1_deg=33.0)
-    seen = compared(StationState(measured=AFTER, uncompensated=before))
+    seen = compare_parts(StationState(measured=AFTER, uncompensated=before))
     assert seen is not None
     assert seen.before.result is not None
     high_deg = float(seen.before.angle_deg[seen.before.profile_um.argmax()])
@@ -238,7 +238,7 @@ def test_an_uncompensated_part_has_no_after() -> None:
 
 def test_what_is_drawn_is_centred_filtered_and_said_to_be() -> None:
     filtered = part(Strategy.PVT, [(3, 1.0, 90.0), (400, 5.0, 0.0)])
-    seen = compared(StationState(measured=filtered))
+    seen = compare_parts(StationState(measured=filtered))
     assert seen is not None
     assert seen.after is not None
     assert float(np.ptp(seen.after.profile_um)) == pytest.approx(2.0, abs=0.02)
@@ -318,7 +318,7 @@ def test_the_next_step_is_one_row_and_names_its_key(state: StationState, key: st
 
 
 def test_a_failed_part_is_not_only_coloured() -> None:
-    seen = compared(StationState(measured=PRINTED))
+    seen = compare_parts(StationState(measured=PRINTED))
     assert seen is not None
     lines = result_lines(seen, True, load("en"), 40, 20)
     (fail,) = [line for line in lines if line and line[0][1] is Token.WARNING]

@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textual.events import Key
 
-from console.tui.application.scan_codes import LONGEST, found, job_named, keys_of, shown
 from console.tui.application.scan_collector import Collector, Scan
+from console.tui.application.scans import LONGEST, found, job_named, keys_of, shown
 from console.tui.driver import Reader
 from console.tui.gate import FieldKind, Situation, Verdict, is_stray, judge, stop_reason, stops_at_once
 from console.tui.keymap import ACTIONS, DIGITS, KILL_KEYS, STOP_KEYS, PageName, action_of, actions_of

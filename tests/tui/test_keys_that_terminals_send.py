@@ -34,8 +34,7 @@ from console.tui.pace import Pace
 from console.tui.theme import MONO
 from console.tui.ui_context import UiContext
 from drivers.lathe.stop import StopPath
-from drivers.link.renewable import RenewableLink
-from drivers.link.tapping import TappedLink
+from drivers.link.passing import RenewableLink, TappedLink
 from drivers.link.tracing import TracedLink
 from profiles.store import load_machine
 from tests.console.consoles import MACHINE

@@ -20,7 +20,7 @@ from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState
 from console.session.work import Work, edited, opened, with_strategy
 from console.text.catalogue import load
-from console.text.force import force_words
+from console.text.part_sentences import force_words
 from console.tui.gate import FieldKind
 from console.tui.lines import plain
 from console.tui.pages.inspect import InspectPage

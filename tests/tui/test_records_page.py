@@ -18,12 +18,13 @@ import pytest
 from rich.cells import cell_len
 
 from console.session.data import run_reader
+from console.session.data.measured_part import RecordedPart
 from console.session.data.record_file import FILE_NAME
-from console.session.learning.job_chart import Figure, JobChart, JobParts, job_chart
+from console.session.learning.job_chart import Figure, JobChart, job_chart
 from console.session.station.state import Activity
 from console.text.catalogue import load
 from console.tui.gate import FieldKind
-from console.tui.records import beside, listing, reading
+from console.tui.records import background_reader, reading
 from profiles.store import load_job
 from tests.tui import records_stage
 from tests.tui.page_stage import NEXT_STEP_CELLS, READY, on_page
@@ -37,7 +38,7 @@ MANY = 230
 @pytest.fixture(autouse=True)
 def in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is read is there when it is asked for, however busy this computer is."""
-    monkeypatch.setattr(beside, "SHORT_S", 60.0)
+    monkeypatch.setattr(background_reader, "SHORT_S", 60.0)
 
 
 @pytest.fixture(scope="module")
@@ -264,8 +265,8 @@ async def test_a_slow_disk_never_holds_the_screen(shop: Path, monkeypatch: pytes
         return runs(*given, **options)
 
     runs = run_reader.runs
-    monkeypatch.setattr(listing, "runs", slow)
-    monkeypatch.setattr(beside, "SHORT_S", 0.0)
+    monkeypatch.setattr(reading, "runs", slow)
+    monkeypatch.setattr(background_reader, "SHORT_S", 0.0)
     async with on_records(shop) as page:
         await page.show()
         assert asked.wait(60.0) and "Reading." in page.text
@@ -305,7 +306,7 @@ async def test_while_something_moves_no_statistics_are_loaded(shop: Path, monkey
     judged: list[bool] = []
     monkeypatch.setattr(reading, "STATISTICS", "scipy.not_loaded_yet")
 
-    def charted(parts: JobParts, figure: Figure, *, judge: bool) -> JobChart:
+    def charted(parts: tuple[RecordedPart, ...], figure: Figure, *, judge: bool) -> JobChart:
         judged.append(judge)
         return job_chart(parts, figure, judge=judge)
 

@@ -31,7 +31,7 @@ from console.tui.pages.run_lines import summary_lines
 from console.tui.run.error_band import band_series, error_band
 from console.tui.ui_context import View
 from drivers.cutting.feed_hold import HoldReport, HoldState
-from drivers.cutting.place import ProgramPlace
+from drivers.cutting.program_reports import ProgramPlace
 from drivers.lathe.snapshot import AxisName
 from profiles.problem import Problem
 from tests.tui.machine_states import ON, REST

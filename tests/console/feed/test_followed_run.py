@@ -11,10 +11,9 @@ from console.session.cut.engine import CutContext
 from console.session.cut.in_process import simulated_context
 from console.session.cut.recording import CutRecorder
 from console.session.cut.run import plan_run, run_once
-from console.session.feed.followed_run import FollowedRun, Run
+from console.session.feed.followed_run import FollowedRun, Run, RunAlarms
 from console.session.feed.observed import Observed
 from console.session.feed.report import report
-from console.session.feed.run_alarms import RunAlarms
 from console.session.station.state import Activity
 from console.site.exchange.mtconnect import conditions
 from drivers.cutting.strategy import Strategy
@@ -82,7 +81,7 @@ SILENT_S = 1.0
 """More than the 0.3 s of the watchdog: the controller ends the cut."""
 
 
-class Hangs(Unrecorded):
+class Hangs(CutRecorder):
     """Says nothing for a second, in the middle of the cut; then looks at the feed at each poll."""
 
     def __init__(self, simulated: SimulatedLathe) -> None:

@@ -19,7 +19,7 @@ from hypothesis import strategies as st
 
 from console.flight.plain_values import ARRAY, changes, plain
 from console.flight.recorded_forms import Moment, names, recorded, work_of
-from console.flight.typed_values import Typed, machine_of, patched
+from console.flight.recording import Typed, machine_of, patched
 from console.session.learning.calibrating import PartLobe
 from console.session.learning.part_learning import PartLearning
 from console.session.station.progress import CutProgress

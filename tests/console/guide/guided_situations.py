@@ -19,8 +19,7 @@ from console.session.work import Work
 from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.standing import Standing
-from drivers.simulator.plant.collision_kind import CollisionKind
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.problem import Problem
 from profiles.store import load_job
@@ -155,7 +154,8 @@ def works_after() -> Iterator[Work | None]:
 
 
 def situation(state: StationState, work: Work | None, *, jog_enabled: bool = False) -> Situation:
-    return Situation(state=state, work=work, machine=lathe().machine, jog_enabled=jog_enabled, now_s=100.0)
+    state = replace(state, jog_enabled=jog_enabled)
+    return Situation(state=state, work=work, machine=lathe().machine, now_s=100.0)
 
 
 def before_the_cut() -> Iterator[Situation]:

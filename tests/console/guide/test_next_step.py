@@ -20,7 +20,7 @@ from console.session.guide.rows import ALIGN, INSPECT, RUN, Row, next_step, row_
 from console.session.guide.situation import Situation
 from console.session.learning.calibrating import PartLobe, lobe_of
 from console.session.learning.part_learning import PartLearning, accept
-from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, TakeTouchOff
+from console.session.station.commands import Approach, Arm, Command, ConfirmClamping, Jog, NoteJog, TakeTouchOff
 from console.session.station.progress import CutStage
 from console.session.station.state import Activity, MeasuredPart, StationState, StopState, TouchedBlank
 from console.session.work import Work, opened
@@ -30,8 +30,7 @@ from drivers.cutting.feed_hold import HoldReport, HoldState
 from drivers.cutting.planning import Strategy
 from drivers.lathe.snapshot import AxisName
 from drivers.lathe.standing import Standing
-from drivers.simulator.plant.collision_kind import CollisionKind
-from drivers.simulator.plant.workshop_view import WorkshopView
+from drivers.simulator.plant.workshop_view import CollisionKind, WorkshopView
 from profiles.compensations.causes import Cause, CauseKind
 from profiles.problem import Problem
 from profiles.store import load_job, load_machine
@@ -41,7 +40,7 @@ from tests.tui import align_stage, run_stage, scenes
 from tests.tui.machine_states import REST
 from tests.tui.run_stage import VALID, look
 from tests.tui.stage import experiment, lathe
-from tests.tui.test_force_on_the_pages import WRONG
+from tests.tui.test_learning_keys import WRONG
 
 OFF_UNHOMED = REST | {"open_loop"}
 ON_UNHOMED = REST | {"amplifier_enabled"}
@@ -167,7 +166,8 @@ def works_after() -> Iterator[Work | None]:
 
 
 def situation(state: StationState, work: Work | None, *, jog_enabled: bool = False) -> Situation:
-    return Situation(state=state, work=work, machine=lathe().machine, jog_enabled=jog_enabled, now_s=100.0)
+    state = replace(state, jog_enabled=jog_enabled)
+    return Situation(state=state, work=work, machine=lathe().machine, now_s=100.0)
 
 
 def before_the_cut() -> Iterator[Situation]:
@@ -242,17 +242,14 @@ class Novice:
     def __init__(self, floor: Floor, work: Work, data: Path) -> None:
         self.floor, self.work, self.data = floor, work, data
         self.open: Work | None = None
-        self.jog_enabled = False
 
     def now(self) -> Situation:
         machine = self.work.machine.machine
         at_s = self.floor.state.at_s
-        return Situation(
-            state=self.floor.idle(), work=self.open, machine=machine, jog_enabled=self.jog_enabled, now_s=at_s
-        )
+        return Situation(state=self.floor.idle(), work=self.open, machine=machine, now_s=at_s)
 
     def follow(self, row: Row) -> None:
-        self.jog_enabled = row.key == "align.enable"
+        self.floor.station.post(NoteJog(enabled=row.key == "align.enable"))
         if row.key == "page.jobs":
             self.open = self.work
         elif row.word == "align.jaw":

@@ -10,8 +10,8 @@ import pytest
 
 from console.flight.recording import Recording
 from console.school.practice.as_lesson import lesson_of_practice, lesson_text, steps_of
+from console.school.practice.moment_before import likeness
 from console.school.practice.practice import Practice, practice_of
-from console.school.practice.recorded_event import likeness
 from console.school.practising import machine_recorded, work_recorded
 from console.school.training.event import Event
 from console.school.training.lesson import lesson_of, load_lesson
@@ -26,7 +26,7 @@ from console.session.work import Work, opened
 from console.text.catalogue import LANGUAGES, load
 from drivers.cutting.planning import Strategy
 from drivers.placed import Placed, placed_of, placed_text
-from drivers.simulator.faults.fault_line import check_line
+from drivers.simulator.faults.board import check_line
 from profiles.files import parse_toml
 from profiles.job import Job
 from profiles.problem import Problem, ProfileError
