@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from console.__main__ import main
-from console.session.data.run_reader import 
 from console.session.data.measured_part import RecordedPart
 from console.session.guide.refusals import refused
 from console.session.guide.situation import Situation
