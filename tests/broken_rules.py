@@ -19,8 +19,8 @@ class Mutation:
 
 STOP, STOPPING = "drivers/lathe/stop.py", "tests/drivers/test_stopping.py"
 LIMITS, BETWEEN = "tests/drivers/test_limits_of_a_cut.py", "tests/console/test_between_two_parts.py"
-DISTURBED = "tests/drivers/test_disturbed_measurements.py"
-UNEVEN = "tests/profiles/test_uneven_traces.py"
+DISTURBED = "tests/drivers/test_identification_refused.py"
+UNEVEN = "tests/profiles/test_roundness.py"
 INTERLOCKS = "console/session/cut/interlocks.py"
 _STOPPING: tuple[Mutation, ...] = (
     Mutation(
@@ -63,7 +63,7 @@ _STOPPING: tuple[Mutation, ...] = (
         file="drivers/lathe/standstill.py",
         old="or self._rests >= self.RESTS",
         new="or self._rests > self.RESTS",
-        test=f"{LIMITS}::test_a_home_search_that_rests_three_times_without_a_zero_is_over",
+        test=f"{LIMITS}::test_a_home_search_is_over_in_position_or_after_three_rests_without_a_zero",
     ),
     Mutation(
         rule="One poll in twelve queries the line of the program.",
@@ -99,7 +99,7 @@ _STOPPING: tuple[Mutation, ...] = (
         file="drivers/identification/measuring.py",
         old="        found = fingerprint_problems(self._before, self._read(), left_out)",
         new="        found = fingerprint_problems(self._before, self._before, left_out)",
-        test=f"{DISTURBED}::test_a_setting_that_no_turn_of_the_readings_has_is_named_at_the_end",
+        test=f"{DISTURBED}::test_an_axis_that_another_host_scales_otherwise_is_named_at_the_end",
     ),
     Mutation(
         rule="An override that this console has not commanded stops the cut.",
@@ -113,14 +113,14 @@ _STOPPING: tuple[Mutation, ...] = (
         file="drivers/pmac/programs/pvt.py",
         old="P53=P55 P54=P56\nENDIF",
         new="ENDIF",
-        test="tests/drivers/test_live_trim.py::test_what_is_beyond_the_bounds_is_put_back_whole",
+        test="tests/drivers/test_hold_and_resume.py::test_what_is_beyond_the_bounds_is_put_back_whole",
     ),
     Mutation(
         rule="Rest is proven by polls in which nothing drifts or swings.",
         file="drivers/lathe/standstill.py",
         old="return drift <= limit and scatter",
         new="return drift <= math.inf and scatter",
-        test="tests/drivers/test_rest_proof.py::test_an_axis_that_moves_is_not_at_rest",
+        test="tests/drivers/test_recovery.py::test_an_axis_that_moves_is_not_at_rest",
     ),
     Mutation(
         rule="A machine is taken over only at rest.",
@@ -180,15 +180,14 @@ _CUTTING: tuple[Mutation, ...] = (
         file="drivers/lathe/heartbeat.py",
         old="not lost and owner == self._owner and watchdog",
         new="not lost and watchdog",
-        test="tests/drivers/test_kept_heartbeat.py::"
-        "test_a_late_host_renews_only_a_watchdog_that_is_armed_and_its_own",
+        test="tests/drivers/test_kept_heartbeat.py::test_a_late_host_renews_only_its_own_watchdog",
     ),
     Mutation(
         rule="What is read right before a motion says who owns the machine.",
         file="drivers/lathe/heartbeat.py",
         old="self._owner_seen(self._owner)",
         new="pass",
-        test=f"{OWNERSHIP}::test_a_console_that_lost_control_after_its_last_poll_starts_nothing",
+        test=f"{OWNERSHIP}::test_a_console_that_lost_control_starts_nothing",
     ),
     Mutation(
         rule="An observer ends no cut.",
@@ -202,7 +201,7 @@ _CUTTING: tuple[Mutation, ...] = (
         file="drivers/cutting/cut_program.py",
         old="if self._to_restore or self.override.commanded != REAL_TIME:",
         new="if self._to_restore:",
-        test=f"{OWNERSHIP}::test_what_a_cut_has_changed_is_put_back_and_only_by_who_may_command",
+        test=f"{OWNERSHIP}::test_what_a_cut_has_changed_is_put_back_by_its_owner",
     ),
     Mutation(
         rule="A cut whose heartbeat PLC is silent is ended by its policy.",
@@ -223,7 +222,7 @@ _CUTTING: tuple[Mutation, ...] = (
         file="drivers/cutting/feed_hold.py",
         old="        except LinkTimeoutError:\n            self._client.request",
         new="        except LinkTimeoutError:\n            str",
-        test=f"{LIMITS}::test_what_only_sets_a_value_of_a_running_cut_is_sent_twice_at_most",
+        test=f"{LIMITS}::test_what_only_sets_a_value_is_sent_twice_at_most",
     ),
     Mutation(
         rule="After a hold the turns in which the tool finds less of the chip are not judged.",
@@ -238,7 +237,7 @@ _CUTTING: tuple[Mutation, ...] = (
         file="drivers/lathe/held_positions.py",
         old="still = seen is not None and abs(at - seen) <= self._bands[axis]",
         new="still = False",
-        test="tests/drivers/test_shifted_zeros.py::"
+        test="tests/drivers/test_path_seen.py::"
         "test_a_zero_that_is_set_on_an_axis_that_nothing_holds_is_found_and_a_hand_is_not_taken_for_it",
     ),
     Mutation(
@@ -265,7 +264,7 @@ _CUTTING: tuple[Mutation, ...] = (
 )
 
 LINEAR, PIECES = "drivers/pmac/trajectory/linear.py", "drivers/pmac/trajectory/pieces.py"
-BLENDING = "tests/drivers/trajectory/test_linear_blending.py"
+BLENDING = "tests/drivers/trajectory/test_linear_moves.py"
 EXPRESSIONS = "tests/drivers/language/test_pmac_expressions.py"
 _TRAJECTORIES: tuple[Mutation, ...] = (
     Mutation(
@@ -273,14 +272,14 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
         file=LINEAR,
         old="ta_ms = max(move.ta_ms, 2.0 * move.ts_ms)",
         new="ta_ms = max(move.ta_ms, move.ts_ms)",
-        test=f"{BLENDING}::test_two_s_curves_longer_than_ta_set_the_acceleration_time",
+        test=f"{BLENDING}::test_acceleration_times_are_two_s_curves_at_least_and_moves_are_no_shorter",
     ),
     Mutation(
         rule="A move shorter than its acceleration takes the acceleration time.",
         file=LINEAR,
         old="max(tm_ms, ta_ms))  # rule 2",
         new="tm_ms)  # rule 2",
-        test=f"{BLENDING}::test_a_move_shorter_than_its_acceleration_takes_the_acceleration_time",
+        test=f"{BLENDING}::test_acceleration_times_are_two_s_curves_at_least_and_moves_are_no_shorter",
     ),
     Mutation(
         rule="A blend is cut to the room in the move before it.",
@@ -301,28 +300,28 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
         file=LINEAR,
         old="change = max(abs(velocity - was), abs(velocity))",
         new="change = abs(velocity - was)",
-        test=f"{BLENDING}::test_ix17_lengthens_the_acceleration_of_a_move_that_changes_no_speed",
+        test=f"{BLENDING}::test_ix17_lengthens_the_acceleration_even_for_the_stop_that_may_follow",
     ),
     Mutation(
         rule="A ramp with S-curves has the higher peak of acceleration.",
         file=PIECES,
         old="span_ms = len(start), ta_ms - ts_ms",
         new="span_ms = len(start), ta_ms",
-        test=f"{BLENDING}::test_an_s_curve_blend_misses_its_corner_by_a_twelfth",
+        test="tests/drivers/trajectory/test_linear_moves.py::test_rule_1_to_3_at_the_boundary_the_path_is_off_its_point_by_the_known_share",
     ),
     Mutation(
         rule="A PVT segment is the cubic through its places and its speeds.",
         file=PIECES,
         old="(3.0 * slope - 2.0 * v0 - v1) / duration_ms",
         new="(3.0 * slope - v0 - 2.0 * v1) / duration_ms",
-        test="tests/drivers/trajectory/test_pvt_segments.py::test_the_manual_s_building_blocks",
+        test="tests/drivers/trajectory/test_spline_pvt_and_rapid_moves.py::test_the_manual_s_building_blocks",
     ),
     Mutation(
         rule="A SPLINE2 weighs its distances by the times of their neighbours.",
         file="drivers/pmac/trajectory/planner.py",
         old="late = here_ms / (joint_ms * (joint_ms + next_ms))",
         new="late = duration_ms / (joint_ms * (joint_ms + next_ms))",
-        test="tests/drivers/trajectory/test_spline_moves.py::test_spline2_is_the_non_uniform_cubic_b_spline",
+        test="tests/drivers/trajectory/test_spline_pvt_and_rapid_moves.py::test_spline2_is_the_non_uniform_cubic_b_spline",
     ),
     Mutation(
         rule="INT rounds down, also below zero.",
@@ -343,14 +342,14 @@ _TRAJECTORIES: tuple[Mutation, ...] = (
         file="drivers/pmac/language/lexer.py",
         old="sorted(words, key=len, reverse=True)",
         new="sorted(words, key=len)",
-        test="tests/drivers/language/test_pmac_scanner.py::test_the_longest_word_wins",
+        test="tests/drivers/language/test_pmac_expressions.py::test_the_longest_word_wins_and_strings_and_comments_keep_what_they_hold",
     ),
     Mutation(
         rule="A comment may hold any character.",
         file="drivers/pmac/language/lexer.py",
         old='if character == ";":',
         new='if character == "|":',
-        test="tests/drivers/language/test_pmac_scanner.py::test_a_comment_may_hold_anything",
+        test="tests/drivers/language/test_pmac_expressions.py::test_the_longest_word_wins_and_strings_and_comments_keep_what_they_hold",
     ),
 )
 
@@ -369,7 +368,7 @@ _SCIENCE: tuple[Mutation, ...] = (
         file=PATH,
         old="a1_um=-a1_um, b1_um=-b1_um",
         new="a1_um=a1_um, b1_um=b1_um",
-        test=f"{COMPENSATION}::test_eqs_10_and_11",
+        test=f"{COMPENSATION}::test_the_rule_of_eqs_6_10_and_11",
     ),
     Mutation(
         rule="Eq 4: N jaws make N lobes in a turn.",
@@ -383,21 +382,21 @@ _SCIENCE: tuple[Mutation, ...] = (
         file=SERVO,
         old="plant = _held_plant(machine, z, period_s) / z",
         new="plant = _held_plant(machine, z, period_s)",
-        test="tests/profiles/test_servo.py::test_the_sampled_loop_is_its_difference_equation",
+        test="tests/profiles/test_margins.py::test_the_sampled_loop_is_its_difference_equation",
     ),
     Mutation(
         rule="The derivative of the sampled loop is a backward difference.",
         file=SERVO,
         old="slope = (1 - 1 / z) / period_s",
         new="slope = (z - 1) / period_s",
-        test="tests/profiles/test_servo.py::test_the_sampled_loop",
+        test="tests/profiles/test_margins.py::test_the_sampled_loop",
     ),
     Mutation(
         rule="A sine costs R I^2 / 2.",
         file=SERVO,
         old="tool.coil_resistance_ohm / 2,",
         new="tool.coil_resistance_ohm,",
-        test="tests/profiles/test_servo.py::test_what_a_sine_costs",
+        test="tests/profiles/test_margins.py::test_what_a_sine_costs",
     ),
     Mutation(
         rule="The lever of the overhang comes on top of what the cut turns and pushes.",
@@ -418,7 +417,7 @@ _SCIENCE: tuple[Mutation, ...] = (
         file="profiles/paper/chuck.py",
         old="math.hypot(spring, dash), math.atan2(dash, spring)\n    even_n",
         new="math.hypot(spring, dash), math.atan2(spring, dash)\n    even_n",
-        test="tests/profiles/test_reaction.py::test_integrating_eq_2_in_time_stays_on_the_steady_state",
+        test="tests/profiles/test_ring.py::test_integrating_eq_2_in_time_stays_on_the_steady_state",
     ),
     Mutation(
         rule="A ring under N jaws bends by N / (pi (n^2 - 1)^2) in its harmonics.",
@@ -439,7 +438,7 @@ _SCIENCE: tuple[Mutation, ...] = (
         file="profiles/axis/loop_design.py",
         old="HIDDEN_CHANGE = 0.7",
         new="HIDDEN_CHANGE = 1e9",
-        test="tests/profiles/test_loop_design.py::test_responses_that_would_not_show_a_mode_refuse_faster_gains",
+        test="tests/profiles/test_loop_design.py::test_responses_without_a_mode_refuse_faster_gains_and_softer_ones_have_less",
     ),
     Mutation(
         rule="A flexible mode of the axis is in the loop that gains are designed for.",
@@ -481,7 +480,7 @@ _SCIENCE: tuple[Mutation, ...] = (
         file="profiles/metrology/harmonics.py",
         old="sign = -1.0 if lobes % 2 else 1.0",
         new="sign = 1.0 if lobes % 2 else -1.0",
-        test="tests/profiles/test_v_block_and_turns.py::test_factors",
+        test="tests/profiles/test_lobe_fit.py::test_factors",
     ),
 )
 

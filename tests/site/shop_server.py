@@ -87,7 +87,7 @@ class ShopServer:
         if not self._made:
             self._set_up(MODEL)
             self._made = True
-        self.sql("DROP DATABASE IF EXISTS shop", database="postgres")
+        self.sql("DROP DATABASE IF EXISTS shop WITH (FORCE)", database="postgres")
         self.sql(f"CREATE DATABASE shop TEMPLATE {MODEL}", database="postgres")
 
     def _set_up(self, name: str) -> None:
